@@ -1,0 +1,49 @@
+"""What a process imports to take part in a run."""
+
+from stepbus_schemas import (
+    ControllerStatus,
+    Description,
+    Event,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+    MessageError,
+    RunError,
+    StepbusError,
+    WiringError,
+)
+
+from .bus import Bus, BusError
+from .config import Config
+from .main import main, take_part
+from .outbox import OutputError
+from .participant import Participant
+from .step import InputAbsent, Step
+from .ticket import Endpoint, Ticket, load_ticket
+
+__all__ = [
+    "Bus",
+    "BusError",
+    "Config",
+    "ControllerStatus",
+    "Description",
+    "Endpoint",
+    "Event",
+    "InputAbsent",
+    "JointCommand",
+    "JointReference",
+    "JointState",
+    "Message",
+    "MessageError",
+    "OutputError",
+    "Participant",
+    "RunError",
+    "Step",
+    "StepbusError",
+    "Ticket",
+    "WiringError",
+    "load_ticket",
+    "main",
+    "take_part",
+]

@@ -1,0 +1,112 @@
+"""What the orchestrator tells a participant: start, trigger, stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from stepbus_schemas import Decoder, Description, MessageError, RunError, Start, Stop, Trigger
+
+from .bus import Bus
+
+_decode_start = Decoder(Start)
+_decode_trigger = Decoder(Trigger)
+_decode_stop = Decoder(Stop)
+GONE = "gone"
+
+
+class Stopped(Exception):
+    """The orchestrator ended the run."""
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__(stop.reason)
+        self.stop = stop
+
+
+class OrchestratorLost(RunError, ConnectionError):
+    """The orchestrator has gone without a word."""
+
+
+class Control:
+    """The newest word of the orchestrator.
+
+    upto: steps below it may be worked on. started: descriptions of the inputs of all
+    participants, once all are ready.
+    """
+
+    def __init__(self, bus: Bus, token: str, wake: Iterable[SimpleQueue[Any]]) -> None:
+        self.upto = 0
+        self.started: Mapping[str, Mapping[str, Description]] | None = None
+        self.foreign = 0
+        self._token = token
+        self._bus = bus
+        self._wake = list(wake)
+        self._queue: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        for key in ("start", "trigger", "stop"):
+            bus.subscribe(key, self._sink(key))
+        bus.watch_alive("alive/orchestrator", self._on_alive)
+
+    def _sink(self, key: str) -> Any:
+        def put(sample: Any) -> None:
+            self._put(key, self._bus.payload(sample))
+
+        return put
+
+    def _on_alive(self, _key: str, alive: bool) -> None:
+        if not alive:
+            self._put(GONE, b"")
+
+    def _put(self, key: str, data: bytes) -> None:
+        """Queue a word, and wake whoever waits for an input."""
+        self._queue.put((key, data))
+        if key != "trigger":
+            for queue in self._wake:
+                queue.put(None)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Take in the next word; return whether there was one.
+
+        Raises Stopped when the run ends, OrchestratorLost when the orchestrator has died.
+        """
+        try:
+            key, data = self._queue.get(timeout=timeout_s)
+        except Empty:
+            return False
+        self._take(key, data)
+        return True
+
+    def poll(self) -> None:
+        """Take in all words that have come; raises as `wait` does."""
+        while not self._queue.empty():
+            self._take(*self._queue.get())
+
+    def _take(self, key: str, data: bytes) -> None:
+        if key == GONE:
+            raise OrchestratorLost("the orchestrator has gone; this participant ends too")
+        try:
+            if key == "trigger":
+                self._take_trigger(_decode_trigger(data))
+            elif key == "stop":
+                self._take_stop(_decode_stop(data))
+            else:
+                self._take_start(_decode_start(data))
+        except MessageError:
+            self.foreign += 1
+
+    def _take_trigger(self, trigger: Trigger) -> None:
+        if trigger.token == self._token:
+            self.upto = max(self.upto, trigger.upto)
+        else:
+            self.foreign += 1
+
+    def _take_stop(self, stop: Stop) -> None:
+        if stop.token == self._token:
+            raise Stopped(stop)
+        self.foreign += 1
+
+    def _take_start(self, start: Start) -> None:
+        if start.token == self._token:
+            self.started = start.inputs
+        else:
+            self.foreign += 1

@@ -1,0 +1,109 @@
+"""From a ticket to the first step: join, hear every source, be ready, start."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+
+from stepbus_schemas import (
+    PROTOCOL_VERSION,
+    Decoder,
+    Description,
+    Hello,
+    MessageError,
+    Ready,
+    Refusal,
+    RunError,
+    Welcome,
+    encode,
+    encoding_of,
+)
+
+from .bus import Bus
+from .control import Control
+from .inputs import Source
+from .outbox import Outbox
+from .ticket import Ticket
+
+_decode_welcome = Decoder(Welcome)
+_decode_refusal = Decoder(Refusal)
+_RETRY_S = 0.05
+_GREETING_S = 0.02
+
+
+class Refused(RunError, PermissionError):
+    """The orchestrator did not take us in."""
+
+
+def join(bus: Bus, ticket: Ticket) -> Welcome:
+    """Ask the orchestrator to take us in, until it answers.
+
+    Raises Refused when it says no, RunError when nobody answers within the join time-out.
+    """
+    hello = Hello(
+        protocol=PROTOCOL_VERSION,
+        name=ticket.name,
+        token=ticket.token,
+        pid=os.getpid(),
+        language="python",
+        sdk=f"stepbus {version('stepbus')}",
+    )
+    deadline = time.monotonic() + ticket.join_timeout_s
+    while time.monotonic() < deadline:
+        answer = bus.query("join", encode(hello), encoding_of("Hello/1"), ticket.join_timeout_s)
+        if answer is not None:
+            return _read_answer(answer)
+        time.sleep(_RETRY_S)
+    raise RunError(
+        f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
+        f"{ticket.join_timeout_s} s; is it still running?"
+    )
+
+
+def _read_answer(answer: bytes) -> Welcome:
+    try:
+        welcome = _decode_welcome(answer)
+    except MessageError as exc:
+        try:
+            raise Refused(_decode_refusal(answer).reason) from None
+        except MessageError:
+            raise RunError(f"the answer to our Hello is {exc}") from exc
+    if welcome.protocol != PROTOCOL_VERSION:
+        raise Refused(
+            f"the orchestrator speaks protocol {welcome.protocol}, this program {PROTOCOL_VERSION}"
+        )
+    return welcome
+
+
+def become_ready(
+    bus: Bus,
+    ready: Ready,
+    sources: list[Source],
+    outbox: Outbox,
+    control: Control,
+) -> Mapping[str, Description]:
+    """Greet our consumers, hear our sources, say we are ready, and wait for the start.
+
+    Everything is repeated until it is answered, so that no message of this phase can be missed.
+    Returns the descriptions of our inputs. Raises Stopped when the run ends before it starts.
+    """
+    put_ready = bus.publisher(f"ready/{ready.name}", encoding_of("Ready/1"))
+    while control.started is None:
+        outbox.greet()
+        _hear(bus, sources)
+        if all(source.heard for source in sources):
+            outbox.flush()
+            put_ready(encode(ready))
+        control.wait(_GREETING_S)
+    return control.started.get(ready.name, {})
+
+
+def _hear(bus: Bus, sources: list[Source]) -> None:
+    """Take in the greetings of our sources."""
+    for source in sources:
+        while not source.queue.empty():
+            sample = source.queue.get()
+            if sample is not None:
+                source.accept(bus.payload(sample))

@@ -1,0 +1,136 @@
+"""The step loop of a participant."""
+
+from __future__ import annotations
+
+import time
+from queue import Empty
+from typing import Any
+
+from stepbus_schemas import Outputs, Waiting, Welcome
+
+from .bus import Bus
+from .control import Control, Stopped
+from .inputs import Input, PeerFault, Source
+from .outbox import Outbox, read_stamp
+from .participant import Participant
+from .step import Step
+
+FLUSH_AFTER_S = 0.02
+"""A wait longer than this sends what is in the log batch [s]."""
+
+_now_ns = time.perf_counter_ns
+
+
+class StepLoop:
+    """Drives one participant through its steps, at the pace of triggers and inputs."""
+
+    def __init__(
+        self,
+        *,
+        participant: Participant,
+        welcome: Welcome,
+        bus: Bus,
+        inputs: dict[str, Input],
+        sources: list[Source],
+        outbox: Outbox,
+        control: Control,
+    ) -> None:
+        self._participant = participant
+        self._bus = bus
+        self._every = welcome.every
+        self._first = welcome.publishes == "first"
+        self._token = welcome.token
+        self._inputs = list(inputs.values())
+        self._sources = sources
+        self._outbox = outbox
+        self._control = control
+        self._waited_ns = 0
+        self.step = Step(inputs, welcome.step_ns)
+
+    def run(self) -> None:
+        """Work until the orchestrator stops the run; raises what the participant raises."""
+        try:
+            while True:
+                self._one_step()
+                self.step.index += self._every
+        except Stopped as stopped:
+            self._close(stopped.stop.at_step)
+        finally:
+            self._outbox.flush()
+
+    def _one_step(self) -> None:
+        step = self.step
+        started = _now_ns()
+        self._waited_ns = 0
+        if step.index >= self._control.upto:
+            self._await_trigger(step.index)
+        if self._first:
+            self._outbox.publish(step.index, self._participant.output(step))
+        for source in self._sources:
+            due = source.due(step.index)
+            while source.step < due:
+                self._receive(source)
+        for item in self._inputs:
+            item.settle(step.index)
+        messages = self._participant.update(step)
+        if not self._first:
+            self._outbox.publish(step.index, messages, step.end_reason)
+        self._outbox.finish(step.index, self._waited_ns, _now_ns() - started - self._waited_ns)
+
+    def _close(self, at_step: int) -> None:
+        """Publish the result of the last step, where this participant publishes first."""
+        if self._first and self.step.index == at_step and self._outbox.step < at_step:
+            self._outbox.publish(at_step, self._participant.output(self.step))
+
+    def _await_trigger(self, step: int) -> None:
+        began = _now_ns()
+        self._control.poll()
+        timeout = FLUSH_AFTER_S
+        while step >= self._control.upto:
+            if not self._control.wait(timeout) and timeout == FLUSH_AFTER_S:
+                self._outbox.flush(Waiting(step=step, sources=[]))
+                timeout = 1.0
+        self._waited_ns += _now_ns() - began
+
+    def _receive(self, source: Source) -> None:
+        """Take in the next message of a source, however long it takes."""
+        sample = self._next(source, source.queue)
+        outputs = source.accept(self._bus.payload(sample))
+        if outputs is not None:
+            for port, size in outputs.bulk.items():
+                if port in source.bulk_queues:
+                    self._receive_bulk(source, outputs, port, size)
+
+    def _receive_bulk(self, source: Source, outputs: Outputs, port: str, size: int) -> None:
+        while True:
+            sample = self._next(source, source.bulk_queues[port])
+            stamp = read_stamp(self._bus.attachment(sample), self._token)
+            if stamp == outputs.step:
+                break
+            source.drop("foreign" if stamp is None else "stale")
+        content = self._bus.payload(sample)
+        if len(content) != size:
+            raise PeerFault(
+                source.name,
+                f"step {outputs.step}: {source.name} announced {size} bytes on bulk port "
+                f"{port!r} and sent {len(content)}",
+            )
+        source.take_bulk(outputs, port, content)
+
+    def _next(self, source: Source, queue: Any) -> Any:
+        """Return the next sample of a queue; the orchestrator's word comes first."""
+        began = _now_ns()
+        timeout = FLUSH_AFTER_S
+        while True:
+            try:
+                sample = queue.get(timeout=timeout)
+            except Empty:
+                if timeout == FLUSH_AFTER_S:
+                    self._outbox.flush(Waiting(step=self.step.index, sources=[source.name]))
+                    timeout = 1.0
+                self._control.poll()
+                continue
+            if sample is not None:
+                self._waited_ns += _now_ns() - began
+                return sample
+            self._control.poll()

@@ -1,0 +1,162 @@
+"""What a participant sends: one `Outputs` per step to its consumers, and batches to the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from stepbus_schemas import (
+    GREETING_STEP,
+    Log,
+    Message,
+    Outputs,
+    StepbusError,
+    Waiting,
+    Welcome,
+    encode,
+    encoding_of,
+    message_class,
+)
+
+from .bus import Bus
+
+# A batch is sent at the latest when it has grown to this; the low-latency transport silently
+# loses what is over 64 KiB.
+BATCH_BYTES = 30_000
+
+# A batch does not wait longer than this to be full, so that the orchestrator sees slow steps [ns].
+BATCH_AGE_NS = 50_000_000
+
+
+class OutputError(StepbusError, ValueError):
+    """A participant returned what its scenario does not let it publish."""
+
+
+class Outbox:
+    """Publishes the outputs of one participant, and logs them in batches.
+
+    step: the newest one published.
+    """
+
+    def __init__(self, welcome: Welcome, bus: Bus, drops: Callable[[], dict[str, int]]) -> None:
+        self.step = GREETING_STEP
+        self._welcome = welcome
+        self._drops = drops
+        self._classes = {
+            port: message_class(config.type) for port, config in welcome.outputs.items()
+        }
+        self._is_bulk = {port for port, config in welcome.outputs.items() if config.bulk}
+        self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
+        self._put_log = bus.publisher(f"log/{welcome.name}", encoding_of("Log/1"))
+        self._put_bulk = {
+            port: bus.publisher(f"bulk/{welcome.name}/{port}", encoding_of(config.type))
+            for port, config in welcome.outputs.items()
+            if config.bulk
+        }
+        self._outputs: list[msgspec.Raw] = []
+        self._bytes = 0
+        self._age_ns = 0
+        self._timing: list[tuple[int, int, int]] = []
+
+    def greet(self) -> None:
+        """Prove the connection to whoever listens, before the first step."""
+        self._put(self._pack(GREETING_STEP, {}, {}, None))
+        for put in self._put_bulk.values():
+            put(b"", attachment=_stamp(GREETING_STEP, self._welcome.token))
+
+    def publish(
+        self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
+    ) -> None:
+        """Publish what is due at a step and append it to the log batch.
+
+        Raises OutputError when a port or its type is not the scenario's, or it is too large.
+        """
+        ports: dict[str, msgspec.Raw] = {}
+        bulk: dict[str, int] = {}
+        for port, message in (messages or {}).items():
+            data = self._encode(step, port, message)
+            if port in self._is_bulk:
+                bulk[port] = len(data)
+                self._put_bulk[port](data, attachment=_stamp(step, self._welcome.token))
+            else:
+                ports[port] = msgspec.Raw(data)
+        packed = self._pack(step, ports, bulk, end)
+        if len(packed) > self._welcome.max_outputs_bytes:
+            raise OutputError(
+                f"step {step}: outputs of {len(packed)} bytes are over the bus's limit of "
+                f"{self._welcome.max_outputs_bytes}; declare the large one {{bulk: true}}"
+            )
+        self._put(packed)
+        self.step = step
+        self._append(packed)
+
+    def _encode(self, step: int, port: str, message: Message) -> bytes:
+        cls = self._classes.get(port)
+        if cls is None:
+            known = ", ".join(self._classes) or "none"
+            raise OutputError(
+                f"step {step}: no output port {port!r} in the scenario; it has {known}"
+            )
+        if type(message) is not cls:
+            raise OutputError(
+                f"step {step}: port {port!r} takes {self._welcome.outputs[port].type}, "
+                f"got {type(message).__name__}"
+            )
+        try:
+            return encode(message)
+        except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
+            raise OutputError(f"step {step}: port {port!r} cannot be encoded: {exc}") from exc
+
+    def _pack(
+        self, step: int, ports: dict[str, msgspec.Raw], bulk: dict[str, int], end: str | None
+    ) -> bytes:
+        welcome = self._welcome
+        return encode(
+            Outputs(
+                token=welcome.token,
+                step=step,
+                t_ns=step * welcome.step_ns if step >= 0 else 0,
+                ports=ports,
+                bulk=bulk,
+                end=end,
+            )
+        )
+
+    def _append(self, packed: bytes) -> None:
+        if self._bytes + len(packed) > BATCH_BYTES:
+            self.flush()
+        self._outputs.append(msgspec.Raw(packed))
+        self._bytes += len(packed)
+
+    def finish(self, step: int, waited_ns: int, computed_ns: int) -> None:
+        """Note how long a finished step took, and send the batch when it is full."""
+        self._timing.append((step, waited_ns, computed_ns))
+        self._age_ns += waited_ns + computed_ns
+        if len(self._outputs) >= self._welcome.batch or self._age_ns > BATCH_AGE_NS:
+            self.flush()
+
+    def flush(self, waiting: Waiting | None = None) -> None:
+        """Send the batch, and what is being waited for."""
+        log = Log(
+            name=self._welcome.name,
+            token=self._welcome.token,
+            outputs=self._outputs,
+            timing=self._timing,
+            waiting=waiting,
+            drops=self._drops(),
+        )
+        self._put_log(encode(log))
+        self._outputs, self._timing, self._bytes, self._age_ns = [], [], 0, 0
+
+
+def _stamp(step: int, token: str) -> bytes:
+    """Return the attachment of a bulk sample: the step as int64 little-endian, then the token."""
+    return step.to_bytes(8, "little", signed=True) + token.encode()
+
+
+def read_stamp(attachment: bytes, token: str) -> int | None:
+    """Return the step a bulk sample belongs to; None when it is not of this run."""
+    if attachment[8:] != token.encode():
+        return None
+    return int.from_bytes(attachment[:8], "little", signed=True)

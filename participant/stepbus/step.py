@@ -1,0 +1,79 @@
+"""One step as a participant sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+from stepbus_schemas import Message, RunError, WiringError
+
+if TYPE_CHECKING:
+    from .inputs import Input
+
+M = TypeVar("M", bound=Message)
+
+
+class InputAbsent(RunError, LookupError):
+    """An input was read before its source has published for the first time."""
+
+
+class Step:
+    """The inputs of one step, and its time.
+
+    index: number of the step. t_ns: simulation time [ns].
+    """
+
+    def __init__(self, inputs: Mapping[str, Input], step_ns: int) -> None:
+        self._inputs = inputs
+        self._step_ns = step_ns
+        self.index = 0
+        self.end_reason: str | None = None
+
+    @property
+    def t_ns(self) -> int:
+        """Return the simulation time [ns]."""
+        return self.index * self._step_ns
+
+    @property
+    def t(self) -> float:
+        """Return the simulation time [s]."""
+        return self.index * self._step_ns * 1e-9
+
+    @overload
+    def read(self, port: str) -> Any: ...
+    @overload
+    def read(self, port: str, cls: type[M]) -> M: ...
+    def read(self, port: str, cls: type[Message] | None = None) -> Any:
+        """Return the newest message of an input.
+
+        Raises InputAbsent when its source has not published yet, WiringError when the scenario
+        connects another type than `cls`.
+        """
+        value: Any = self.get(port) if cls is None else self.get(port, cls)
+        if value is None:
+            raise InputAbsent(
+                f"step {self.index}: input {port!r} is still absent; use step.get() where it may be"
+            )
+        return value
+
+    @overload
+    def get(self, port: str) -> Any: ...
+    @overload
+    def get(self, port: str, cls: type[M]) -> M | None: ...
+    def get(self, port: str, cls: type[Message] | None = None) -> Any:
+        """Return the newest message of an input, or None while it is absent."""
+        value = self._inputs[port].value
+        if cls is not None and value is not None and type(value) is not cls:
+            raise WiringError(
+                f"input {port!r} takes {cls.__name__}, the scenario connects "
+                f"{self._inputs[port].config.type}"
+            )
+        return value
+
+    def is_new(self, port: str) -> bool:
+        """Return whether the input changed hands since this participant's previous step."""
+        return self._inputs[port].fresh
+
+    def end(self, reason: str) -> None:
+        """Ask for the run to end once everybody has finished this step."""
+        self.end_reason = reason

@@ -1,0 +1,61 @@
+"""The ticket a launcher gives a process: all it needs to find its run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from stepbus_schemas import WiringError
+
+TICKET_VARIABLE = "STEPBUS_TICKET"
+
+
+class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
+    """How one process reaches the bus.
+
+    listen: its own Zenoh endpoint. connect: endpoints of those it links to. user, password:
+    credentials of the transport, on TCP.
+    """
+
+    listen: list[str]
+    connect: list[str]
+    low_latency: bool = True
+    user: str | None = None
+    password: str | None = None
+    users: dict[str, str] = {}
+    """User → password this process lets in, on TCP."""
+
+
+class Ticket(msgspec.Struct, frozen=True, kw_only=True):
+    """Who a process is in which run."""
+
+    run: str
+    name: str
+    token: str
+    endpoint: Endpoint
+    join_timeout_s: float = 10.0
+
+    def save(self, path: Path) -> None:
+        """Write the ticket as JSON, readable by its owner only."""
+        path.touch(mode=0o600)
+        path.write_bytes(msgspec.json.encode(self))
+
+
+def load_ticket(environment: Mapping[str, str] = os.environ) -> Ticket:
+    """Return the ticket named by the variable `STEPBUS_TICKET`.
+
+    Raises WiringError when there is none, or when it is no ticket.
+    """
+    path = environment.get(TICKET_VARIABLE)
+    if path is None:
+        raise WiringError(
+            f"no ticket: {TICKET_VARIABLE} is not set; this program takes part in a run, "
+            "name it under `exec` of a scenario and start that with `stepbus run`"
+        )
+    try:
+        return msgspec.json.decode(Path(path).read_bytes(), type=Ticket)
+    except (OSError, msgspec.MsgspecError) as exc:
+        raise WiringError(f"{path}: not a ticket: {exc}") from exc

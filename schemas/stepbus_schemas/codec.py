@@ -1,0 +1,63 @@
+"""Typed values to MessagePack bytes and back, with errors that say where."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import msgspec
+
+from .errors import MessageError, WiringError
+from .messages import MESSAGE_TYPES, Message
+from .protocol import ENVELOPE_TYPES, Envelope
+
+T = TypeVar("T", bound=Message | Envelope)
+
+_TYPE_NAMES: dict[type[msgspec.Struct], str] = {
+    **{cls: name for name, cls in MESSAGE_TYPES.items()},
+    **{cls: name for name, cls in ENVELOPE_TYPES.items()},
+}
+
+encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder().encode
+"""Return the MessagePack map of a message."""
+
+
+def type_name(cls: type[msgspec.Struct]) -> str:
+    """Return the versioned name of a message class, e.g. `JointState/1`."""
+    return _TYPE_NAMES[cls]
+
+
+def message_class(name: str) -> type[Message]:
+    """Return the class of a port message type such as `JointState/1`.
+
+    Raises WiringError when there is no such type, or no such version of it.
+    """
+    if name in MESSAGE_TYPES:
+        return MESSAGE_TYPES[name]
+    stem = name.partition("/")[0]
+    versions = [known for known in MESSAGE_TYPES if known.partition("/")[0] == stem]
+    known = ", ".join(versions or MESSAGE_TYPES)
+    raise WiringError(f"unknown message type {name!r}; known: {known}")
+
+
+def encoding_of(name: str) -> str:
+    """Return the Zenoh encoding of a message type, e.g. `application/msgpack;stepbus.Log/1`."""
+    return f"application/msgpack;stepbus.{name}"
+
+
+class Decoder(Generic[T]):
+    """Decodes one message type.
+
+    Raises MessageError naming the type and the path of the field that is missing or mistyped.
+    """
+
+    def __init__(self, cls: type[T]) -> None:
+        self._name = type_name(cls)
+        self._decode = msgspec.msgpack.Decoder(cls).decode
+
+    def __call__(self, data: bytes | msgspec.Raw) -> T:
+        """Return the message in `data`."""
+        try:
+            return self._decode(data)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as exc:
+            raise MessageError(f"not a {self._name}: {exc}") from exc

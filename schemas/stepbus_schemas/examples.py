@@ -1,0 +1,264 @@
+"""Example values of every message type, as the maps they are on the wire.
+
+Fields stand in the order of their type and defaults are left out, as our encoder does it. Every
+type has a `minimal` value: the required fields only.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+Value = dict[str, Any]
+
+_FLOATS = [float("nan"), float("inf"), float("-inf"), -0.0, 5e-324, 1.7976931348623157e308]
+_UNICODE = "bras gauche · 左腕 · 🦾 · \N{COMBINING ACUTE ACCENT}e · \0\n\"'\\"
+_RUN = {"token": "6f1d0c52"}
+_STEP_1: Value = {**_RUN, "step": 1, "t_ns": 5000000}
+_DESCRIPTION: Value = {
+    "names": ["shoulder", "elbow"],
+    "units": {"values": "N·m"},
+    "limits": {"lower": [-3.14, -2.5], "upper": [3.14, 2.5], "effort": [50.0, 50.0]},
+    "details": {"mode": ["torque", "torque"]},
+}
+
+_PORTS: dict[str, dict[str, Value]] = {
+    "ControllerStatus/1": {
+        "minimal": {"error": [], "saturated": []},
+        "full": {
+            "error": [0.25, -0.125],
+            "saturated": [True, False],
+            "warnings": ["elbow is at its limit"],
+        },
+        "unicode": {"error": [0.0], "saturated": [False], "warnings": [_UNICODE, ""]},
+        "extreme floats": {"error": _FLOATS, "saturated": [False] * len(_FLOATS)},
+    },
+    "Event/1": {
+        "minimal": {"level": "info", "text": ""},
+        "full": {"level": "warning", "text": "the elbow is slow"},
+        "unicode": {"level": "error", "text": _UNICODE},
+        "long text": {"level": "info", "text": "ä" * 150},
+    },
+    "JointCommand/1": {
+        "minimal": {"mode": "torque", "values": []},
+        "full": {
+            "mode": "position",
+            "values": [0.5, -1.5],
+            "velocity": [0.1, 0.2],
+            "effort_limit": [50.0, 15.0],
+        },
+        "empty vectors": {"mode": "velocity", "values": [], "velocity": [], "effort_limit": []},
+        "extreme floats": {"mode": "teleport", "values": _FLOATS},
+    },
+    "JointReference/1": {
+        "minimal": {"position": [], "velocity": [], "acceleration": []},
+        "full": {"position": [0.0, 1.0], "velocity": [1.0, 0.0], "acceleration": [-0.0, -1.0]},
+        "sixteen joints": {
+            "position": [0.1 * joint for joint in range(16)],
+            "velocity": [0.0] * 16,
+            "acceleration": [1e-9] * 16,
+        },
+        "extreme floats": {"position": _FLOATS, "velocity": _FLOATS, "acceleration": _FLOATS},
+    },
+    "JointState/1": {
+        "minimal": {},
+        "positions only": {"position": [0.1, 0.2]},
+        "full": {
+            "position": [0.1, 0.2],
+            "velocity": [-0.5, 0.5],
+            "effort": [12.5, -50.0],
+            "target": [0.0, 3.141592653589793],
+        },
+        "empty vectors": {"position": [], "velocity": [], "effort": [], "target": []},
+        "extreme floats": {"position": _FLOATS, "effort": _FLOATS},
+    },
+}
+
+_JOINING: dict[str, dict[str, Value]] = {
+    "Hello/1": {
+        "minimal": {"protocol": 1, "name": "plant", **_RUN, "pid": 4711},
+        "full": {
+            "protocol": 1,
+            "name": "controller",
+            **_RUN,
+            "pid": 4194304,
+            "language": "python",
+            "sdk": "stepbus 0.1.0",
+            "inputs": {"joint_state": "JointState/1"},
+            "outputs": {"command": "JointCommand/1"},
+        },
+        "no ports": {
+            "protocol": 1,
+            "name": "idle",
+            **_RUN,
+            "pid": 1,
+            "inputs": {},
+            "outputs": {},
+        },
+        "unicode": {"protocol": 1, "name": _UNICODE, "token": "", "pid": 0},
+    },
+    "Welcome/1": {
+        "minimal": {
+            "protocol": 1,
+            "name": "plant",
+            **_RUN,
+            "step_ns": 5000000,
+            "every": 1,
+            "publishes": "first",
+            "window": 1,
+            "batch": 1,
+            "seed": 0,
+            "inputs": {},
+            "outputs": {},
+            "params": {},
+            "folder": "/",
+        },
+        "full": {
+            "protocol": 1,
+            "name": "controller",
+            **_RUN,
+            "step_ns": 2**63 - 1,
+            "every": 4,
+            "publishes": "last",
+            "window": 64,
+            "batch": 32,
+            "seed": 2**64 - 1,
+            "inputs": {
+                "joint_state": {"source": "plant", "port": "joint_state", "type": "JointState/1"},
+                "camera": {
+                    "source": "plant",
+                    "port": "rgb",
+                    "type": "Image/1",
+                    "delay": 1,
+                    "every": 20,
+                    "bulk": True,
+                },
+            },
+            "outputs": {
+                "command": {"type": "JointCommand/1"},
+                "picture": {"type": "Image/1", "bulk": True},
+            },
+            "params": {
+                "law": "computed_torque",
+                "kp": 100,
+                "kd": [20.0, 2**53 + 1],
+                "filter": None,
+                "nested": {"on": True, "off": False, "": {}},
+            },
+            "folder": "/home/ä b/szenario",
+            "max_outputs_bytes": 1000000,
+        },
+    },
+    "Refusal/1": {
+        "minimal": {"reason": ""},
+        "full": {"reason": "controller: input joint_state is JointState/1, not JointState/2"},
+        "unicode": {"reason": _UNICODE},
+    },
+    "Ready/1": {
+        "minimal": {"name": "plant", **_RUN},
+        "full": {
+            "name": "plant",
+            **_RUN,
+            "outputs": {
+                "joint_state": _DESCRIPTION,
+                "rgb": {"names": ["head"], "shape": [480, 640, 3]},
+                "echo": {"like": "joint_state"},
+                "nothing": {},
+            },
+            "versions": {"pybullet": "3.2.7"},
+        },
+        "unlimited joint": {
+            "name": "plant",
+            **_RUN,
+            "outputs": {"wheels": {"limits": {"upper": [float("inf"), float("nan"), -0.0]}}},
+        },
+    },
+    "Start/1": {
+        "minimal": {**_RUN, "inputs": {}},
+        "full": {
+            **_RUN,
+            "inputs": {"controller": {"joint_state": _DESCRIPTION}, "plant": {"command": {}}},
+        },
+        "unicode": {**_RUN, "inputs": {_UNICODE: {"ä": {"names": [_UNICODE]}}}},
+    },
+}
+
+_STEPPING: dict[str, dict[str, Value]] = {
+    "Trigger/1": {
+        "minimal": {**_RUN, "upto": 0},
+        "full": {**_RUN, "upto": 2000},
+        "latest step": {**_RUN, "upto": 2**64 - 1},
+    },
+    "Outputs/1": {
+        "minimal": {**_RUN, "step": 0, "t_ns": 0},
+        "greeting": {**_RUN, "step": -1, "t_ns": 0},
+        "full": {
+            **_RUN,
+            "step": 1042,
+            "t_ns": 5210000000,
+            "ports": {
+                "joint_state": _PORTS["JointState/1"]["full"],
+                "event": _PORTS["Event/1"]["unicode"],
+            },
+            "bulk": {"rgb": 921600},
+            "end": "all orders are served",
+        },
+        "extreme floats": {
+            **_STEP_1,
+            "ports": {"reference": _PORTS["JointReference/1"]["extreme floats"]},
+        },
+        "latest step": {**_RUN, "step": 2**63 - 1, "t_ns": 2**63 - 1},
+    },
+    "Log/1": {
+        "minimal": {"name": "plant", **_RUN},
+        "full": {
+            "name": "controller",
+            **_RUN,
+            "outputs": [
+                {**_RUN, "step": 0, "t_ns": 0},
+                {
+                    **_STEP_1,
+                    "ports": {"command": _PORTS["JointCommand/1"]["full"]},
+                },
+            ],
+            "timing": [[0, 120000, 45000], [1, 0, 2**53 + 1]],
+            "waiting": {"step": 2, "sources": ["mission", "plant"]},
+            "drops": {"duplicate": 1, "stale": 300},
+        },
+        "waiting for the trigger": {
+            "name": "plant",
+            **_RUN,
+            "waiting": {"step": 64, "sources": []},
+        },
+    },
+}
+
+_ENDING: dict[str, dict[str, Value]] = {
+    "Fault/1": {
+        "minimal": {"name": "plant", **_RUN, "step": 0, "kind": "raised", "message": ""},
+        "full": {
+            "name": "controller",
+            **_RUN,
+            "step": 412,
+            "kind": "message",
+            "message": "plant published no JointState/1",
+            "traceback": "Traceback (most recent call last):\n  …",
+            "blames": "plant",
+        },
+        "before the first step": {
+            "name": "plant",
+            **_RUN,
+            "step": -1,
+            "kind": "wiring",
+            "message": _UNICODE,
+        },
+    },
+    "Stop/1": {
+        "minimal": {**_RUN, "reason": "", "at_step": 0},
+        "full": {**_RUN, "reason": "the duration is over", "at_step": 2000},
+        "now": {**_RUN, "reason": "Ctrl-C", "at_step": -1},
+        "smallest integer": {**_RUN, "reason": _UNICODE, "at_step": -(2**63)},
+    },
+}
+
+EXAMPLES: dict[str, dict[str, Value]] = {**_PORTS, **_JOINING, **_STEPPING, **_ENDING}
+"""Type name → name of the example → value."""

@@ -1,0 +1,100 @@
+"""Write what follows from the message types: `python -m stepbus_schemas.generate [--check]`.
+
+That is the JSON Schemas, the byte vectors, `docs/messages.md`, and the table of port types in the
+README, between its markers. With `--check` nothing is written; the exit code is 1 when a file is
+out of date.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .messages import MESSAGE_TYPES
+from .protocol import ENVELOPE_TYPES
+from .schema import json_schema
+from .tables import messages_page, port_table
+from .vectors import vectors
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+"""Where this file lies in a checkout of the repository."""
+
+SCHEMAS_FOLDER = "schemas/json"
+_BLOCK = re.compile(r"(<!-- messages -->\n).*?(<!-- /messages -->)", re.DOTALL)
+
+
+def generated_files(root: Path) -> dict[Path, str]:
+    """Return path → content of every generated file; the README only where it has the markers."""
+    files = {
+        root / SCHEMAS_FOLDER / f"{name.replace('/', '.')}.json": _indented(json_schema(name))
+        for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
+    }
+    files[root / "schemas/vectors.json"] = _line_by_line(vectors(), 4) + "\n"
+    files[root / "docs/messages.md"] = messages_page()
+    readme = root / "README.md"
+    if readme.exists() and _BLOCK.search(text := readme.read_text(encoding="utf-8")):
+        files[readme] = _BLOCK.sub(lambda block: f"{block[1]}{port_table()}{block[2]}", text)
+    return files
+
+
+def stale_files(root: Path) -> list[Path]:
+    """Return the files that are missing, out of date, or schemas of no type."""
+    files = generated_files(root)
+    left_over = sorted(set((root / SCHEMAS_FOLDER).glob("*.json")) - set(files))
+    return left_over + [path for path, text in files.items() if not _holds(path, text)]
+
+
+def write(root: Path) -> list[Path]:
+    """Bring every generated file up to date and return those that changed."""
+    files = generated_files(root)
+    changed = stale_files(root)
+    for path in changed:
+        if path in files:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(files[path], encoding="utf-8", newline="\n")
+        else:
+            path.unlink()
+    return changed
+
+
+def _holds(path: Path, text: str) -> bool:
+    return path.is_file() and path.read_bytes() == text.encode()
+
+
+def _indented(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
+
+
+def _line_by_line(value: Any, depth: int) -> str:
+    """Return JSON with a line for each item down to a depth: one for each vector."""
+    if depth == 0 or not isinstance(value, dict | list):
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if isinstance(value, list):
+        return "[\n" + ",\n".join(_line_by_line(item, depth - 1) for item in value) + "\n]"
+    pairs = (
+        f"{_line_by_line(key, 0)}: {_line_by_line(item, depth - 1)}" for key, item in value.items()
+    )
+    return "{\n" + ",\n".join(pairs) + "\n}"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write or check the files of the checkout this module lies in; return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m stepbus_schemas.generate", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
+    check = parser.parse_args(arguments).check
+    if not (CHECKOUT / "pyproject.toml").is_file():
+        parser.error(f"{CHECKOUT} is no checkout of stepbus; run this from one")
+    changed = stale_files(CHECKOUT) if check else write(CHECKOUT)
+    verb = "out of date, run `python -m stepbus_schemas.generate`" if check else "written"
+    for path in changed:
+        sys.stdout.write(f"{path.relative_to(CHECKOUT)}: {verb}\n")
+    return 1 if check and changed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

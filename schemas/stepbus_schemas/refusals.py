@@ -1,0 +1,138 @@
+"""Messages that must be refused, each wrong in one thing, made from what the types say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+
+from .examples import Value
+from .schema import not_null
+
+_NEVER_USED = b"\xc1"
+"""The one byte MessagePack gives no meaning to."""
+
+_pack = msgspec.msgpack.Encoder().encode
+
+
+class Refusal(NamedTuple):
+    """Bytes that are not the message they should be.
+
+    path: what is wrong; `$` is the whole message, `[...]` any key of a map. error: a part of the
+    sentence our decoder says.
+    """
+
+    name: str
+    data: bytes
+    path: str
+    error: str
+
+
+class _Wrong(NamedTuple):
+    """A value that a field must not have, and the path below the field to what is wrong."""
+
+    reason: str
+    value: Any
+    place: str = ""
+    lacks: str | None = None
+
+
+def refusals(schema: Value, minimal: Value, full: Value) -> Iterator[Refusal]:
+    """Yield what a type's decoder must refuse.
+
+    minimal, full: a value with the required fields, and one with all of them, none empty.
+    """
+    yield from _as_a_whole(minimal)
+    for name in schema["required"]:
+        less = {key: item for key, item in minimal.items() if key != name}
+        yield Refusal(f"$.{name}: missing", _pack(less), f"$.{name}", f"field `{name}`")
+    for name, field in schema["properties"].items():
+        if field.get("type") == "string":
+            data = _pack({**minimal, name: "12"}).replace(b"\xa212", b"\xa2\xff\xff")
+            yield Refusal(f"$.{name}: no UTF-8", data, f"$.{name}", "utf-8")
+        for wrong in _wrong(field, schema.get("$defs", {}), full.get(name)):
+            path = f"$.{name}{wrong.place}"
+            error = f"field `{wrong.lacks}`" if wrong.lacks else f"`{path}`"
+            data = _pack({**minimal, name: wrong.value})
+            yield Refusal(f"{path}: {wrong.reason}", data, path, error)
+
+
+def _as_a_whole(value: Value) -> Iterator[Refusal]:
+    yield Refusal("nothing", b"", "$", "truncated")
+    yield Refusal("truncated", _pack({**value, "more": 1.5})[:-1], "$", "truncated")
+    yield Refusal("trailing bytes", _pack(value) + _pack(None), "$", "trailing")
+    # An unused opcode is found whatever the type, in a field nobody knows.
+    broken = _pack({**value, "more": None})[:-1] + _NEVER_USED
+    yield Refusal("not MessagePack", broken, "$", "malformed")
+    yield Refusal("nil instead of a map", _pack(None), "$", "Expected `object`")
+    yield Refusal("number instead of a map", _pack(7), "$", "Expected `object`")
+    yield Refusal("map inside an array", _pack([value]), "$", "Expected `object`")
+
+
+def _wrong(field: Value, types: Value, right: Any) -> Iterator[_Wrong]:
+    """Yield what a field must not be; `right` is what it may be."""
+    kind = not_null(field)
+    if "$ref" in kind:
+        kind = types[kind["$ref"].rpartition("/")[2]]
+    match kind:
+        case {"enum": _}:
+            yield _Wrong("not one of its values", "neither")
+        case {"type": "array"}:
+            yield _Wrong("map for an array", {})
+            yield from _wrong_items(kind, types, right)
+        case {"type": "object"}:
+            yield _Wrong("array for a map", [])
+            yield from _wrong_entries(kind, types, right)
+        case {"type": scalar}:
+            yield from _WRONG_SCALARS[scalar]
+            if "minimum" in kind:
+                yield _Wrong("below its minimum", kind["minimum"] - 1)
+
+
+_WRONG_SCALARS = {
+    "string": [_Wrong("number for a string", 7), _Wrong("binary for a string", b"text")],
+    "boolean": [_Wrong("number for a boolean", 1), _Wrong("nil for a boolean", None)],
+    "integer": [
+        _Wrong("string for an integer", "7"),
+        _Wrong("fraction for an integer", 7.5),
+        _Wrong("boolean for an integer", True),
+    ],
+    "number": [
+        _Wrong("string for a number", "0.5"),
+        _Wrong("array for a number", [0.5]),
+        _Wrong("nil for a number", None),
+    ],
+}
+
+
+def _wrong_items(kind: Value, types: Value, right: Any) -> Iterator[_Wrong]:
+    # A `Log` carries its `Outputs` undecoded; they are refused later, one by one.
+    if kind["items"] == {"$ref": "#/$defs/Outputs"}:
+        return
+    if "prefixItems" in kind:
+        item, before, last = kind["prefixItems"][-1], right[:-1], right[-1]
+        yield _Wrong("too short", before)
+    else:
+        item, before, last = kind["items"], right, right[0]
+    for wrong in _wrong(item, types, last):
+        yield _outward(wrong, [*before, wrong.value], f"[{len(before)}]")
+
+
+def _wrong_entries(kind: Value, types: Value, right: Any) -> Iterator[_Wrong]:
+    if "properties" not in kind:
+        entry = kind.get("additionalProperties", {})
+        for wrong in _wrong(entry, types, next(iter(right.values()))):
+            yield _outward(wrong, {"key": wrong.value}, "[...]")
+        return
+    for name in kind["required"]:
+        less = {key: item for key, item in right.items() if key != name}
+        yield _Wrong("missing", less, f".{name}", lacks=name)
+    for name in right:
+        for wrong in _wrong(kind["properties"][name], types, right[name]):
+            yield _outward(wrong, {**right, name: wrong.value}, f".{name}")
+
+
+def _outward(wrong: _Wrong, value: Any, place: str) -> _Wrong:
+    """Return what is wrong, seen from one level further out."""
+    return wrong._replace(value=value, place=place + wrong.place)

@@ -1,0 +1,82 @@
+"""JSON Schema of every message type, from the types themselves."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+
+from . import messages, protocol
+from .codec import message_class
+from .protocol import ENVELOPE_TYPES
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+ANY_VALUE = {"description": "any MessagePack value"}
+"""Schema of what is passed on without being read; it is empty but for this sentence."""
+
+
+@cache
+def json_schema(type_name: str) -> dict[str, Any]:
+    """Return the JSON Schema, draft 2020-12, of a message type such as `JointState/1`.
+
+    Port messages and protocol envelopes alike. Beside the standard keywords, vectors have `unit`
+    and `shape`, where `n` is the number of names in the port's description. The result is shared
+    between callers, who must not change it.
+
+    Raises WiringError when there is no such type, or no such version of it.
+    """
+    cls = ENVELOPE_TYPES[type_name] if type_name in ENVELOPE_TYPES else message_class(type_name)
+    (_,), types = msgspec.json.schema_components([cls], ref_template="#/$defs/{name}")
+    if cls is protocol.Log:
+        _nest_outputs(types)
+    for name, schema in types.items():
+        _describe_fields(name, schema)
+    if "Outputs" in types:
+        types["Outputs"]["properties"]["ports"]["additionalProperties"] = ANY_VALUE
+    # Readers of MCAP (Foxglove, PlotJuggler) want the object at the root, not behind a `$ref`.
+    root = types.pop(cls.__name__)
+    schema = {"$schema": DIALECT, "$id": f"urn:stepbus:{type_name}", **root}
+    return schema | ({"$defs": types} if types else {})
+
+
+def not_null(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of what an optional field is when it is there."""
+    options: list[dict[str, Any]] = schema.get("anyOf", [])
+    return next((option for option in options if option != {"type": "null"}), schema)
+
+
+def _nest_outputs(types: dict[str, Any]) -> None:
+    """Say what the undecoded entries of `Log.outputs` are."""
+    (_,), nested = msgspec.json.schema_components([protocol.Outputs])
+    types["Log"]["properties"]["outputs"]["items"] = {"$ref": "#/$defs/Outputs"}
+    types.update(nested)
+
+
+def _describe_fields(name: str, schema: dict[str, Any]) -> None:
+    """Add the docstrings of a class's fields to those that have no description of their own."""
+    cls = getattr(protocol, name, None) or getattr(messages, name)
+    texts = _field_docstrings(cls)
+    for field, properties in schema["properties"].items():
+        if field in texts:
+            properties.setdefault("description", texts[field])
+
+
+@cache
+def _field_docstrings(cls: type) -> dict[str, str]:
+    """Return the string below each annotated field; Python itself keeps none of them."""
+    (definition,) = ast.parse(inspect.getsource(cls)).body
+    statements = definition.body if isinstance(definition, ast.ClassDef) else []
+    return {
+        field.target.id: text.value.value
+        for field, text in pairwise(statements)
+        if isinstance(field, ast.AnnAssign)
+        and isinstance(field.target, ast.Name)
+        and isinstance(text, ast.Expr)
+        and isinstance(text.value, ast.Constant)
+        and isinstance(text.value.value, str)
+    }

@@ -1,0 +1,108 @@
+"""Byte vectors, value ↔ hex, with which any language can test its codec.
+
+For each type: `exact` values with the bytes our encoder makes of them; `accepted` bytes that a
+decoder has to take although our encoder would not make them; `refused` bytes, with the path of
+what is wrong and a part of the sentence our decoder says.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from .examples import EXAMPLES, Value
+from .refusals import Refusal, refusals
+from .schema import json_schema, not_null
+
+NOTATION = (
+    "Values are JSON, with three additions. "
+    'A float that JSON cannot hold or may change is {"$float": "nan" | "inf" | "-inf" | "-0.0"}. '
+    'An integer beyond ±(2^53 - 1) is {"$int": "<decimal digits>"}. '
+    "A number written with a point or an exponent is a float64, any other an integer. "
+    "`hex` is the MessagePack. Maps keep the order of the fields, and defaults are left out. "
+    "Paths: `$` is the whole message, `[...]` stands for any key of a map."
+)
+
+_SAFE_INTEGER = 2**53 - 1
+
+Row = dict[str, Any]
+
+_pack = msgspec.msgpack.Encoder().encode
+
+
+def vectors() -> dict[str, Any]:
+    """Return the content of `schemas/vectors.json`."""
+    types = {name: _of_type(name) for name in sorted(EXAMPLES)}
+    return {"notation": NOTATION, "types": types}
+
+
+def _of_type(type_name: str) -> dict[str, list[Row]]:
+    examples = EXAMPLES[type_name]
+    minimal, full = examples["minimal"], examples["full"]
+    schema = json_schema(type_name)
+    return {
+        "exact": [_row(name, value, _pack(value)) for name, value in examples.items()],
+        "accepted": list(_accepted(schema, minimal, full)),
+        "refused": [_refused(row) for row in refusals(schema, minimal, full)],
+    }
+
+
+def _row(name: str, value: Value, data: bytes) -> Row:
+    return {"name": name, "value": notation(value), "hex": data.hex()}
+
+
+def _refused(refusal: Refusal) -> Row:
+    row = {"name": refusal.name, "hex": refusal.data.hex()}
+    return row | {"path": refusal.path, "error": refusal.error}
+
+
+def notation(value: Any) -> Any:
+    """Return a value as the JSON of `NOTATION`."""
+    if isinstance(value, dict):
+        return {key: notation(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [notation(item) for item in value]
+    if isinstance(value, float) and not (math.isfinite(value) and str(value) != "-0.0"):
+        return {"$float": str(value)}
+    if isinstance(value, int) and abs(value) > _SAFE_INTEGER:
+        return {"$int": str(value)}
+    return value
+
+
+def _accepted(schema: Value, minimal: Value, full: Value) -> Iterator[Row]:
+    """Yield what other encoders and newer versions of a type may send."""
+    unknown = {**minimal, "added_later": {"any": ["thing", 1, 2.5, None]}}
+    yield _row("unknown field", minimal, _pack(unknown))
+    reverse = dict(reversed(full.items()))
+    yield _row("fields in another order", full, _pack(reverse))
+    yield _row("widest encodings", full, _widest(full))
+    fields = schema["properties"].items()
+    defaults = {name: field["default"] for name, field in fields if "default" in field}
+    if defaults:
+        yield _row("defaults written out", minimal, _pack({**minimal, **defaults}))
+    for name, field in fields:
+        if not_null(field).get("items") == {"type": "number"}:
+            ones = {**full, name: [1.0, 1.0]}
+            yield _row(f"{name} as integers", ones, _pack({**full, name: [1, 1]}))
+            data = _pack(ones).replace(_pack(1.0), b"\xca" + struct.pack(">f", 1.0))
+            yield _row(f"{name} as float32", ones, data)
+
+
+def _widest(value: Any) -> bytes:
+    """Return the longest MessagePack of a value."""
+    match value:
+        case dict():
+            items = b"".join(_widest(item) for pair in value.items() for item in pair)
+            return b"\xdf" + struct.pack(">I", len(value)) + items
+        case list():
+            return b"\xdd" + struct.pack(">I", len(value)) + b"".join(map(_widest, value))
+        case str():
+            return b"\xdb" + struct.pack(">I", len(value.encode())) + value.encode()
+        case int() if not isinstance(value, bool):
+            return struct.pack(">Bq", 0xD3, value) if value < 2**63 else _pack(value)
+        case _:
+            return _pack(value)

@@ -1,0 +1,87 @@
+"""The plant's parameters in a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import msgspec
+from stepbus_schemas import WiringError
+
+from .checked import NonNegative, Positive, find_problems
+from .world import Actuation
+
+Quantity = Literal["position", "velocity", "effort"]
+
+
+class Noise(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Standard deviation of the Gaussian noise on each sensed quantity."""
+
+    position: NonNegative = 0.0
+    """[rad]"""
+    velocity: NonNegative = 0.0
+    """[rad/s]"""
+    effort: NonNegative = 0.0
+    """[N·m]"""
+
+
+class Resolution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Distance between two values that a sensor tells apart; absent: it tells all apart."""
+
+    position: Positive | None = None
+    """[rad]"""
+    velocity: Positive | None = None
+    """[rad/s]"""
+    effort: Positive | None = None
+    """[N·m]"""
+
+
+class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What `params` of the plant may say."""
+
+    world: str
+    """World file: relative to the scenario, absolute, or `package://<package>/<path>`."""
+    joints: list[str] | None = None
+    """Joints that are sensed, in this order. Default: all movable ones, in the models' order."""
+    sense: list[Quantity] = ["position", "velocity", "effort"]
+    """Quantities that are sensed."""
+    noise: Noise = Noise()
+    resolution: Resolution = Resolution()
+    actuation: Actuation = "direct"
+    """How mode torque is carried out, where the world does not say it for a joint."""
+
+
+def read_params(name: str, params: Mapping[str, Any]) -> Params:
+    """Return a participant's `params` as frozen type.
+
+    name: of the participant. Raises WiringError that lists all mistakes.
+    """
+    problems = [(".".join(where), text) for where, text in find_problems(dict(params), Params)]
+    if not problems:
+        converted = msgspec.convert(dict(params), Params)
+        problems = _contradictions(converted)
+        if not problems:
+            return converted
+    prefix = f"participants.{name}.params"
+    raise WiringError(
+        "\n".join(f"{prefix}{'.' if where else ''}{where}: {text}" for where, text in problems)
+    )
+
+
+def _contradictions(params: Params) -> list[tuple[str, str]]:
+    """Return what is wrong among parameters that are fine one by one."""
+    problems = []
+    for key in ("noise", "resolution"):
+        row = msgspec.structs.asdict(getattr(params, key))
+        problems += [
+            (f"{key}.{quantity}", f"{quantity} is not in 'sense' ({', '.join(params.sense)})")
+            for quantity, value in row.items()
+            if value and quantity not in params.sense
+        ]
+    for key in ("joints", "sense"):
+        names = getattr(params, key) or []
+        twice = sorted({item for item in names if names.count(item) > 1})
+        problems += [(key, f"names {item!r} twice") for item in twice]
+    if not params.sense:
+        problems.append(("sense", "is empty; sense at least 'position'"))
+    return problems

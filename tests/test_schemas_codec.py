@@ -1,0 +1,80 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from schemas_support import TYPES, messages
+
+from stepbus_schemas import (
+    MESSAGE_TYPES,
+    Decoder,
+    JointState,
+    MessageError,
+    Trigger,
+    WiringError,
+    encode,
+    encoding_of,
+    message_class,
+    type_name,
+)
+
+# Derandomised: a test that fails must fail for everybody; no deadline: a time decides no test.
+repeatable = settings(derandomize=True, deadline=None, max_examples=40)
+
+
+@pytest.mark.parametrize("name", TYPES)
+@repeatable
+@given(data=st.data())
+def test_every_message_comes_back_byte_for_byte(name: str, data: st.DataObject) -> None:
+    wire = encode(data.draw(messages(name)))
+    assert encode(Decoder(TYPES[name])(wire)) == wire
+
+
+@pytest.mark.parametrize("name", TYPES)
+@repeatable
+@given(data=st.binary(max_size=60))
+def test_noise_is_refused_or_read_but_never_crashes(name: str, data: bytes) -> None:
+    try:
+        message = Decoder(TYPES[name])(data)
+    except MessageError as error:
+        assert str(error).startswith(f"not a {name}: ")
+    else:
+        assert isinstance(message, TYPES[name])
+
+
+def test_nesting_without_end_is_refused() -> None:
+    bottomless = b"\x82\xa4upto\x01\xa5token" + b"\x91" * 100_000
+    with pytest.raises(MessageError, match="not a Trigger/1"):
+        Decoder(Trigger)(bottomless)
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_a_class_knows_its_versioned_name(name: str) -> None:
+    assert type_name(TYPES[name]) == name
+
+
+@pytest.mark.parametrize("name", MESSAGE_TYPES)
+def test_a_port_type_is_found_by_its_name(name: str) -> None:
+    assert message_class(name) is MESSAGE_TYPES[name]
+
+
+def test_an_unknown_version_names_the_known_one() -> None:
+    with pytest.raises(WiringError, match="unknown message type 'JointState/9'; known: JointState"):
+        message_class("JointState/9")
+
+
+def test_an_unknown_type_names_all_there_are() -> None:
+    with pytest.raises(WiringError, match=r"'Nonsense/1'; known: ControllerStatus/1, Event/1, "):
+        message_class("Nonsense/1")
+
+
+def test_an_envelope_is_no_port_type() -> None:
+    with pytest.raises(WiringError, match="unknown message type 'Log/1'"):
+        message_class("Log/1")
+
+
+def test_the_encoding_names_the_type() -> None:
+    assert encoding_of("JointState/1") == "application/msgpack;stepbus.JointState/1"
+
+
+def test_a_message_cannot_be_changed() -> None:
+    with pytest.raises(AttributeError, match="immutable"):
+        JointState(position=[1.0]).position = [2.0]  # type: ignore[misc]

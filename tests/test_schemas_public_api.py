@@ -1,0 +1,43 @@
+import importlib
+from types import ModuleType
+
+import pytest
+
+import stepbus_schemas
+
+PACKAGES = ["stepbus", "stepbus_orchestrator", "stepbus_schemas"]
+
+
+def _order(name: str) -> tuple[int, str]:
+    """Sort as ruff does: constants, classes, functions."""
+    return (0 if name.isupper() else 1 if name[0].isupper() else 2), name
+
+
+def _public_names(package: ModuleType) -> set[str]:
+    return {
+        name
+        for name, value in vars(package).items()
+        if not name.startswith("_") and not isinstance(value, ModuleType)
+    }
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_all_is_sorted(name: str) -> None:
+    listed = importlib.import_module(name).__all__
+    assert listed == sorted(set(listed), key=_order)
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_all_is_complete(name: str) -> None:
+    package = importlib.import_module(name)
+    assert set(package.__all__) - {"__version__"} == _public_names(package) - {"annotations"}
+
+
+def test_the_contract_offers_exactly_this() -> None:
+    assert " ".join(stepbus_schemas.__all__) == (
+        "ENVELOPE_TYPES GREETING_STEP MESSAGE_TYPES PROTOCOL_VERSION "
+        "ControllerStatus Decoder Description Envelope Event Fault Hello InputConfig JointCommand "
+        "JointReference JointState Log Message MessageError OutputConfig Outputs Ready Refusal "
+        "RunError Start StepbusError Stop Trigger Waiting Welcome WiringError "
+        "encode encoding_of json_schema message_class type_name"
+    )

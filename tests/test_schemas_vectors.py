@@ -1,0 +1,102 @@
+from typing import Any
+
+import jsonschema
+import msgpack
+import pytest
+from schemas_support import TYPES, load_vectors
+
+from stepbus_schemas import Decoder, MessageError, encode, json_schema
+
+VECTORS = load_vectors()
+REFUSED = [
+    pytest.param(name, row, id=f"{name} {row['name']}")
+    for name, groups in VECTORS.items()
+    for row in groups["refused"]
+]
+
+each_type = pytest.mark.parametrize("type_name", VECTORS)
+
+
+def _data(row: dict[str, Any]) -> bytes:
+    return bytes.fromhex(row["hex"])
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Compare like `==`, but NaN equals NaN, -0.0 is not 0.0, and 1 is not 1.0."""
+    return repr(one) == repr(other)
+
+
+def test_every_type_has_vectors_of_each_kind() -> None:
+    assert {name: set(groups) for name, groups in VECTORS.items()} == dict.fromkeys(
+        TYPES, {"exact", "accepted", "refused"}
+    )
+
+
+@each_type
+def test_our_codec_reproduces_the_exact_vectors(type_name: str) -> None:
+    decode = Decoder(TYPES[type_name])
+    rows = VECTORS[type_name]["exact"]
+    assert [row["name"] for row in rows if encode(decode(_data(row))) != _data(row)] == []
+
+
+@each_type
+def test_msgpack_encodes_the_exact_vectors(type_name: str) -> None:
+    rows = VECTORS[type_name]["exact"]
+    assert [row["name"] for row in rows if msgpack.packb(row["value"]) != _data(row)] == []
+
+
+@each_type
+def test_msgpack_decodes_the_exact_vectors(type_name: str) -> None:
+    rows = VECTORS[type_name]["exact"]
+    values = {row["name"]: msgpack.unpackb(_data(row)) for row in rows}
+    assert [row["name"] for row in rows if not _equal(values[row["name"]], row["value"])] == []
+
+
+@each_type
+def test_accepted_vectors_mean_the_value_beside_them(type_name: str) -> None:
+    decode = Decoder(TYPES[type_name])
+    rows = VECTORS[type_name]["accepted"]
+    wrong = [
+        row["name"] for row in rows if encode(decode(_data(row))) != msgpack.packb(row["value"])
+    ]
+    assert wrong == []
+
+
+@each_type
+@pytest.mark.parametrize("group", ["exact", "accepted"])
+def test_what_is_taken_validates_against_the_json_schema(type_name: str, group: str) -> None:
+    validator = jsonschema.Draft202012Validator(json_schema(type_name))
+    values = {row["name"]: msgpack.unpackb(_data(row)) for row in VECTORS[type_name][group]}
+    assert [name for name, value in values.items() if not validator.is_valid(value)] == []
+
+
+@pytest.mark.parametrize(("type_name", "row"), REFUSED)
+def test_what_is_wrong_is_refused_with_its_path(type_name: str, row: dict[str, Any]) -> None:
+    with pytest.raises(MessageError) as caught:
+        Decoder(TYPES[type_name])(_data(row))
+    assert str(caught.value).startswith(f"not a {type_name}: ")
+    assert row["error"] in str(caught.value)
+
+
+@each_type
+def test_what_is_refused_breaks_the_json_schema_too(type_name: str) -> None:
+    validator = jsonschema.Draft202012Validator(json_schema(type_name))
+    rows = [row for row in VECTORS[type_name]["refused"] if row["path"] != "$"]
+    rows = [row for row in rows if not row["name"].endswith("no UTF-8")]
+    accepted = [row["name"] for row in rows if validator.is_valid(msgpack.unpackb(_data(row)))]
+    assert accepted == []
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "-0.0"])
+def test_every_type_with_floats_has_vectors_with_the_odd_ones(number: str) -> None:
+    expected = {name for name in TYPES if '"number"' in str(json_schema(name)).replace("'", '"')}
+    found = {name for name in expected if _holds(VECTORS[name]["exact"], number)}
+    assert found == expected
+
+
+def _holds(value: Any, number: str) -> bool:
+    if isinstance(value, dict | list):
+        return any(
+            _holds(item, number) for item in (value.values() if isinstance(value, dict) else value)
+        )
+    return isinstance(value, float) and str(value) == number
