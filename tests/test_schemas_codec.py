@@ -1,3 +1,5 @@
+from contextlib import suppress
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -31,13 +33,9 @@ def test_every_message_comes_back_byte_for_byte(name: str, data: st.DataObject) 
 @pytest.mark.parametrize("name", TYPES)
 @repeatable
 @given(data=st.binary(max_size=60))
-def test_noise_is_refused_or_read_but_never_crashes(name: str, data: bytes) -> None:
-    try:
-        message = Decoder(TYPES[name])(data)
-    except MessageError as error:
-        assert str(error).startswith(f"not a {name}: ")
-    else:
-        assert isinstance(message, TYPES[name])
+def test_noise_raises_nothing_but_a_message_error(name: str, data: bytes) -> None:
+    with suppress(MessageError):
+        assert isinstance(Decoder(TYPES[name])(data), TYPES[name])
 
 
 def test_nesting_without_end_is_refused() -> None:

@@ -27,9 +27,10 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def test_every_type_has_vectors_of_each_kind() -> None:
-    assert {name: set(groups) for name, groups in VECTORS.items()} == dict.fromkeys(
-        TYPES, {"exact", "accepted", "refused"}
-    )
+    kinds = {"exact", "accepted", "refused"}
+    assert {name: set(groups) for name, groups in VECTORS.items()} == {
+        name: kinds for name in TYPES
+    }
 
 
 @each_type
@@ -56,10 +57,8 @@ def test_msgpack_decodes_the_exact_vectors(type_name: str) -> None:
 def test_accepted_vectors_mean_the_value_beside_them(type_name: str) -> None:
     decode = Decoder(TYPES[type_name])
     rows = VECTORS[type_name]["accepted"]
-    wrong = [
-        row["name"] for row in rows if encode(decode(_data(row))) != msgpack.packb(row["value"])
-    ]
-    assert wrong == []
+    values = {row["name"]: msgpack.unpackb(encode(decode(_data(row)))) for row in rows}
+    assert [row["name"] for row in rows if not _equal(values[row["name"]], row["value"])] == []
 
 
 @each_type
@@ -95,8 +94,10 @@ def test_every_type_with_floats_has_vectors_with_the_odd_ones(number: str) -> No
 
 
 def _holds(value: Any, number: str) -> bool:
-    if isinstance(value, dict | list):
-        return any(
-            _holds(item, number) for item in (value.values() if isinstance(value, dict) else value)
-        )
-    return isinstance(value, float) and str(value) == number
+    match value:
+        case dict():
+            return any(_holds(item, number) for item in value.values())
+        case list():
+            return any(_holds(item, number) for item in value)
+        case _:
+            return isinstance(value, float) and str(value) == number

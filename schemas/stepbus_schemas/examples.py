@@ -166,10 +166,10 @@ _JOINING: dict[str, dict[str, Value]] = {
             },
             "versions": {"pybullet": "3.2.7"},
         },
-        "unlimited joint": {
+        "extreme floats": {
             "name": "plant",
             **_RUN,
-            "outputs": {"wheels": {"limits": {"upper": [float("inf"), float("nan"), -0.0]}}},
+            "outputs": {"wheels": {"limits": {"upper": _FLOATS}}},
         },
     },
     "Start/1": {
@@ -179,6 +179,10 @@ _JOINING: dict[str, dict[str, Value]] = {
             "inputs": {"controller": {"joint_state": _DESCRIPTION}, "plant": {"command": {}}},
         },
         "unicode": {**_RUN, "inputs": {_UNICODE: {"ä": {"names": [_UNICODE]}}}},
+        "extreme floats": {
+            **_RUN,
+            "inputs": {"plant": {"wheels": {"limits": {"upper": _FLOATS}}}},
+        },
     },
 }
 

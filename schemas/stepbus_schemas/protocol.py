@@ -231,7 +231,26 @@ class Stop(Envelope, frozen=True):
     """The step to publish what is due first at, then end; negative: end now."""
 
 
+CHAIN_EVERY = 64
+"""A `Chain` is recorded at least this often [steps]."""
+
+
+class Chain(Envelope, frozen=True):
+    """Where the hash chain of each participant stands; the orchestrator records it.
+
+    The chain is SHA-256 over its previous value (32 zero bytes at first), the step (int64,
+    little-endian) and, for each port in the order of the scenario, its name and the recorded
+    bytes. Two recordings with equal values have equal outputs up to this step.
+    """
+
+    step: int
+    """The last step the values cover."""
+    hashes: dict[str, str]
+    """Participant → SHA-256 in hexadecimal."""
+
+
 ENVELOPE_TYPES: dict[str, type[Envelope]] = {
+    "Chain/1": Chain,
     "Fault/1": Fault,
     "Hello/1": Hello,
     "Log/1": Log,

@@ -1,1 +1,19 @@
-"""stepbus."""
+"""The controller: from joint states and a reference to joint torques, by a law of your choice."""
+
+from .dynamics import Dynamics
+from .laws import LAWS, PD, PID, ComputedTorque, Law, PDGravity, Reference
+from .participant import ControllerParticipant
+from .robot import Robot
+
+__all__ = [
+    "LAWS",
+    "PD",
+    "PID",
+    "ComputedTorque",
+    "ControllerParticipant",
+    "Dynamics",
+    "Law",
+    "PDGravity",
+    "Reference",
+    "Robot",
+]

@@ -1,0 +1,108 @@
+"""One participant's process, owned from its start to its end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from .errors import StartFailed
+
+_TERM_GRACE_S = 1.0
+
+
+class Child:
+    """A process in a session of its own, so that Ctrl-C in the terminal does not reach it.
+
+    name: the participant. log: where its stdout and stderr go. pid: its process id and group.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        cwd: Path,
+        log: Path,
+        environment: Mapping[str, str],
+    ) -> None:
+        self.name = name
+        self.log = log
+        try:
+            with log.open("ab") as file:
+                self._process = subprocess.Popen(
+                    command,
+                    cwd=cwd,
+                    env=environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=file,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
+        except OSError as exc:
+            raise StartFailed(
+                f"{name} could not be started: {' '.join(command)}: {exc.strerror or exc} "
+                f"(participants.{name}.exec)",
+                participant=name,
+            ) from exc
+        self.pid = self._process.pid
+
+    def exit_code(self) -> int | None:
+        """Return its exit code, negative for a signal; None while it runs."""
+        return self._process.poll()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Return whether it has ended within a time [s]."""
+        try:
+            self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def end(self) -> None:
+        """Terminate it, then kill it and all it has started."""
+        if self.exit_code() is None:
+            self.signal(signal.SIGTERM)
+            # A frozen process takes no SIGTERM until it goes on.
+            self.signal(signal.SIGCONT)
+            self.wait(_TERM_GRACE_S)
+        self.signal(signal.SIGKILL)
+        self._process.wait()
+
+    def signal(self, number: int) -> None:
+        """Send a signal to it and all it has started."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, number)
+
+    def how_it_ended(self) -> str:
+        """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
+        code = self.exit_code()
+        if code is not None and code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"exited with code {code}"
+
+    def last_words(self) -> str:
+        """Return the last line it printed, or nothing."""
+        try:
+            with self.log.open("rb") as file:
+                file.seek(max(0, self.log.stat().st_size - 2000))
+                lines = file.read().decode(errors="replace").split("\n")
+        except OSError:
+            return ""
+        said = [line.strip() for line in lines if line.strip()]
+        return said[-1][:300] if said else ""
+
+
+def wait_all(children: Sequence[Child], seconds: Mapping[str, float]) -> list[Child]:
+    """Wait for each child as long as its own time allows [s]; return those that still run."""
+    began = time.monotonic()
+    late = []
+    for child in children:
+        left = began + seconds[child.name] - time.monotonic()
+        if not child.wait(max(0.0, left)):
+            late.append(child)
+    return late

@@ -1,0 +1,125 @@
+"""Who is late, and the sentence that says so."""
+
+from __future__ import annotations
+
+from .barrier import Barrier
+from .errors import ParticipantDied, ParticipantFault, RunFailure, StartFailed, StepTimeout
+from .roster import PHASE_DEADLINES, Member, Phase, Roster
+from .scenario import ParticipantSpec
+
+
+def seconds(spec: ParticipantSpec, phase: str) -> float:
+    """Return one of a participant's deadlines [s]."""
+    value: float = getattr(spec.deadlines, f"{phase}_s")
+    return value
+
+
+def at(step: int, step_ns: int) -> str:
+    """Return `step 1042 (t = 5.210 s)`, or `before the first step`."""
+    if step < 0:
+        return "before the first step"
+    return f"step {step} (t = {step * step_ns * 1e-9:.3f} s)"
+
+
+def check_start(roster: Roster, elapsed_s: float) -> None:
+    """Let the clock of all who are not ready run on; raises StartFailed for one who is late."""
+    for member in roster.values():
+        if member.phase == Phase.READY or _waits_for_others(member, roster):
+            continue
+        member.in_phase_s += elapsed_s
+        phase = PHASE_DEADLINES[member.phase]
+        deadline = seconds(member.spec, phase)
+        if member.in_phase_s > deadline:
+            raise StartFailed(_late_to_start(member, phase, deadline), participant=member.name)
+
+
+def _waits_for_others(member: Member, roster: Roster) -> bool:
+    """Return whether it waits for a first message of somebody who is not ready to send it."""
+    if member.phase != Phase.JOINED or member.waiting is None:
+        return False
+    sources = [roster[name] for name in member.waiting.sources]
+    return any(source.phase < Phase.JOINED or source.waiting is None for source in sources)
+
+
+def _late_to_start(member: Member, phase: str, deadline: float) -> str:
+    what = {
+        "spawn": "has not reached the bus; does its program take part with stepbus?",
+        "join": "has reached the bus and not asked to join; does it hang?",
+        "ready": "has joined and is not ready; is its model still loading?",
+    }[phase]
+    if phase == "ready" and member.waiting is not None:
+        sources = ", ".join(member.waiting.sources)
+        what = f"has not heard {sources}, which is up; can the two reach each other on the bus?"
+    return (
+        f"before the first step: {member.who()} {what} Deadline {deadline:g} s "
+        f"(participants.{member.name}.{phase}_timeout); its log: {member.child.log}"
+    )
+
+
+def check_step(roster: Roster, barrier: Barrier, elapsed_s: float, step_ns: int) -> None:
+    """Let the clock of those who hold the step run on; raises StepTimeout for one who is late."""
+    holders = barrier.holders() or [
+        name for name in roster if barrier.next_step(name) <= barrier.completed
+    ]
+    for name in holders:
+        member = roster[name]
+        member.hold(barrier.next_step(name), elapsed_s)
+    late = [m for m in map(roster.__getitem__, holders) if m.holds_s > seconds(m.spec, "step")]
+    if late:
+        step = barrier.completed
+        sentences = [_holds(member, barrier) for member in late]
+        raise StepTimeout(
+            f"{at(step, step_ns)}: {'; '.join(sentences)}", participant=late[0].name, step=step
+        )
+
+
+def _holds(member: Member, barrier: Barrier) -> str:
+    deadline = seconds(member.spec, "step")
+    limit = f"deadline {deadline:g} s (participants.{member.name}.step_timeout)"
+    missing = barrier.missing(member.name)
+    waiting = member.waiting
+    if missing:
+        return f"{member.who()} still waits for {', '.join(missing)}; {limit}"
+    if waiting is not None and waiting.step == member.held_step and waiting.sources:
+        dropped = sum(member.drops.values())
+        return (
+            f"{member.who()} has been waiting for {', '.join(waiting.sources)} for "
+            f"{member.holds_s:.1f} s, whose outputs were published; was a message lost or "
+            f"dropped ({dropped} dropped so far)? {limit}"
+        )
+    return (
+        f"{member.who()} has been computing for {member.holds_s:.1f} s; inputs arrived; {limit}"
+    )
+
+
+def check_processes(roster: Roster, barrier: Barrier, step_ns: int) -> None:
+    """Raise ParticipantDied or StartFailed for a process that has ended."""
+    for member in roster.values():
+        if member.child.exit_code() is None:
+            continue
+        raise death(member, barrier, step_ns)
+
+
+def death(member: Member, barrier: Barrier, step_ns: int) -> RunFailure:
+    """Return the failure of a participant whose process has ended."""
+    step = barrier.next_step(member.name) if member.phase == Phase.READY else -1
+    said = member.child.last_words()
+    tail = f'; it last said: "{said}"' if said else ""
+    sentence = (
+        f"{at(step, step_ns)}: {member.who()} {member.child.how_it_ended()}{tail}; "
+        f"its log: {member.child.log}"
+    )
+    if member.phase < Phase.READY:
+        return StartFailed(sentence, participant=member.name)
+    return ParticipantDied(sentence, participant=member.name, step=step)
+
+
+def skipped(member: Member, step: int, barrier: Barrier, step_ns: int) -> ParticipantFault:
+    """Return the failure of a participant that left out a step."""
+    expected = barrier.next_step(member.name)
+    return ParticipantFault(
+        f"{at(expected, step_ns)}: {member.who()} reported step {step} instead; "
+        "it must publish at every step it fires at, in order",
+        participant=member.name,
+        step=expected,
+    )

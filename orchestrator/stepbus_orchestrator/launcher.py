@@ -1,0 +1,89 @@
+"""Starts the participants of a run, and ends them whatever happens."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from stepbus.ticket import TICKET_VARIABLE, Endpoint, Ticket
+
+from .child import Child
+from .scenario import ParticipantSpec
+
+
+class Launcher:
+    """Owns every process of one run.
+
+    folder: the run's private folder. logs: folder of the participants' logs.
+    """
+
+    def __init__(self, *, run: str, token: str, folder: Path, logs: Path) -> None:
+        self._run = run
+        self._token = token
+        self._folder = folder
+        self._logs = logs
+        self.children: dict[str, Child] = {}
+        guardian = Path(__file__).with_name("guardian.py")
+        self._guardian = subprocess.Popen(
+            [sys.executable, "-I", "-S", str(guardian), str(folder)],
+            stdin=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def start(self, spec: ParticipantSpec, command: Sequence[str], endpoint: Endpoint,
+              scenario_folder: Path) -> Child:
+        """Start one participant.
+
+        Raises StartFailed when its program cannot be executed.
+        """
+        ticket = Ticket(
+            run=self._run,
+            name=spec.name,
+            token=self._token,
+            endpoint=endpoint,
+            join_timeout_s=spec.deadlines.join_s,
+        )
+        path = self._folder / f"{spec.name}.ticket"
+        ticket.save(path)
+        child = Child(
+            spec.name,
+            command,
+            cwd=scenario_folder,
+            log=self._logs / f"{spec.name}.log",
+            environment=_environment(path),
+        )
+        self._tell_guardian(f"+{child.pid}")
+        self.children[spec.name] = child
+        return child
+
+    def end_all(self) -> None:
+        """End every process that is left, and the guardian, which removes the private folder."""
+        for child in self.children.values():
+            child.end()
+            self._tell_guardian(f"-{child.pid}")
+        with contextlib.suppress(BrokenPipeError):
+            self._guardian.communicate()
+
+    def _tell_guardian(self, line: str) -> None:
+        if self._guardian.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._guardian.stdin.write(line + "\n")
+                self._guardian.stdin.flush()
+
+
+def _environment(ticket: Path) -> Mapping[str, str]:
+    """Return the environment of a participant: ours, the ticket, and unbuffered prints."""
+    # One thread for each BLAS: more only compete for the cores the lockstep runs on.
+    single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return {
+        **os.environ,
+        **single,
+        "PYTHONUNBUFFERED": "1",
+        "PYTHONHASHSEED": "0",
+        TICKET_VARIABLE: str(ticket),
+    }

@@ -1,0 +1,70 @@
+"""Whether a scenario's parts fit together: connections, loops, programs, files."""
+
+from __future__ import annotations
+
+from stepbus_schemas import WiringError
+
+from .find_files import search_files
+from .model import InputSpec, ParticipantSpec, Scenario
+from .problems import Problems, hint
+from .program import check_command
+from .schedule import find_loops
+
+
+def check(scenario: Scenario, problems: Problems) -> None:
+    """Note in `problems` all that cannot work although each part is well formed."""
+    specs = {spec.name: spec for spec in scenario.participants}
+    for spec in scenario.participants:
+        for name, item in spec.inputs.items():
+            message = _connection_mistake(spec, item, specs)
+            if message is not None:
+                problems.add(("participants", spec.name, "inputs", name), message)
+    _check_loops(scenario, specs, problems)
+    _check_programs(scenario, problems)
+    for keys, message in search_files(scenario).mistakes:
+        problems.add(keys, message)
+
+
+def _connection_mistake(
+    spec: ParticipantSpec, item: InputSpec, specs: dict[str, ParticipantSpec]
+) -> str | None:
+    """Return why an input cannot be connected, or None."""
+    source = specs.get(item.source)
+    if source is None:
+        others = [name for name in specs if name != spec.name]
+        return f"no participant {item.source!r}{hint(item.source, others)}"
+    if source is spec:
+        return f"{spec.name!r} reads its own output; let it keep that as its own state"
+    output = source.outputs.get(item.port)
+    if output is None:
+        return f"{item.source!r} has no output {item.port!r}{hint(item.port, source.outputs)}"
+    if item.type is not None and output.type and item.type != output.type:
+        return (
+            f"expects {item.type}, but {item.source}.{item.port} is {output.type} "
+            f"(participants.{item.source}.outputs.{item.port})"
+        )
+    return None
+
+
+def _check_loops(scenario: Scenario, specs: dict[str, ParticipantSpec], problems: Problems) -> None:
+    for loop in find_loops(scenario.participants):
+        source, reader = loop[0], loop[1]
+        inputs = specs[reader].inputs
+        port = next(p for p, i in inputs.items() if i.source == source and i.delay == 0)
+        if source == reader:
+            continue
+        problems.add(
+            ("participants", reader, "inputs", port),
+            f"algebraic loop {' → '.join(loop)}: each waits for the other's output of the same "
+            "step; give one of these inputs `delay: 1`, or set `publishes: first` for one that "
+            "publishes its state before it reads its inputs, as a plant does",
+        )
+
+
+def _check_programs(scenario: Scenario, problems: Problems) -> None:
+    for spec in scenario.participants:
+        if spec.exec:
+            try:
+                check_command(spec.exec, scenario.folder)
+            except WiringError as exc:
+                problems.add(("participants", spec.name, "exec"), str(exc))

@@ -1,0 +1,189 @@
+"""YAML 1.2 files as plain data, with the line of each value."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from .problems import Keys, Place, Problem, ScenarioError, dotted
+
+_STANDARD = "tag:yaml.org,2002:"
+_MOST_VALUES = 200_000
+"""Aliases of aliases can stand for billions of values in a few lines."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """A YAML map as plain data: str, int, float, bool, None, list, dict with str keys.
+
+    file: name used in messages. places: line of each value. problems: what is wrong with it.
+    """
+
+    file: str
+    data: dict[str, Any]
+    places: Mapping[Keys, Place]
+    problems: tuple[Problem, ...] = ()
+
+
+def read_document(path: Path) -> Document:
+    """Read a YAML file.
+
+    Raises ScenarioError when it cannot be read or is no YAML map.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as exc:
+        raise fatal(path.name, f"cannot be read: {exc.strerror} ({path})") from exc
+    except UnicodeDecodeError as exc:
+        raise fatal(path.name, f"is not UTF-8 text (byte {exc.start})") from exc
+    conversion = _Conversion(path.name)
+    data = conversion.run(text)
+    if not isinstance(data, dict):
+        what = "is empty" if data is None else "is no map"
+        raise fatal(path.name, f"{what}; a scenario has at least name, step and participants")
+    return Document(
+        file=path.name, data=data, places=conversion.places, problems=tuple(conversion.problems)
+    )
+
+
+def parse_value(file: str, text: str) -> Any:
+    """Return a YAML value; raises ScenarioError when it is none. file: named in messages."""
+    conversion = _Conversion(file)
+    value = conversion.run(text)
+    if conversion.problems:
+        raise ScenarioError(conversion.problems)
+    return value
+
+
+def fatal(file: str, message: str, line: int = 0) -> ScenarioError:
+    """Return the error of a file that is not worth reading on."""
+    return ScenarioError([Problem(file=file, line=line, path="", message=message)])
+
+
+class _Conversion:
+    """Turns one YAML text into plain data."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.places: dict[Keys, Place] = {}
+        self.problems: list[Problem] = []
+        self._open: list[Node] = []
+
+    def run(self, text: str) -> Any:
+        try:
+            root = YAML(pure=True).compose(io.StringIO(text))
+            return None if root is None else self._value(root, ())
+        except MarkedYAMLError as exc:
+            line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
+            raise fatal(self.file, f"not YAML: {exc.problem}", line) from exc
+        except YAMLError as exc:
+            raise fatal(self.file, f"not YAML: {str(exc).splitlines()[0]}") from exc
+        except RecursionError as exc:
+            raise fatal(self.file, "is nested too deeply") from exc
+
+    def _value(self, node: Node, keys: Keys) -> Any:
+        if any(node is parent for parent in self._open):
+            return self._refuse(node, keys, "an alias must not contain itself")
+        if len(self.places) > _MOST_VALUES:
+            raise fatal(self.file, f"has more than {_MOST_VALUES} values", node.start_mark.line + 1)
+        self._open.append(node)
+        try:
+            return self._content(node, keys)
+        finally:
+            self._open.pop()
+
+    def _content(self, node: Node, keys: Keys) -> Any:
+        tag = str(node.tag).removeprefix(_STANDARD)
+        if isinstance(node, MappingNode) and tag == "map":
+            return self._map(node, keys)
+        if isinstance(node, SequenceNode) and tag == "seq":
+            return [self._item(item, (*keys, i), item) for i, item in enumerate(node.value)]
+        if isinstance(node, ScalarNode) and tag in _SCALARS:
+            try:
+                return _SCALARS[tag](node.value)
+            except ValueError as exc:
+                return self._refuse(node, keys, str(exc))
+        return self._refuse(node, keys, f"the tag {node.tag} is not supported")
+
+    def _map(self, node: MappingNode, keys: Keys) -> dict[str, Any]:
+        content: dict[str, Any] = {}
+        for key, value in node.value:
+            name = key.value
+            if str(key.tag) == f"{_STANDARD}merge":
+                self._refuse(key, keys, "'<<' is not YAML 1.2; write the keys out, or use extends")
+            elif not isinstance(key, ScalarNode) or _content_type(key) is not str:
+                shown = name if isinstance(key, ScalarNode) else "a list or map"
+                self._refuse(key, keys, f"a key must be text, not {shown}; put it in quotes")
+            elif name in content:
+                line = self.places[*keys, name].line
+                self._refuse(key, (*keys, name), f"is there twice, first in line {line}")
+            else:
+                content[name] = self._item(value, (*keys, name), key)
+        return content
+
+    def _item(self, node: Node, keys: Keys, at: Node) -> Any:
+        self.places[keys] = Place(file=self.file, line=at.start_mark.line + 1)
+        return self._value(node, keys)
+
+    def _refuse(self, node: Node, keys: Keys, message: str) -> None:
+        line = node.start_mark.line + 1
+        self.problems.append(Problem(file=self.file, line=line, path=dotted(keys), message=message))
+
+
+def _content_type(node: ScalarNode) -> type | None:
+    tag = str(node.tag).removeprefix(_STANDARD)
+    return {"str": str, "timestamp": str, "value": str}.get(tag)
+
+
+def _integer(text: str) -> int:
+    digits = text.replace("_", "").lower()
+    try:
+        value = int(digits, 0) if digits.lstrip("+-")[:2] in {"0x", "0o", "0b"} else int(digits)
+    except ValueError as exc:
+        raise ValueError(f"{text[:40]!r} is no integer") from exc
+    if not -(2**63) <= value < 2**64:
+        raise ValueError(f"the integer {text[:40]} does not fit into 64 bits")
+    return value
+
+
+def _float(text: str) -> float:
+    digits = text.replace("_", "").lower()
+    try:
+        return float(digits.replace(".inf", "inf").replace(".nan", "nan"))
+    except ValueError as exc:
+        raise ValueError(f"{text[:40]!r} is no number") from exc
+
+
+def _text(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError as exc:
+        raise ValueError(f"the text {text[:40]!a} is not valid Unicode") from exc
+    return text
+
+
+def _boolean(text: str) -> bool:
+    return text.lower() in {"true", "yes", "on", "y"}
+
+
+def _nothing(_: str) -> None:
+    return None
+
+
+_SCALARS = {
+    "null": _nothing,
+    "bool": _boolean,
+    "int": _integer,
+    "float": _float,
+    "str": _text,
+    # Dates are no type of YAML 1.2's core schema, nor is '='.
+    "timestamp": _text,
+    "value": _text,
+}

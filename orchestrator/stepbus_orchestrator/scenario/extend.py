@@ -1,0 +1,72 @@
+"""`extends`: a scenario as a small file on top of another one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from .document import Document, read_document
+from .problems import Problem, ScenarioError, hint, show
+
+_KEY = "extends"
+
+
+def read_extended(path: Path) -> Document:
+    """Read a scenario file, and below it those it extends.
+
+    Maps are merged, everything else is replaced; a key set to null removes what it would inherit.
+    Raises ScenarioError when a file cannot be read or extends itself.
+    """
+    return _read(path, ())
+
+
+def _read(path: Path, above: tuple[str, ...]) -> Document:
+    document = read_document(path)
+    if _KEY not in document.data:
+        return document
+    base = document.data[_KEY]
+    mistake = _mistake(base, path, (*above, path.name))
+    if mistake is not None:
+        line = document.places[_KEY,].line
+        problem = Problem(file=path.name, line=line, path=_KEY, message=mistake)
+        raise ScenarioError([*document.problems, problem])
+    return _on_top(document, _read(path.parent / base, (*above, path.name)))
+
+
+def _mistake(base: object, path: Path, chain: tuple[str, ...]) -> str | None:
+    """Return what is wrong with the name of a base. chain: the files that lead to it."""
+    if not isinstance(base, str) or not base:
+        return f"must name a file, not {show(base)}"
+    if base != Path(base).name:
+        return f"{base!r} must be in the same folder, since file names are relative to that"
+    if base in chain:
+        return f"a circle: {' → '.join((*chain[chain.index(base) :], base))}"
+    if not (path.parent / base).is_file():
+        others = sorted(item.name for item in path.parent.glob("*.yaml") if item != path)
+        return f"no file {base!r} in {path.parent}{hint(base, others)}"
+    return None
+
+
+def _on_top(top: Document, base: Document) -> Document:
+    """Return the two as one document."""
+    own = {key: value for key, value in top.data.items() if key != _KEY}
+    return Document(
+        file=top.file,
+        data=merged(base.data, own),
+        places={**base.places, **top.places},
+        problems=(*base.problems, *top.problems),
+    )
+
+
+def merged(base: dict[str, Any], top: dict[str, Any]) -> dict[str, Any]:
+    """Return `base` with `top` over it: maps merged, the rest replaced, null removes."""
+    result = dict(base)
+    for key, value in top.items():
+        below = base.get(key)
+        if value is None:
+            result.pop(key, None)
+        elif isinstance(value, dict):
+            result[key] = merged(below if isinstance(below, dict) else {}, value)
+        else:
+            result[key] = value
+    return result

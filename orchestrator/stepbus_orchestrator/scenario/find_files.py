@@ -1,0 +1,150 @@
+"""The files a scenario names, and those which these name in turn."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .model import ParticipantSpec, Scenario
+from .problems import Keys
+from .program import python_target
+from .read_names import FileUnreadable, modules_in, names_in
+
+_CLASS = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
+
+
+@dataclass
+class FileSearch:
+    """What a search has found.
+
+    found: path relative to the scenario's folder, with `/` → file. mistakes: values of the
+    scenario whose file is outside the folder or cannot be read.
+    """
+
+    folder: Path
+    found: dict[str, Path] = field(default_factory=dict)
+    mistakes: list[tuple[Keys, str]] = field(default_factory=list)
+    _queue: deque[tuple[Keys, Path]] = field(default_factory=deque)
+
+    def name(self, keys: Keys, text: str, bases: list[Path], *, program: bool = False) -> None:
+        """Look for the file that a text names. bases: folders it may be relative to."""
+        if not text or "://" in text:
+            return
+        path = next((at for base in bases if _is_file(at := _normal(base / text))), None)
+        if path is None or (program and os.access(path, os.X_OK) and self._outside(path)):
+            return
+        if self._outside(path):
+            self.mistakes.append((keys, self._outside_message(text, path)))
+        elif Path(text).is_absolute():
+            self.mistakes.append((keys, self._absolute_message(text, path)))
+        else:
+            self._take(keys, path)
+
+    def module(self, keys: Keys, module: str, bases: list[Path]) -> None:
+        """Look for the Python file, or the files of the package, that a module's name means."""
+        top = module.partition(".")[0]
+        for base in bases:
+            if _is_file(base / f"{top}.py"):
+                self._take(keys, base / f"{top}.py")
+                return
+            package = base / top
+            if package.is_dir() and package != self.folder:
+                for path in sorted(package.rglob("*.py")):
+                    self._take(keys, path)
+                return
+
+    def run(self) -> None:
+        """Read the files found so far for further names, and so on."""
+        while self._queue:
+            keys, path = self._queue.popleft()
+            bases = list(dict.fromkeys((path.parent, self.folder)))
+            try:
+                for text in names_in(path):
+                    self.name(keys, text, bases)
+                    self._class(keys, text, bases)
+                for module in modules_in(path):
+                    self.module(keys, module, bases)
+            except FileUnreadable as exc:
+                self.mistakes.append((keys, f"{self._relative(path)}{exc}"))
+
+    def value(self, keys: Keys, value: Any) -> None:
+        """Look at every text in a value of `params`."""
+        if isinstance(value, dict):
+            for key, item in value.items():
+                self.value((*keys, key), item)
+        elif isinstance(value, list):
+            for index, item in enumerate(value):
+                self.value((*keys, index), item)
+        elif isinstance(value, str):
+            self.name(keys, value, [self.folder])
+            self._class(keys, value, [self.folder])
+
+    def _class(self, keys: Keys, text: str, bases: list[Path]) -> None:
+        form = _CLASS.fullmatch(text)
+        if form is not None:
+            self.module(keys, form[1], bases)
+
+    def _take(self, keys: Keys, path: Path) -> None:
+        name = self._relative(path)
+        if name not in self.found:
+            self.found[name] = path
+            self._queue.append((keys, path))
+
+    def _outside(self, path: Path) -> bool:
+        return not path.is_relative_to(self.folder)
+
+    def _relative(self, path: Path) -> str:
+        return path.relative_to(self.folder).as_posix()
+
+    def _absolute_message(self, text: str, path: Path) -> str:
+        return (
+            f"write {text!r} as {self._relative(path)!r}: a recording is run again from a copy of "
+            "this folder"
+        )
+
+    def _outside_message(self, text: str, path: Path) -> str:
+        return (
+            f"{text!r} ({path}) is outside the scenario's folder; copy it into {self.folder}, "
+            "so that a recording can be run again from itself"
+        )
+
+
+def search_files(scenario: Scenario) -> FileSearch:
+    """Return the files of a scenario: those in `exec` and `params`, and those named in these."""
+    search = FileSearch(folder=scenario.folder)
+    for spec in scenario.participants:
+        for keys, text, program in _words(spec):
+            search.name(keys, text, [scenario.folder], program=program)
+        if spec.exec[:1] == ("python",):
+            kind, name = python_target(spec.exec[1:])
+            if kind == "module":
+                search.module(("participants", spec.name, "exec"), name, [scenario.folder])
+        search.value(("participants", spec.name, "params"), spec.params)
+    search.run()
+    return search
+
+
+def _words(spec: ParticipantSpec) -> Iterator[tuple[Keys, str, bool]]:
+    """Return the words of a command that may name a file, and whether it may be a program."""
+    for index, word in enumerate(spec.exec):
+        keys: Keys = ("participants", spec.name, "exec", index)
+        yield keys, word, True
+        if word.startswith("-") and "=" in word:
+            yield keys, word.partition("=")[2], False
+
+
+def _normal(path: Path) -> Path:
+    # Not resolve(): what a link of the folder points to may lie outside, the link itself does not.
+    return Path(os.path.normpath(path))
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

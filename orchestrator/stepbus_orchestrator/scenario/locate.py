@@ -1,0 +1,65 @@
+"""Where a scenario is: a file, a folder, or one of those that ship with stepbus."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+from .document import fatal
+from .problems import hint
+
+MAIN_FILE = "scenario.yaml"
+_IS_SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
+
+
+def locate(name: str | Path) -> Path:
+    """Return the absolute path of a scenario's file.
+
+    name: a YAML file, a folder with a scenario.yaml, or the name of a built-in scenario such as
+    `two_link` (its scenario.yaml) or `two_link/pd` (its pd.yaml).
+
+    Raises ScenarioError when there is no such scenario.
+    """
+    path = Path(name)
+    for file in (path, path / MAIN_FILE):
+        if file.is_file():
+            return file.resolve()
+    builtin = _builtin_files()
+    if str(name) in builtin:
+        return builtin[str(name)]
+    raise fatal(str(name), _missing(path, str(name), builtin))
+
+
+def builtin_names() -> tuple[str, ...]:
+    """Return the names of the scenarios that ship with stepbus, sorted."""
+    return tuple(_builtin_files())
+
+
+def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
+    if path.is_dir():
+        return f"the folder has no {MAIN_FILE}"
+    if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
+        return f"no such file or folder (looked in {Path.cwd()})"
+    return (
+        f"no file, no folder and no built-in scenario of that name{hint(name, builtin)}; "
+        f"a scenario of your own is given by path, e.g. ./my_robot/{MAIN_FILE}"
+    )
+
+
+def _builtin_files() -> dict[str, Path]:
+    """Return the built-in scenarios by name, sorted."""
+    # Found without an import: the orchestrator must not depend on any scenario.
+    spec = importlib.util.find_spec("stepbus_scenarios")
+    folders = list(spec.submodule_search_locations or ()) if spec is not None else []
+    files = [file for folder in folders for file in Path(folder).glob("*/*.yaml")]
+    return {_name(file): file.resolve() for file in sorted(files, key=_name) if _is_scenario(file)}
+
+
+def _name(file: Path) -> str:
+    folder = file.parent.name
+    return folder if file.name == MAIN_FILE else f"{folder}/{file.stem}"
+
+
+def _is_scenario(file: Path) -> bool:
+    return _IS_SCENARIO.search(file.read_text(encoding="utf-8")) is not None

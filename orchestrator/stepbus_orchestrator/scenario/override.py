@@ -1,0 +1,103 @@
+"""`--set controller.params.kp=80`: one value of a scenario replaced from the command line."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import Any
+
+from stepbus_schemas import WiringError
+
+from .document import Document, parse_value
+from .problems import Keys, Place, Problem, ScenarioError, hint, show
+
+TOP_KEYS = ("name", "step", "duration", "seed", "window", "batch", "bus", "participants")
+_MAY_BE_NEW = ("inputs", "outputs", "params")
+
+
+def override(document: Document, settings: Sequence[str]) -> Document:
+    """Return a scenario with settings such as `duration=2s` or `bus.transport=tcp` applied.
+
+    The first part of a path is a key of the scenario or the name of a participant. Values are
+    YAML; null removes the key. A setting that cannot be applied becomes a problem of the document.
+    """
+    data, places, problems = document.data, dict(document.places), list(document.problems)
+    for setting in settings:
+        file = f"--set {setting}"
+        try:
+            keys, value = _parsed(data, setting, file)
+            data = _replaced(data, keys, 0, value)
+            places = {at: place for at, place in places.items() if at[: len(keys)] != keys}
+            places[keys] = Place(file=file, line=0)
+        except ScenarioError as exc:
+            problems += exc.problems
+        except WiringError as exc:
+            problems.append(Problem(file=file, line=0, path="", message=str(exc)))
+    return Document(file=document.file, data=data, places=places, problems=tuple(problems))
+
+
+def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
+    """Return the full path and the value of a setting."""
+    path, equals, text = setting.partition("=")
+    parts = [part.strip() for part in path.split(".")]
+    if not equals or not all(parts):
+        raise WiringError("write KEY=VALUE, e.g. controller.params.kp=80")
+    head = parts[0]
+    if head not in TOP_KEYS:
+        names = data.get("participants")
+        names = list(names) if isinstance(names, dict) else []
+        if head not in names:
+            known = hint(head, (*names, *TOP_KEYS))
+            raise WiringError(f"no participant and no key {head!r}{known}")
+        parts = ["participants", *parts]
+    return tuple(parts), parse_value(file, text)
+
+
+def _replaced(node: Any, keys: Keys, depth: int, value: Any) -> Any:
+    """Return `node`, which stands at `keys[:depth]`, with the value at `keys` replaced."""
+    key = str(keys[depth])
+    last = depth == len(keys) - 1
+    if isinstance(node, list):
+        index = _index(node, key, keys[:depth])
+        inner = value if last else _replaced(node[index], keys, depth + 1, value)
+        return [*node[:index], inner, *node[index + 1 :]]
+    if not isinstance(node, dict):
+        here = ".".join(map(str, keys[:depth]))
+        raise WiringError(f"{here} is {show(node)} and has no keys; set it as a whole")
+    if last and value is None:
+        return {name: item for name, item in node.items() if name != key}
+    return {
+        **node,
+        key: value if last else _replaced(_child(node, keys, depth), keys, depth + 1, value),
+    }
+
+
+def _child(node: dict[str, Any], keys: Keys, depth: int) -> Any:
+    """Return the value at `keys[:depth + 1]`; an empty map where one may be left out."""
+    key = str(keys[depth])
+    if node.get(key) is not None:
+        return node[key]
+    if _may_be_new(keys[: depth + 1]):
+        return {}
+    here = ".".join(map(str, keys[:depth])) or "the scenario"
+    raise WiringError(f"{here} has no {key!r}{hint(key, node)}")
+
+
+def _may_be_new(keys: Keys) -> bool:
+    match keys:
+        case ("bus",):
+            return True
+        case ("participants", _, section):
+            return section in _MAY_BE_NEW
+        case ("participants", _, "params", *_):
+            return True
+        case _:
+            return False
+
+
+def _index(node: Sequence[Any], key: str, keys: Keys) -> int:
+    with contextlib.suppress(ValueError):
+        if 0 <= int(key) < len(node):
+            return int(key)
+    here = ".".join(map(str, keys))
+    raise WiringError(f"{here} is a list of {len(node)}; {key!r} is none of its indices")

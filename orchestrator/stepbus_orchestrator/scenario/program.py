@@ -1,0 +1,103 @@
+"""Which program a participant's `exec` starts, and whether it is there."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+
+from stepbus_schemas import WiringError
+
+from .problems import hint
+
+_FLAGS_WITH_VALUE = ("-X", "-W", "--check-hash-based-pycs")
+
+
+def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """Return the command that starts a participant, with `folder` as its working directory.
+
+    words: `exec` of the scenario. `python` is this interpreter and `stepbus` this installation;
+    any other program is a file of the scenario's folder, or else one on PATH.
+
+    Raises WiringError when there is no such program.
+    """
+    program, rest = words[0], words[1:]
+    if program == "python":
+        return (sys.executable, *rest)
+    if program == "stepbus":
+        return (sys.executable, "-m", "stepbus_orchestrator", *rest)
+    return (_find(program, folder), *rest)
+
+
+def check_command(words: Sequence[str], folder: Path) -> None:
+    """Raise WiringError when the program, or what `python` shall run, is missing."""
+    command(words, folder)
+    if words[0] == "python":
+        kind, name = python_target(words[1:])
+        if kind == "module":
+            _check_module(name, folder)
+        elif kind == "script" and not (folder / name).exists():
+            scripts = [item.name for item in folder.glob("*.py")]
+            raise WiringError(f"no file {name!r} in {folder}{hint(name, sorted(scripts))}")
+
+
+def _find(program: str, folder: Path) -> str:
+    path = folder / program
+    if path.is_file():
+        if os.access(path, os.X_OK):
+            return str(path)
+        raise WiringError(f"{program!r} is not executable; try `chmod +x {path}`")
+    found = None if "/" in program else shutil.which(program)
+    if found is None:
+        where = f"in {folder}" if "/" in program else f"on PATH, nor in {folder}"
+        raise WiringError(f"no program {program!r} {where}; is it installed?")
+    return str(Path(found).absolute())
+
+
+def python_target(arguments: Sequence[str]) -> tuple[str, str]:
+    """Return (`module` or `script`, its name) of what a Python command line runs, or two blanks."""
+    rest = iter(arguments)
+    for word in rest:
+        if word == "-m":
+            return "module", next(rest, "")
+        if word in _FLAGS_WITH_VALUE:
+            next(rest, None)
+        elif word.startswith("-"):
+            if word == "-c":
+                break
+        else:
+            return "script", word
+    return "", ""
+
+
+def _check_module(name: str, folder: Path) -> None:
+    """Raise WiringError when `python -m name` cannot work; imports nothing."""
+    spec = _module_spec(name, folder)
+    if spec is None:
+        raise WiringError(
+            f"no Python module {name!r}, neither installed for {sys.executable} nor in {folder}"
+        )
+    if spec.submodule_search_locations and not _submodule(spec, f"{name}.__main__"):
+        raise WiringError(
+            f"the Python package {name!r} has no __main__.py, so `python -m` cannot run it"
+        )
+
+
+def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
+    parts = name.split(".")
+    if not all(part.isidentifier() for part in parts) or parts[0] == "__main__":
+        return None
+    # `python -m` puts the working directory, which is the scenario's folder, first.
+    spec = PathFinder.find_spec(parts[0], [str(folder)]) or importlib.util.find_spec(parts[0])
+    for depth in range(2, len(parts) + 1):
+        spec = _submodule(spec, ".".join(parts[:depth])) if spec else None
+    return spec
+
+
+def _submodule(parent: ModuleSpec, name: str) -> ModuleSpec | None:
+    locations = parent.submodule_search_locations
+    return PathFinder.find_spec(name, list(locations)) if locations else None

@@ -1,0 +1,79 @@
+"""What determines a run's result, as text and files, so that it can be run again from them."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from .durations import format_duration
+from .find_files import search_files
+from .model import InputSpec, OutputSpec, ParticipantSpec, Scenario
+
+
+def resolved(scenario: Scenario) -> str:
+    """Return the canonical YAML of what determines a scenario's result.
+
+    Bus, window, batch and deadlines are left out: they change no result. Loading the text beside
+    the same files gives an equal scenario but for these, and the same text again.
+    """
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.width = sys.maxsize
+    # The order of maps is part of a scenario: participants that could go first go in that order.
+    yaml.representer.sort_base_mapping_type_on_output = False
+    # Without this, a list or map that stands in two places becomes an anchor and an alias.
+    yaml.representer.ignore_aliases = lambda _: True
+    text = io.StringIO()
+    yaml.dump(_scenario(scenario), text)
+    return text.getvalue()
+
+
+def files(scenario: Scenario) -> Mapping[str, Path]:
+    """Return every file the scenario names, by its path relative to the scenario's folder, sorted.
+
+    These are: files named in `exec` and in `params`; files named in these, where they are YAML or
+    URDF and other XML; Python modules of the folder that are run, named as `module:Class`, or
+    imported by one of these.
+    """
+    return dict(sorted(search_files(scenario).found.items()))
+
+
+def _scenario(scenario: Scenario) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "name": scenario.name,
+        "step": format_duration(scenario.step_ns),
+    }
+    if scenario.steps is not None:
+        content["duration"] = format_duration(scenario.steps * scenario.step_ns)
+    content["seed"] = scenario.seed
+    content["participants"] = {spec.name: _participant(spec) for spec in scenario.participants}
+    return content
+
+
+def _participant(spec: ParticipantSpec) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "exec": list(spec.exec),
+        "every": spec.every,
+        "publishes": spec.publishes,
+        "inputs": {name: _input(item) for name, item in spec.inputs.items()},
+        "outputs": {name: _output(item) for name, item in spec.outputs.items()},
+        "params": dict(spec.params),
+    }
+    return {key: value for key, value in content.items() if value != {}}
+
+
+def _input(item: InputSpec) -> Any:
+    origin = f"{item.source}.{item.port}"
+    more: dict[str, Any] = {"delay": item.delay} if item.delay else {}
+    if item.type is not None:
+        more["type"] = item.type
+    return {"from": origin, **more} if more else origin
+
+
+def _output(item: OutputSpec) -> Any:
+    return {"type": item.type, "bulk": True} if item.bulk else item.type

@@ -1,0 +1,93 @@
+"""Writes timing.mcap: what happened when by the wall clock; run.mcap knows none."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from .errors import RecordingFailed
+from .recorder import McapFile
+
+_encode = msgspec.msgpack.Encoder().encode
+
+
+class TimingEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that happened once: a join, the start, a drop, the end."""
+
+    kind: str
+    participant: str
+    text: str
+
+
+class StepTiming(msgspec.Struct, frozen=True, kw_only=True):
+    """How long a participant waited and computed in the steps of one log batch."""
+
+    participant: str
+    rows: list[tuple[int, int, int]]
+    """(step, waited [ns], computed [ns])."""
+
+
+class TriggerTiming(msgspec.Struct, frozen=True, kw_only=True):
+    """A trigger was sent."""
+
+    upto: int
+
+
+_TYPES: Mapping[str, type[msgspec.Struct]] = {
+    "StepTiming/1": StepTiming,
+    "TimingEvent/1": TimingEvent,
+    "TriggerTiming/1": TriggerTiming,
+}
+
+
+def _schema_of(name: str) -> dict[str, Any]:
+    (_,), types = msgspec.json.schema_components([_TYPES[name]])
+    schema: dict[str, Any] = types[_TYPES[name].__name__]
+    return schema
+
+
+class TimingRecorder:
+    """Appends to timing.mcap; its log times are nanoseconds since the epoch.
+
+    It serves the user and decides nothing: when the disk is full it falls silent, and leaves it
+    to the recording itself to end the run.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = McapFile(path)
+        self._channels = {
+            name: self._file.add_channel(topic, name, {}, _schema_of)
+            for topic, name in (
+                ("events", "TimingEvent/1"),
+                ("steps", "StepTiming/1"),
+                ("triggers", "TriggerTiming/1"),
+            )
+        }
+        self._sequence = 0
+
+    def event(self, kind: str, participant: str = "", text: str = "") -> None:
+        """Note that something happened now."""
+        self._add("TimingEvent/1", TimingEvent(kind=kind, participant=participant, text=text))
+
+    def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
+        """Note when a log batch arrived, and how long its steps took."""
+        self._add("StepTiming/1", StepTiming(participant=participant, rows=rows))
+
+    def trigger(self, upto: int) -> None:
+        """Note that a trigger was sent now."""
+        self._add("TriggerTiming/1", TriggerTiming(upto=upto))
+
+    def _add(self, name: str, record: msgspec.Struct) -> None:
+        self._sequence += 1
+        with contextlib.suppress(RecordingFailed):
+            self._file.add(self._channels[name], time.time_ns(), _encode(record), self._sequence)
+
+    def close(self) -> None:
+        """Finish the file as far as the disk allows."""
+        with contextlib.suppress(RecordingFailed):
+            self._file.close()

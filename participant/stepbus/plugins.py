@@ -1,0 +1,88 @@
+"""Classes that a scenario chooses: built-in ones by a word, a user's own as `module:Class`."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stepbus_schemas import WiringError
+
+from .settings import Settings, nearest
+
+
+def read_class(
+    settings: Settings, param: str, built_in: Mapping[str, type[Any]], method: str
+) -> type[Any] | None:
+    """Return the class a parameter names, or None where there is none; the settings say why.
+
+    built_in: word → class. method: what a user's own class has to have.
+    """
+    value = settings.value(param)
+    if value is None or value in built_in:
+        return built_in.get(value)
+    if not isinstance(value, str) or ":" not in value:
+        settings.note(param, f"is {value!r}; {nearest(str(value), [*built_in, 'module:Class'])}")
+        return None
+    try:
+        found = load_class(value, settings.folder)
+    except WiringError as exc:
+        settings.note(param, str(exc))
+        return None
+    if not callable(getattr(found, method, None)):
+        settings.note(param, f"class {value} has no method {method!r}")
+        return None
+    return found
+
+
+def construct(settings: Settings, param: str, wanted: type[Any], *args: Any) -> Any:
+    """Return an instance of the class a parameter names, made from `args` and the settings.
+
+    Returns None where it cannot be made; the settings say why.
+    """
+    try:
+        return wanted(*args, settings)
+    except WiringError as exc:
+        settings.note(param, str(exc))
+    except Exception as exc:  # noqa: BLE001 - a user's constructor may raise anything
+        settings.note(param, f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}")
+    return None
+
+
+def load_class(name: str, folder: Path) -> type[Any]:
+    """Return the class that `module:Class` names.
+
+    folder: searched first, before the installed modules. Raises WiringError when there is no such
+    module or class in it, or when the module cannot be imported.
+    """
+    module_name, _, class_name = name.partition(":")
+    if not module_name or not class_name.isidentifier():
+        raise WiringError(f"{name!r} is not of the form module:Class")
+    module = _import(module_name, folder)
+    found = getattr(module, class_name, None)
+    if not isinstance(found, type):
+        raise WiringError(f"module {module_name!r} ({_file(module)}) has no class {class_name!r}")
+    return found
+
+
+def _import(module_name: str, folder: Path) -> Any:
+    """Import a module with `folder` searched first, and only for this import."""
+    sys.path.insert(0, str(folder))
+    try:
+        importlib.invalidate_caches()
+        return importlib.import_module(module_name)
+    except ModuleNotFoundError as exc:
+        text = f"no module {exc.name!r} in {folder} or installed"
+        raise WiringError(text if exc.name == module_name else f"{module_name}: {text}") from exc
+    except Exception as exc:
+        raise WiringError(
+            f"module {module_name!r} cannot be imported: {type(exc).__name__}: {exc}"
+        ) from exc
+    finally:
+        sys.path.remove(str(folder))
+
+
+def _file(module: Any) -> str:
+    return getattr(module, "__file__", None) or "built in"

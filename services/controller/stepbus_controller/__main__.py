@@ -1,0 +1,8 @@
+"""Take part in a run as its controller."""
+
+from stepbus import main
+
+from .participant import ControllerParticipant
+
+if __name__ == "__main__":
+    raise SystemExit(main(ControllerParticipant))

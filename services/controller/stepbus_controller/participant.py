@@ -1,0 +1,159 @@
+"""The controller as a participant: reads the joints, asks the law, commands torques."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from stepbus.config import Config
+from stepbus.participant import Participant
+from stepbus.settings import Settings
+from stepbus.step import Step
+from stepbus_schemas import (
+    ControllerStatus,
+    Description,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+    RunError,
+    WiringError,
+)
+
+from .dynamics import Vector
+from .laws import Reference, read_law
+from .order import JointOrder
+from .velocity import VelocityEstimator, read_estimator
+
+
+class ControllerParticipant(Participant):
+    """Commands joint torques by a control law, cut at the effort limits.
+
+    Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, where the
+    scenario wires it, one ControllerStatus/1. The names of the ports are the scenario's. Until
+    both inputs have been there once, nothing is published.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        settings = Settings(config)
+        self._state_port = settings.input_of("JointState/1")
+        self._reference_port = settings.input_of("JointReference/1")
+        self._command_port = settings.output_of("JointCommand/1")
+        self._status_port = settings.optional_output_of("ControllerStatus/1")
+        settings.outputs_are("JointCommand/1", "ControllerStatus/1")
+        self._estimator: VelocityEstimator | None = read_estimator(settings)
+        self._robot, self._law = read_law(settings)
+        self._limit: list[float] = self._robot.effort_limit.tolist()
+        self._dt = config.every * config.step_ns * 1e-9
+        self._motion: tuple[Vector, Vector] | None = None
+        self._reference: Reference | None = None
+        self._saturated = [False] * len(self._limit)
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the controller's joints in its own order, and its effort limits."""
+        names = list(self._robot.joints)
+        command = Description(names=names, limits={"effort": self._limit})
+        described = {self._command_port: command}
+        if self._status_port is not None:
+            described[self._status_port] = Description(names=names)
+        return described
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Map the joints of both inputs by name; raises WiringError for those that are missing."""
+        orders: dict[str, JointOrder] = {}
+        problems: list[str] = []
+        for port in (self._state_port, self._reference_port):
+            try:
+                orders[port] = JointOrder(port, inputs[port].names, self._robot.joints)
+            except WiringError as exc:
+                problems += [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
+        if problems:
+            raise WiringError("\n".join(problems))
+        self._state_order = orders[self._state_port]
+        self._reference_order = orders[self._reference_port]
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the torques of this step and how well the controller does."""
+        self._read(step)
+        if self._motion is None or self._reference is None:
+            return {}
+        q, v = self._motion
+        torque = self._law.torque(q, v, self._reference, self._dt)
+        wanted = self._checked(torque, step.index)
+        values = [min(max(t, -limit), limit) for t, limit in zip(wanted, self._limit, strict=True)]
+        command = JointCommand(mode="torque", values=values)
+        if self._status_port is None:
+            return {self._command_port: command}
+        error: list[float] = (self._reference.position - q).tolist()
+        return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the torques."""
+        return {"numpy": np.__version__, "pinocchio": version("pin")}
+
+    def _read(self, step: Step) -> None:
+        """Take in what is new on both inputs; the rest is held."""
+        if step.is_new(self._state_port):
+            state = step.read(self._state_port, JointState)
+            self._motion = self._sense(state, self._measured_at_ns(step))
+        if step.is_new(self._reference_port):
+            reference = step.read(self._reference_port, JointReference)
+            pick = self._reference_order.pick
+            self._reference = Reference(
+                pick(reference.position, "position"),
+                pick(reference.velocity, "velocity"),
+                pick(reference.acceleration, "acceleration"),
+            )
+
+    def _measured_at_ns(self, step: Step) -> int:
+        """Return when the source of the newest joint state fired for it [ns]."""
+        source = self.config.inputs[self._state_port]
+        reach = step.index - source.delay
+        return (reach - reach % source.every) * self.config.step_ns
+
+    def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector]:
+        q = self._state_order.pick(state.position, "position")
+        if self._estimator is not None:
+            return q, self._estimator.update(q, t_ns)
+        if state.velocity is None:
+            raise RunError(
+                f"{self.config.name}: input {self._state_port!r} carries no velocity; set params."
+                "velocity to finite_difference or filtered, or let the plant sense it"
+            )
+        return q, self._state_order.pick(state.velocity, "velocity")
+
+    def _checked(self, torque: Any, step: int) -> list[float]:
+        """Return the law's torques as a list; raises RunError when they are of no use."""
+        values: list[float] = np.asarray(torque, dtype=np.float64).tolist()
+        if np.shape(torque) != (len(self._limit),):
+            raise RunError(
+                f"{self.config.name}: step {step}: the law returned torques of shape "
+                f"{np.shape(torque)}, not ({len(self._limit)},)"
+            )
+        for name, value in zip(self._robot.joints, values, strict=True):
+            if not math.isfinite(value):
+                raise RunError(
+                    f"{self.config.name}: step {step}: the torque of joint {name!r} is {value}; "
+                    "is a gain too high, or an input not finite?"
+                )
+        return values
+
+    def _status(
+        self, error: list[float], wanted: list[float], values: list[float]
+    ) -> ControllerStatus:
+        """Return the status; a warning marks the step at which a joint begins to saturate."""
+        saturated = [w != value for w, value in zip(wanted, values, strict=True)]
+        warnings: list[str] = []
+        if saturated != self._saturated:
+            rows = zip(self._robot.joints, wanted, values, saturated, self._saturated, strict=True)
+            warnings = [
+                f"{name} saturates: {w:.1f} N·m wanted, {value:.1f} commanded"
+                for name, w, value, now, before in rows
+                if now and not before
+            ]
+            self._saturated = saturated
+        return ControllerStatus(error=error, saturated=saturated, warnings=warnings)

@@ -1,0 +1,74 @@
+"""Joint velocities: as measured, or out of positions where only these are sensed."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+from stepbus.settings import Settings
+
+from .dynamics import Vector
+
+SOURCES = ("measured", "finite_difference", "filtered")
+
+
+class VelocityEstimator(Protocol):
+    """What turns a series of positions into velocities."""
+
+    def update(self, position: Vector, t_ns: int) -> Vector:
+        """Return the velocities at the newest sample, shape (n,) [rad/s].
+
+        position: shape (n,) [rad]. t_ns: when it was measured [ns], later than the one before.
+        """
+        ...
+
+
+class FiniteDifference:
+    """v = (q_k − q_{k−1}) / (t_k − t_{k−1}), and 0 at the first sample."""
+
+    def __init__(self) -> None:
+        self._position: Vector | None = None
+        self._t_ns = 0
+
+    def update(self, position: Vector, t_ns: int) -> Vector:
+        """See `VelocityEstimator`."""
+        last, last_ns = self._position, self._t_ns
+        self._position, self._t_ns = position, t_ns
+        if last is None:
+            return np.zeros_like(position)
+        return (position - last) / ((t_ns - last_ns) * 1e-9)
+
+
+class FilteredDifference:
+    """The finite difference behind a first-order low-pass filter.
+
+    cutoff_hz: corner frequency [Hz]. With α = exp(−2π f Δt), v_k = α v_{k−1} + (1 − α) Δq / Δt:
+    the exact discretisation of the filter for a constant input during Δt (Åström and Wittenmark,
+    Computer-Controlled Systems, 3rd ed. 1997, chapter 2). It lags by 1 / (2π f).
+    """
+
+    def __init__(self, cutoff_hz: float) -> None:
+        self._rate = 2.0 * math.pi * cutoff_hz
+        self._difference = FiniteDifference()
+        self._velocity: Vector | None = None
+        self._t_ns = 0
+
+    def update(self, position: Vector, t_ns: int) -> Vector:
+        """See `VelocityEstimator`."""
+        difference = self._difference.update(position, t_ns)
+        if self._velocity is None:
+            self._velocity = difference
+        else:
+            keep = math.exp(-self._rate * (t_ns - self._t_ns) * 1e-9)
+            self._velocity = keep * self._velocity + (1.0 - keep) * difference
+        self._t_ns = t_ns
+        return self._velocity
+
+
+def read_estimator(settings: Settings) -> VelocityEstimator | None:
+    """Return what `velocity` and `cutoff_hz` ask for; None: the measured velocity is used."""
+    source = settings.choice("velocity", SOURCES, default="measured")
+    if source == "filtered":
+        return FilteredDifference(settings.number("cutoff_hz", bound="positive"))
+    return FiniteDifference() if source == "finite_difference" else None
