@@ -87,9 +87,7 @@ def _holds(member: Member, barrier: Barrier) -> str:
             f"{member.holds_s:.1f} s, whose outputs were published; was a message lost or "
             f"dropped ({dropped} dropped so far)? {limit}"
         )
-    return (
-        f"{member.who()} has been computing for {member.holds_s:.1f} s; inputs arrived; {limit}"
-    )
+    return f"{member.who()} has been computing for {member.holds_s:.1f} s; inputs arrived; {limit}"
 
 
 def check_processes(roster: Roster, barrier: Barrier, step_ns: int) -> None:

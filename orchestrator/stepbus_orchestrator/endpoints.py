@@ -5,14 +5,13 @@ from __future__ import annotations
 import secrets
 import socket
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus.ticket import Endpoint
 
 from .errors import BusFailed
-from .scenario import BusSpec
+from .scenario import Scenario
 
 ORCHESTRATOR = "orchestrator"
 _SOCKET_PATH_BYTES = 107
@@ -31,12 +30,13 @@ def private_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="stepbus-"))
 
 
-def make_mesh(bus: BusSpec, names: Sequence[str], folder: Path, token: str) -> Mesh:
+def make_mesh(scenario: Scenario, folder: Path, token: str) -> Mesh:
     """Return the endpoints of all members of a run.
 
     Raises BusFailed when there is no room for a socket or no free port.
     """
-    members = [ORCHESTRATOR, *names]
+    bus = scenario.bus
+    members = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
     if bus.transport == "unix":
         addresses = [_unix(folder, index) for index in range(len(members))]
     else:
@@ -46,7 +46,7 @@ def make_mesh(bus: BusSpec, names: Sequence[str], folder: Path, token: str) -> M
         name: Endpoint(
             listen=[addresses[index]],
             connect=addresses[:index],
-            low_latency=bool(bus.low_latency),
+            low_latency=low_latency(scenario),
             user=name if users else None,
             password=token if users else None,
             users=users,
@@ -54,6 +54,17 @@ def make_mesh(bus: BusSpec, names: Sequence[str], folder: Path, token: str) -> M
         for index, name in enumerate(members)
     }
     return Mesh(orchestrator=endpoints.pop(ORCHESTRATOR), participants=endpoints)
+
+
+def low_latency(scenario: Scenario) -> bool:
+    """Return whether to use Zenoh's low-latency transport.
+
+    It silently loses what is over 64 KiB, so that it is not for scenarios with bulk ports.
+    """
+    if scenario.bus.low_latency is not None:
+        return scenario.bus.low_latency
+    specs = scenario.participants
+    return not any(output.bulk for spec in specs for output in spec.outputs.values())
 
 
 def _unix(folder: Path, index: int) -> str:

@@ -35,8 +35,13 @@ class Launcher:
             start_new_session=True,
         )
 
-    def start(self, spec: ParticipantSpec, command: Sequence[str], endpoint: Endpoint,
-              scenario_folder: Path) -> Child:
+    def start(
+        self,
+        spec: ParticipantSpec,
+        command: Sequence[str],
+        endpoint: Endpoint,
+        scenario_folder: Path,
+    ) -> Child:
         """Start one participant.
 
         Raises StartFailed when its program cannot be executed.

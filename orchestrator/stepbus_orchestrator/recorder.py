@@ -23,6 +23,7 @@ from .scenario import ParticipantSpec
 
 CHUNK_BYTES = 64 * 1024
 CHAIN_TOPIC = "stepbus/chain"
+VERSIONS_METADATA = "versions/"
 
 
 class McapFile:
@@ -36,8 +37,9 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         try:
             self._file = SteadyFile(path)
-            self._writer = Writer(
-                self._file,
+            sink: Any = self._file
+            self._writer: Any = Writer(
+                sink,
                 chunk_size=CHUNK_BYTES,
                 compression=CompressionType.ZSTD,
                 index_types=IndexType.ALL,
@@ -81,9 +83,10 @@ class McapFile:
             self._schemas[type_name] = self._writer.register_schema(
                 f"stepbus.{type_name}", "jsonschema", schema.encode()
             )
-        return self._writer.register_channel(
+        channel: int = self._writer.register_channel(
             topic, "msgpack", self._schemas[type_name], dict(metadata)
         )
+        return channel
 
     def add(self, channel: int, t_ns: int, data: bytes, sequence: int) -> None:
         """Write one message."""
@@ -157,8 +160,19 @@ class Recorder:
         self._next = 0
         self._chain_channel = -1
 
-    def open_channels(self, descriptions: Mapping[str, Mapping[str, Description]]) -> None:
-        """Register one channel per port, with the description its participant gave."""
+    def open_channels(
+        self,
+        descriptions: Mapping[str, Mapping[str, Description]],
+        versions: Mapping[str, Mapping[str, str]],
+    ) -> None:
+        """Register one channel per port, and note what the participants run on.
+
+        descriptions: participant → port → its description. versions: participant → library →
+        version.
+        """
+        for name in self._lanes:
+            content = dict(sorted(versions.get(name, {}).items()))
+            self._file.add_metadata(f"{VERSIONS_METADATA}{name}", content)
         for lane in self._lanes.values():
             for port in lane.ports:
                 description = descriptions.get(lane.name, {}).get(port, Description())
@@ -214,9 +228,7 @@ class Recorder:
 
     def _is_whole(self, step: int) -> bool:
         heads = [lane for lane in self._lanes.values() if lane.waiting]
-        return all(
-            lane.has_bulk(lane.waiting[0]) for lane in heads if lane.waiting[0].step == step
-        )
+        return all(lane.has_bulk(lane.waiting[0]) for lane in heads if lane.waiting[0].step == step)
 
     def _write_step(self, step: int, *, sequence_end: bool) -> None:
         for lane in self._lanes.values():

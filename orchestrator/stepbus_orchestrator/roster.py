@@ -68,9 +68,7 @@ class Member:
 Roster = Mapping[str, Member]
 
 
-def input_descriptions(
-    scenario: Scenario, roster: Roster
-) -> dict[str, dict[str, Description]]:
+def input_descriptions(scenario: Scenario, roster: Roster) -> dict[str, dict[str, Description]]:
     """Return the description of every input: participant → input → description."""
     outputs = {
         name: dict(member.ready.outputs) if member.ready else {} for name, member in roster.items()

@@ -10,7 +10,7 @@ from typing import Any
 
 from stepbus_schemas import WiringError
 
-from .settings import Settings, nearest
+from .settings import Noted, Settings, nearest
 
 
 def read_class(
@@ -43,12 +43,22 @@ def construct(settings: Settings, param: str, wanted: type[Any], *args: Any) -> 
     Returns None where it cannot be made; the settings say why.
     """
     try:
-        return wanted(*args, settings)
+        return _make(wanted, *args, settings)
+    except Noted:
+        return None
     except WiringError as exc:
-        settings.note(param, str(exc))
-    except Exception as exc:  # noqa: BLE001 - a user's constructor may raise anything
-        settings.note(param, f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}")
-    return None
+        for line in str(exc).splitlines():
+            settings.note(param, line)
+        return None
+
+
+def _make(wanted: type[Any], *args: Any) -> Any:
+    try:
+        return wanted(*args)
+    except WiringError:
+        raise
+    except Exception as exc:
+        raise WiringError(f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}") from exc
 
 
 def load_class(name: str, folder: Path) -> type[Any]:

@@ -15,6 +15,10 @@ from .config import Config
 Bound = Literal["any", "not negative", "positive"]
 
 
+class Noted(WiringError):
+    """What is wrong has been noted in the settings; there is nothing to go on with."""
+
+
 class Settings:
     """The parameters and ports of a participant, read with checks.
 

@@ -85,8 +85,9 @@ def _batch(field: Field, window: int) -> int:
 
 def _bus(field: Field, participants: int) -> BusSpec:
     field.check_keys(("transport", "port", "low_latency"))
-    transport = field["transport"].choice(("unix", "tcp")) or "unix"
-    if transport == "unix" and not field["port"].absent:
+    choice = field["transport"].choice(("unix", "tcp"))
+    transport = choice or "unix"
+    if field["transport"].value in (None, "unix") and not field["port"].absent:
         field["port"].wrong("is for transport tcp; a Unix socket has none")
     last = _LAST_PORT - participants
     port = field["port"].integer(0, least=1, most=last) or None
@@ -105,13 +106,15 @@ def _participant(field: Field, step_ns: int | None) -> ParticipantSpec:
     for name in (port for key in ("inputs", "outputs") for port in field[key].children()):
         name.check_name()
     every = field["every"].integer(1, least=1, most=LONGEST_NS // (step_ns or 1))
-    publishes = field["publishes"].choice(("first", "last")) or "last"
+    publishes = field["publishes"]
+    # A misspelt `first` must not show as an algebraic loop too.
+    order = publishes.choice(("first", "last")) or ("last" if publishes.absent else "first")
     field["params"].check_keys(tuple(field["params"].value or ()))
     return ParticipantSpec(
         name=field.name,
         exec=_exec(field["exec"]),
         every=every,
-        publishes=cast("Publishes", publishes),
+        publishes=cast("Publishes", order),
         inputs={item.name: spec for item in field["inputs"].children() if (spec := _input(item))},
         outputs={item.name: _output(item) for item in field["outputs"].children()},
         params=field["params"].value if isinstance(field["params"].value, dict) else {},

@@ -55,7 +55,7 @@ def _check_loops(scenario: Scenario, specs: dict[str, ParticipantSpec], problems
             continue
         problems.add(
             ("participants", reader, "inputs", port),
-            f"algebraic loop {' → '.join(loop)}: each waits for the other's output of the same "
+            f"algebraic loop {' → '.join(loop)}: each waits for another's output of the same "
             "step; give one of these inputs `delay: 1`, or set `publishes: first` for one that "
             "publishes its state before it reads its inputs, as a plant does",
         )

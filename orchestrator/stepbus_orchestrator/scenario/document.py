@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -56,9 +57,15 @@ def read_document(path: Path) -> Document:
 def parse_value(file: str, text: str) -> Any:
     """Return a YAML value; raises ScenarioError when it is none. file: named in messages."""
     conversion = _Conversion(file)
-    value = conversion.run(text)
-    if conversion.problems:
-        raise ScenarioError(conversion.problems)
+    found: tuple[Problem, ...] = ()
+    try:
+        value = conversion.run(text)
+    except ScenarioError as exc:
+        found = exc.problems
+    found = (*found, *conversion.problems)
+    if found:
+        # The command line has no lines.
+        raise ScenarioError(dataclasses.replace(problem, line=0) for problem in found)
     return value
 
 

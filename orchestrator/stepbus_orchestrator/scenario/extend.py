@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from .document import Document, read_document
+from .paths import is_file
 from .problems import Problem, ScenarioError, hint, show
 
 _KEY = "extends"
@@ -41,7 +42,7 @@ def _mistake(base: object, path: Path, chain: tuple[str, ...]) -> str | None:
         return f"{base!r} must be in the same folder, since file names are relative to that"
     if base in chain:
         return f"a circle: {' → '.join((*chain[chain.index(base) :], base))}"
-    if not (path.parent / base).is_file():
+    if not is_file(path.parent / base):
         others = sorted(item.name for item in path.parent.glob("*.yaml") if item != path)
         return f"no file {base!r} in {path.parent}{hint(base, others)}"
     return None

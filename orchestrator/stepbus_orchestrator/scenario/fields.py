@@ -84,7 +84,7 @@ class Field:
         """Return text."""
         if self.absent or isinstance(self.value, str):
             return default if self.absent else str(self.value)
-        self.wrong(f"must be text, not {show(self.value)}; put it in quotes")
+        self.wrong(f"must be text, not {show(self.value)}{_quotes(self.value)}")
         return default
 
     def texts(self) -> tuple[str, ...]:
@@ -96,7 +96,7 @@ class Field:
         items = [Field(item, (*self.keys, i), self.problems) for i, item in enumerate(self.value)]
         for item in items:
             if not isinstance(item.value, str) or "\0" in item.value:
-                item.wrong(f"must be text, not {show(item.value)}; put it in quotes")
+                item.wrong(f"must be text, not {show(item.value)}{_quotes(item.value)}")
         return tuple(str(item.value) for item in items)
 
     def integer(self, default: int, *, least: int = 0, most: int = 2**63 - 1) -> int:
@@ -137,3 +137,7 @@ class Field:
         except WiringError as exc:
             self.wrong(str(exc))
             return None
+
+
+def _quotes(value: object) -> str:
+    return "; put it in quotes" if isinstance(value, int | float) else ""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .model import ParticipantSpec, Scenario
+from .paths import is_file, is_folder
 from .problems import Keys
 from .program import python_target
 from .read_names import FileUnreadable, modules_in, names_in
@@ -35,7 +36,7 @@ class FileSearch:
         """Look for the file that a text names. bases: folders it may be relative to."""
         if not text or "://" in text:
             return
-        path = next((at for base in bases if _is_file(at := _normal(base / text))), None)
+        path = next((at for base in bases if is_file(at := _normal(base / text))), None)
         if path is None or (program and os.access(path, os.X_OK) and self._outside(path)):
             return
         if self._outside(path):
@@ -49,11 +50,11 @@ class FileSearch:
         """Look for the Python file, or the files of the package, that a module's name means."""
         top = module.partition(".")[0]
         for base in bases:
-            if _is_file(base / f"{top}.py"):
+            if is_file(base / f"{top}.py"):
                 self._take(keys, base / f"{top}.py")
                 return
             package = base / top
-            if package.is_dir() and package != self.folder:
+            if is_folder(package) and package != self.folder:
                 for path in sorted(package.rglob("*.py")):
                     self._take(keys, path)
                 return
@@ -141,10 +142,3 @@ def _words(spec: ParticipantSpec) -> Iterator[tuple[Keys, str, bool]]:
 def _normal(path: Path) -> Path:
     # Not resolve(): what a link of the folder points to may lie outside, the link itself does not.
     return Path(os.path.normpath(path))
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from .document import fatal
+from .paths import is_file, is_folder
 from .problems import hint
 
 MAIN_FILE = "scenario.yaml"
@@ -23,7 +24,7 @@ def locate(name: str | Path) -> Path:
     """
     path = Path(name)
     for file in (path, path / MAIN_FILE):
-        if file.is_file():
+        if is_file(file):
             return file.resolve()
     builtin = _builtin_files()
     if str(name) in builtin:
@@ -37,7 +38,7 @@ def builtin_names() -> tuple[str, ...]:
 
 
 def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
-    if path.is_dir():
+    if is_folder(path):
         return f"the folder has no {MAIN_FILE}"
     if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
         return f"no such file or folder (looked in {Path.cwd()})"

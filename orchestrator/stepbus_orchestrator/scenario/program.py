@@ -12,6 +12,7 @@ from pathlib import Path
 
 from stepbus_schemas import WiringError
 
+from .paths import is_file, is_folder
 from .problems import hint
 
 _FLAGS_WITH_VALUE = ("-X", "-W", "--check-hash-based-pycs")
@@ -40,14 +41,14 @@ def check_command(words: Sequence[str], folder: Path) -> None:
         kind, name = python_target(words[1:])
         if kind == "module":
             _check_module(name, folder)
-        elif kind == "script" and not (folder / name).exists():
+        elif kind == "script" and not (is_file(folder / name) or is_folder(folder / name)):
             scripts = [item.name for item in folder.glob("*.py")]
             raise WiringError(f"no file {name!r} in {folder}{hint(name, sorted(scripts))}")
 
 
 def _find(program: str, folder: Path) -> str:
     path = folder / program
-    if path.is_file():
+    if is_file(path):
         if os.access(path, os.X_OK):
             return str(path)
         raise WiringError(f"{program!r} is not executable; try `chmod +x {path}`")
@@ -91,6 +92,8 @@ def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts) or parts[0] == "__main__":
         return None
+    # A file may have been written since this process last looked.
+    importlib.invalidate_caches()
     # `python -m` puts the working directory, which is the scenario's folder, first.
     spec = PathFinder.find_spec(parts[0], [str(folder)]) or importlib.util.find_spec(parts[0])
     for depth in range(2, len(parts) + 1):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+
 from stepbus.settings import nearest
 from stepbus_schemas import WiringError
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
+
 from stepbus.plugins import construct, read_class
 from stepbus.settings import Settings
 
@@ -136,7 +137,7 @@ def read_law(settings: Settings) -> tuple[Robot, Law]:
     if law_class is not None and robot is not None:
         law = construct(settings, "law", law_class, robot)
     if law is None or robot is None:
-        if settings.value("law") in LAWS:
+        if ":" not in str(settings.value("law", "")):
             settings.note_unknown(also_known=("kp", "ki", "kd", "anti_windup"))
         settings.refuse()
     settings.check()

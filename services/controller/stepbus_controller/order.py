@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+
 from stepbus.settings import nearest
 from stepbus_schemas import RunError, WiringError
 

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+
 from stepbus.config import Config
 from stepbus.participant import Participant
 from stepbus.settings import Settings

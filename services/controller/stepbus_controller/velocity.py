@@ -6,6 +6,7 @@ import math
 from typing import Protocol
 
 import numpy as np
+
 from stepbus.settings import Settings
 
 from .dynamics import Vector

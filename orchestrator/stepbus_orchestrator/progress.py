@@ -1,0 +1,47 @@
+"""What a run tells those who watch it, without any effect on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """A moment of a run.
+
+    phase: `starting`, `stepping` or `stopping`. step, steps: completed and in all (None: open
+    end). phases: how far each participant has come. compute_us: mean computing time of each
+    participant's step [µs]. drops: messages each participant has dropped.
+    """
+
+    phase: str
+    step: int
+    steps: int | None
+    step_ns: int
+    elapsed_s: float
+    phases: Mapping[str, str]
+    compute_us: Mapping[str, float]
+    drops: Mapping[str, int]
+    holders: tuple[str, ...]
+
+
+class Observer(Protocol):
+    """Whoever watches a run; called from the run's own thread, so it must be quick."""
+
+    def progress(self, progress: Progress) -> None:
+        """Take in how far the run is; called about four times a second."""
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Take in a sentence for the user."""
+
+
+class Silent:
+    """An observer that does not care."""
+
+    def progress(self, progress: Progress) -> None:
+        """Ignore it."""
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Ignore it."""

@@ -1,0 +1,98 @@
+"""What a run came to: result.json."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import msgspec
+
+RUN_FILE = "run.mcap"
+TIMING_FILE = "timing.mcap"
+RESULT_FILE = "result.json"
+
+
+class Result(msgspec.Struct, frozen=True, kw_only=True):
+    """How a run ended, and where its files are.
+
+    outcome: `finished` or `failed`. exit_code: as documented in docs/exit-codes.md. reason: why
+    it ended, in one sentence. participant, at_step: who is to blame and when, where it failed.
+    steps: complete ones. wall_s: from the first trigger to the end [s]. start_s: from the call
+    to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
+    foreign: messages of strangers that were not let in. drops: messages each participant dropped.
+    """
+
+    scenario: str
+    outcome: str
+    exit_code: int
+    reason: str
+    participant: str | None
+    at_step: int
+    steps: int
+    step_ns: int
+    seed: int
+    window: int
+    transport: str
+    start_s: float
+    wall_s: float
+    real_time_factor: float
+    sha256: str
+    folder: str
+    foreign: int = 0
+    drops: Mapping[str, int] = {}
+    versions: Mapping[str, str] = {}
+
+    @property
+    def recording(self) -> Path:
+        """Return the path of run.mcap."""
+        return Path(self.folder) / RUN_FILE
+
+    @property
+    def simulated_s(self) -> float:
+        """Return the simulated time [s]."""
+        return self.steps * self.step_ns * 1e-9
+
+    def save(self) -> None:
+        """Write result.json."""
+        data = msgspec.json.format(msgspec.json.encode(self), indent=2)
+        (Path(self.folder) / RESULT_FILE).write_bytes(data + b"\n")
+
+
+def file_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal, or nothing where there is none."""
+    if not path.exists():
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def own_versions() -> dict[str, str]:
+    """Return what the orchestrator runs on: Python, the processor, the libraries of the bus."""
+    names = ("stepbus", "eclipse-zenoh", "mcap", "msgspec", "zstandard")
+    return {
+        "python": platform.python_version(),
+        "machine": f"{sys.platform} {platform.machine()}",
+        "cpu": cpu_model(),
+        **{name: _version(name) for name in names},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def cpu_model() -> str:
+    """Return the processor's name; what it computes may differ from another's in the last bit."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()

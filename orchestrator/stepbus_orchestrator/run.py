@@ -1,0 +1,236 @@
+"""Runs a scenario: the one function behind `stepbus run`, free of global state."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from stepbus import BusError
+from stepbus.zenoh_bus import ZenohBus
+
+from .child import wait_all
+from .conductor import Conductor
+from .endpoints import Mesh, make_mesh, new_token, private_folder
+from .errors import BusFailed, ParticipantDied, RecordingFailed, RunFailure, StopTimeout
+from .launcher import Launcher
+from .progress import Observer, Silent
+from .recorder import McapFile, Recorder
+from .result import RUN_FILE, TIMING_FILE, Result, file_sha256, own_versions
+from .roster import Member
+from .scenario import Scenario, Schedule, command, files, resolved
+from .timing import TimingRecorder
+
+SCENARIO_ATTACHMENT = "scenario.yaml"
+ENVIRONMENT_METADATA = "versions/orchestrator"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How to run, as opposed to what.
+
+    out: folder of the run's files; made, must be empty. start_order: names of the participants
+    in the order they are started; none: that of the scenario.
+    """
+
+    out: Path
+    start_order: Sequence[str] | None = None
+
+
+def default_folder(scenario: Scenario, parent: Path) -> Path:
+    """Return a new folder name for a run: `<scenario>-<time>`, made unique by a number."""
+    stem = f"{scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    names = [stem, *(f"{stem}-{number}" for number in range(2, 1000))]
+    return next(parent / name for name in names if not (parent / name).exists())
+
+
+def run(
+    scenario: Scenario,
+    options: Options,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> Result:
+    """Run a scenario and return how it ended; result.json says the same.
+
+    observer: is told how it goes. interrupt: ends the run when it is set, e.g. by Ctrl-C.
+    A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
+    to.
+    """
+    return _Run(scenario, options, observer or Silent(), interrupt or threading.Event()).execute()
+
+
+class _Run:
+    """One execution: opens everything, conducts, and closes everything in reverse."""
+
+    def __init__(
+        self, scenario: Scenario, options: Options, observer: Observer, interrupt: threading.Event
+    ) -> None:
+        self._scenario = scenario
+        self._options = options
+        self._observer = observer
+        self._interrupt = interrupt
+        self._began = time.monotonic()
+        self._token = new_token()
+        self._run = new_token()
+        self._conductor: Conductor | None = None
+        self._make_folder()
+        self._file = McapFile(options.out / RUN_FILE)
+        self._timing = TimingRecorder(options.out / TIMING_FILE)
+        order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        self._recorder = Recorder(self._file, order, scenario.step_ns)
+
+    def _make_folder(self) -> None:
+        out = self._options.out
+        try:
+            (out / "logs").mkdir(parents=True)
+        except FileExistsError as exc:
+            raise RecordingFailed(f"{out} holds a run already; choose another --out") from exc
+        except OSError as exc:
+            raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
+
+    def execute(self) -> Result:
+        """Run, close whatever happens, and return the result."""
+        failure: RunFailure | None = None
+        reason = ""
+        try:
+            reason = self._inside_private_folder()
+        except RunFailure as exc:
+            failure = exc
+        finally:
+            with contextlib.suppress(RunFailure):
+                self._recorder.abort()
+            self._timing.event("end", text=str(failure) if failure else reason)
+            self._timing.close()
+        result = self._result(reason, failure)
+        try:
+            result.save()
+        except OSError as exc:
+            self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
+        return result
+
+    def _inside_private_folder(self) -> str:
+        self._attach()
+        folder = private_folder()
+        launcher = Launcher(
+            run=self._run, token=self._token, folder=folder, logs=self._options.out / "logs"
+        )
+        try:
+            mesh = make_mesh(self._scenario, folder, self._token)
+            return self._on_the_bus(launcher, mesh)
+        finally:
+            launcher.end_all()
+
+    def _attach(self) -> None:
+        """Attach all that is needed to run again from the recording alone."""
+        text = resolved(self._scenario)
+        self._file.attach(SCENARIO_ATTACHMENT, "application/yaml", text.encode())
+        for name, path in files(self._scenario).items():
+            try:
+                content = path.read_bytes()
+            except OSError as exc:
+                raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
+            self._file.attach(f"files/{name}", "application/octet-stream", content)
+        self._file.add_metadata(ENVIRONMENT_METADATA, own_versions())
+
+    def _on_the_bus(self, launcher: Launcher, mesh: Mesh) -> str:
+        try:
+            bus = ZenohBus(mesh.orchestrator, self._run)
+        except BusError as exc:
+            raise BusFailed(str(exc)) from exc
+        try:
+            self._conductor = Conductor(
+                scenario=self._scenario,
+                bus=bus,
+                token=self._token,
+                recorder=self._recorder,
+                timing=self._timing,
+                observer=self._observer,
+                interrupt=self._interrupt,
+            )
+            return self._conduct(self._conductor, launcher, mesh)
+        finally:
+            bus.close()
+
+    def _conduct(self, conductor: Conductor, launcher: Launcher, mesh: Mesh) -> str:
+        culprit = None
+        try:
+            self._launch(conductor, launcher, mesh)
+            reason = conductor.conduct()
+        except RunFailure as exc:
+            culprit = exc.participant
+            conductor.stop(str(exc))
+            raise
+        except BaseException:
+            conductor.stop("the orchestrator ends")
+            raise
+        finally:
+            late = self._await_end(conductor, culprit)
+        self._check_ends(conductor, late)
+        return reason
+
+    def _launch(self, conductor: Conductor, launcher: Launcher, mesh: Mesh) -> None:
+        scenario = self._scenario
+        for name in self._options.start_order or [s.name for s in scenario.participants]:
+            spec = scenario.participant(name)
+            child = launcher.start(
+                spec, command(spec.exec, scenario.folder), mesh.participants[name], scenario.folder
+            )
+            conductor.roster = {**conductor.roster, name: Member(spec, child)}
+            self._timing.event("spawn", name, f"pid {child.pid}")
+
+    def _await_end(self, conductor: Conductor, culprit: str | None) -> list[Member]:
+        """Wait for every process as long as it may take; one that hangs is not waited for."""
+        members = [member for name, member in conductor.roster.items() if name != culprit]
+        seconds = {m.name: m.spec.deadlines.stop_s for m in members}
+        late = wait_all([member.child for member in members], seconds)
+        return [member for member in members if member.child in late]
+
+    def _check_ends(self, conductor: Conductor, late: list[Member]) -> None:
+        if late:
+            raise StopTimeout(
+                f"{', '.join(member.who() for member in late)} did not end within "
+                f"{late[0].spec.deadlines.stop_s:g} s of the stop and was killed "
+                f"(participants.{late[0].name}.stop_timeout); the recording is complete",
+                participant=late[0].name,
+                step=conductor.steps,
+            )
+        for member in conductor.roster.values():
+            if member.child.exit_code() != 0:
+                raise ParticipantDied(
+                    f"after the last step: {member.who()} {member.child.how_it_ended()} while "
+                    f"stopping; the recording is complete; its log: {member.child.log}",
+                    participant=member.name,
+                    step=conductor.steps,
+                )
+
+    def _result(self, reason: str, failure: RunFailure | None) -> Result:
+        conductor = self._conductor
+        steps = conductor.steps if conductor else 0
+        started = conductor.started_at if conductor and conductor.started_at else None
+        wall_s = conductor.ended_at - started if conductor and started else 0.0
+        simulated_s = steps * self._scenario.step_ns * 1e-9
+        return Result(
+            scenario=self._scenario.name,
+            outcome="finished" if failure is None else "failed",
+            exit_code=0 if failure is None else int(failure.code),
+            reason=reason if failure is None else str(failure),
+            participant=failure.participant if failure else None,
+            at_step=failure.step if failure else steps,
+            steps=steps,
+            step_ns=self._scenario.step_ns,
+            seed=self._scenario.seed,
+            window=self._scenario.window,
+            transport=self._scenario.bus.transport,
+            start_s=started - self._began if started else 0.0,
+            wall_s=wall_s,
+            real_time_factor=simulated_s / wall_s if wall_s else 0.0,
+            sha256=file_sha256(self._options.out / RUN_FILE),
+            folder=str(self._options.out),
+            foreign=conductor.foreign if conductor else 0,
+            drops=conductor.progress().drops if conductor else {},
+            versions=own_versions(),
+        )

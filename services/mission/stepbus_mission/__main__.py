@@ -1,0 +1,8 @@
+"""Take part in a run as its mission."""
+
+from stepbus import main
+
+from .participant import MissionParticipant
+
+if __name__ == "__main__":
+    raise SystemExit(main(MissionParticipant))

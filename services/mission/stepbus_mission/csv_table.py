@@ -1,0 +1,113 @@
+"""Read a table of numbers from a CSV file and name every mistake with its line."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from stepbus.settings import nearest
+from stepbus_schemas import WiringError
+
+_DERIVATIVES = ("velocity", "acceleration")
+_MOST_PROBLEMS = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """times: increasing, shape (k,), k ≥ 2 [s]. columns: name → numbers, shape (k,)."""
+
+    times: list[float]
+    columns: dict[str, list[float]]
+
+
+def read_table(path: Path, joints: Sequence[str]) -> Table:
+    """Return the columns `t`, `<joint>`, `<joint>_velocity` and `<joint>_acceleration` of a file.
+
+    Raises WiringError that lists what is wrong, each with file and line.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            lines = [(reader.line_num, row) for row in reader if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as exc:
+        raise WiringError(f"{path} cannot be read as CSV: {exc}") from exc
+    if len(lines) < 3:
+        raise WiringError(f"{path} has {len(lines)} lines; it needs a header and at least two rows")
+    header = [cell.strip() for cell in lines[0][1]]
+    _refuse(path, _header_problems(header, joints, lines[0][0]))
+    problems: list[tuple[int, str]] = []
+    rows = [_numbers(row, header, number, problems) for number, row in lines[1:]]
+    _refuse(path, problems)
+    columns = {name: [row[i] for row in rows] for i, name in enumerate(header)}
+    times = columns.pop("t")
+    _refuse(path, _time_problems(times, [number for number, _ in lines[1:]]))
+    return Table(times=times, columns=columns)
+
+
+def _header_problems(
+    header: Sequence[str], joints: Sequence[str], line: int
+) -> list[tuple[int, str]]:
+    known = ["t", *joints]
+    known += [f"{joint}_{quantity}" for joint in joints for quantity in _DERIVATIVES]
+    problems = [
+        f"column {name!r} is unknown; {nearest(name, known)}"
+        for name in dict.fromkeys(header)
+        if name not in known
+    ]
+    problems += [f"column {name!r} is missing" for name in ("t", *joints) if name not in header]
+    problems += [
+        f"column {name!r} is there {header.count(name)} times"
+        for name in dict.fromkeys(header)
+        if header.count(name) > 1
+    ]
+    problems += [
+        f"column '{joint}_acceleration' needs '{joint}_velocity' too"
+        for joint in joints
+        if f"{joint}_acceleration" in header and f"{joint}_velocity" not in header
+    ]
+    return [(line, problem) for problem in problems]
+
+
+def _numbers(
+    row: Sequence[str], header: Sequence[str], line: int, problems: list[tuple[int, str]]
+) -> list[float]:
+    """Return a row as numbers, and note what is wrong with it."""
+    if len(row) != len(header):
+        problems.append((line, f"has {len(row)} cells, the header has {len(header)}"))
+    numbers = []
+    for name, cell in zip(header, row, strict=False):
+        number = _number(cell)
+        if not math.isfinite(number):
+            problems.append((line, f"column {name!r} is {cell!r}, not a finite number"))
+        numbers.append(number)
+    return numbers
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _time_problems(times: Sequence[float], lines: Sequence[int]) -> list[tuple[int, str]]:
+    problems = [(lines[0], f"t starts at {times[0]:g} s, before 0")] if times[0] < 0 else []
+    problems += [
+        (line, f"t is {now:g} s, not after the row before ({before:g} s)")
+        for (before, now), line in zip(pairwise(times), lines[1:], strict=True)
+        if now <= before
+    ]
+    return problems
+
+
+def _refuse(path: Path, problems: Sequence[tuple[int, str]]) -> None:
+    if not problems:
+        return
+    sentences = [f"{path}:{line}: {text}" for line, text in problems[:_MOST_PROBLEMS]]
+    if len(problems) > _MOST_PROBLEMS:
+        sentences.append(f"{path}: and {len(problems) - _MOST_PROBLEMS} more")
+    raise WiringError("\n".join(sentences))

@@ -1,0 +1,119 @@
+"""The mission as a participant: publishes where the joints should be, and says when it is done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from stepbus.config import Config
+from stepbus.participant import Participant
+from stepbus.plugins import construct, read_class
+from stepbus.settings import Settings
+from stepbus.step import Step
+from stepbus_schemas import Description, Event, JointReference, Message, RunError
+
+from .generators import Generator, Sine, StepChange
+from .trajectories import CsvTrajectory, Waypoints
+
+TASKS: dict[str, type[Generator]] = {
+    "csv": CsvTrajectory,
+    "sine": Sine,
+    "step": StepChange,
+    "waypoints": Waypoints,
+}
+"""Value of `task` in the scenario → its class."""
+
+_TASK_PARAMS = (
+    *("amplitude", "omega", "phase", "offset"),
+    *("target", "initial", "time"),
+    *("waypoints", "file"),
+)
+
+
+class MissionParticipant(Participant):
+    """Publishes a reference at every step it fires at.
+
+    Outputs: one JointReference/1 and, where the scenario wires it, one Event/1 that tells of the
+    beginning and the end. The names of the ports are the scenario's. It reads no input.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        settings = Settings(config)
+        self._reference_port = settings.output_of("JointReference/1")
+        self._event_port = settings.optional_output_of("Event/1")
+        settings.outputs_are("JointReference/1", "Event/1")
+        self._joints = settings.names("joints")
+        self._end_when_done = settings.flag("end_when_done", False)
+        self._task = str(settings.value("task", ""))
+        self._generator = read_generator(settings, self._joints, self._end_when_done)
+        duration = duration_of(self._generator)
+        self._done_ns = math.inf if math.isinf(duration) else round(duration * 1e9)
+        self._is_done = False
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the joints in the order of the reference."""
+        described = {self._reference_port: Description(names=list(self._joints))}
+        if self._event_port is not None:
+            described[self._event_port] = Description()
+        return described
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the reference of this step."""
+        messages: dict[str, Message] = {
+            self._reference_port: self._checked(self._generator.at(step.t), step)
+        }
+        if step.index == 0:
+            self._tell(messages, f"{self._task} of {', '.join(self._joints)} begins")
+        if step.t_ns >= self._done_ns and not self._is_done:
+            self._is_done = True
+            text = f"{self._task} is done at {step.t:.3f} s"
+            self._tell(messages, text)
+            if self._end_when_done:
+                step.end(f"{self.config.name}: {text}")
+        return messages
+
+    def _tell(self, messages: dict[str, Message], text: str) -> None:
+        if self._event_port is not None:
+            messages[self._event_port] = Event(level="info", text=text)
+
+    def _checked(self, reference: JointReference, step: Step) -> JointReference:
+        """Return the reference; raises RunError when it is of no use to anybody."""
+        rows = (reference.position, reference.velocity, reference.acceleration)
+        n = len(self._joints)
+        if any(len(row) != n for row in rows):
+            raise RunError(
+                f"{self.config.name}: step {step.index}: {self._task} returned "
+                f"{'/'.join(str(len(row)) for row in rows)} values for {n} joints"
+            )
+        if not all(math.isfinite(value) for row in rows for value in row):
+            raise RunError(
+                f"{self.config.name}: step {step.index}: {self._task} returned a value that is "
+                f"not finite: {reference}"
+            )
+        return reference
+
+
+def read_generator(settings: Settings, joints: Sequence[str], has_to_end: bool) -> Generator:
+    """Return the generator that the settings describe.
+
+    has_to_end: whether it is of no use without a duration. Raises WiringError with all that is
+    wrong with the settings.
+    """
+    task = read_class(settings, "task", TASKS, "at")
+    generator: Generator | None = None
+    if task is not None:
+        generator = construct(settings, "task", task, joints)
+    if generator is None:
+        if ":" not in str(settings.value("task", "")):
+            settings.note_unknown(also_known=_TASK_PARAMS)
+        settings.refuse()
+    if has_to_end and math.isinf(duration_of(generator)):
+        settings.note("end_when_done", "is true, but this task never ends")
+    settings.check()
+    return generator
+
+
+def duration_of(generator: Generator) -> float:
+    """Return when a generator comes to rest for good [s]; infinite where it never does."""
+    return float(getattr(generator, "duration", math.inf))

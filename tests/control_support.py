@@ -1,0 +1,134 @@
+"""Controller and mission without a bus: configurations, steps, and a loop closed by Pinocchio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from stepbus.config import Config
+from stepbus.inputs import make_inputs
+from stepbus.participant import Participant
+from stepbus.step import Step
+from stepbus_controller import ControllerParticipant
+from stepbus_mission import MissionParticipant
+from stepbus_schemas import Description, InputConfig, JointState, Message, OutputConfig
+
+import stepbus_scenarios
+
+TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
+STEP_NS = 5_000_000
+JOINTS = ["joint1", "joint2"]
+SINE = {
+    "task": "sine",
+    "joints": JOINTS,
+    "phase": {"joint1": 0, "joint2": np.pi / 2},
+}
+
+
+def controller_config(folder: Path = TWO_LINK, every: int = 1, **params: Any) -> Config:
+    """Return the configuration of a controller wired as in two_link."""
+    return Config(
+        name="controller",
+        step_ns=STEP_NS,
+        every=every,
+        seed=0,
+        folder=folder,
+        inputs={
+            "joint_state": InputConfig(source="plant", port="joint_state", type="JointState/1"),
+            "reference": InputConfig(source="mission", port="reference", type="JointReference/1"),
+        },
+        outputs={
+            "command": OutputConfig(type="JointCommand/1"),
+            "status": OutputConfig(type="ControllerStatus/1"),
+        },
+        params=params,
+    )
+
+
+def mission_config(folder: Path = TWO_LINK, **params: Any) -> Config:
+    """Return the configuration of a mission that also tells its events."""
+    outputs = {
+        "reference": OutputConfig(type="JointReference/1"),
+        "event": OutputConfig(type="Event/1"),
+    }
+    return Config(
+        name="mission",
+        step_ns=STEP_NS,
+        every=1,
+        seed=0,
+        folder=folder,
+        inputs={},
+        outputs=outputs,
+        params=params,
+    )
+
+
+class Stand:
+    """A participant on a test stand: sets its inputs, one step after the other."""
+
+    def __init__(self, participant: Participant) -> None:
+        self.participant = participant
+        self.inputs = make_inputs(dict(participant.config.inputs))
+        self.step = Step(self.inputs, participant.config.step_ns)
+
+    def update(self, index: int, **messages: Message) -> dict[str, Any]:
+        """Return what the participant publishes at a step; inputs not named here are held."""
+        self.step.index = index
+        for name, port in self.inputs.items():
+            port.fresh = name in messages
+            port.value = messages.get(name, port.value)
+        return dict(self.participant.update(self.step) or {})
+
+
+def make_controller(config: Config, names: list[str] | None = None) -> Stand:
+    """Return a started controller; names: the joint order of both its inputs."""
+    controller = ControllerParticipant(config)
+    description = Description(names=names or JOINTS)
+    controller.start({"joint_state": description, "reference": description})
+    return Stand(controller)
+
+
+def make_mission(config: Config) -> Stand:
+    """Return a started mission."""
+    mission = MissionParticipant(config)
+    mission.start({})
+    return Stand(mission)
+
+
+class Arm:
+    """The two-link arm by Pinocchio, stepped as PyBullet does: semi-implicit Euler."""
+
+    def __init__(self) -> None:
+        self.model = pin.buildModelFromUrdf(str(TWO_LINK / "two_link.urdf"))
+        self.data = self.model.createData()
+        self.q = np.array([0.0, 1.0])
+        self.v = np.zeros(2)
+
+    def move(self, torque: list[float]) -> None:
+        """Move on by one step under a torque [N·m]."""
+        a = pin.aba(self.model, self.data, self.q, self.v, np.array(torque))
+        self.v = self.v + a * STEP_NS * 1e-9
+        self.q = self.q + self.v * STEP_NS * 1e-9
+
+
+def tracking_errors(steps: int = 2000, sense_velocity: bool = True, **params: Any) -> np.ndarray:
+    """Return reference minus position of a closed loop, shape (steps, 2) [rad]."""
+    arm, mission = Arm(), make_mission(mission_config(**SINE))
+    controller = make_controller(controller_config(model="two_link.urdf", **params))
+    errors = []
+    for index in range(steps):
+        velocity = arm.v.tolist() if sense_velocity else None
+        state = JointState(position=arm.q.tolist(), velocity=velocity)
+        reference = mission.update(index)["reference"]
+        published = controller.update(index, joint_state=state, reference=reference)
+        errors.append(np.array(reference.position) - arm.q)
+        arm.move(published["command"].values)
+    return np.array(errors)
+
+
+def rmse_after_2_s(**params: Any) -> list[float]:
+    """Return the steady tracking error per joint [rad]."""
+    errors = tracking_errors(**params)[400:]
+    return np.sqrt((errors**2).mean(axis=0)).tolist()
