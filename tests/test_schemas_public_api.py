@@ -3,9 +3,18 @@ from types import ModuleType
 
 import pytest
 
+import stepbus
 import stepbus_schemas
 
-PACKAGES = ["stepbus", "stepbus_orchestrator", "stepbus_schemas"]
+PACKAGES = [
+    "stepbus",
+    "stepbus_controller",
+    "stepbus_mission",
+    "stepbus_orchestrator",
+    "stepbus_plant",
+    "stepbus_scenarios",
+    "stepbus_schemas",
+]
 
 
 def _order(name: str) -> tuple[int, str]:
@@ -23,14 +32,15 @@ def _public_names(package: ModuleType) -> set[str]:
 
 @pytest.mark.parametrize("name", PACKAGES)
 def test_all_is_sorted(name: str) -> None:
-    listed = importlib.import_module(name).__all__
+    listed = getattr(importlib.import_module(name), "__all__", [])
     assert listed == sorted(set(listed), key=_order)
 
 
 @pytest.mark.parametrize("name", PACKAGES)
 def test_all_is_complete(name: str) -> None:
     package = importlib.import_module(name)
-    assert set(package.__all__) - {"__version__"} == _public_names(package) - {"annotations"}
+    listed = set(getattr(package, "__all__", []))
+    assert listed - {"__version__"} == _public_names(package) - {"annotations"}
 
 
 def test_the_contract_offers_exactly_this() -> None:
@@ -40,4 +50,12 @@ def test_the_contract_offers_exactly_this() -> None:
         "JointReference JointState Log Message MessageError OutputConfig Outputs Ready Refusal "
         "RunError Start StepbusError Stop Trigger Waiting Welcome WiringError "
         "encode encoding_of json_schema message_class type_name"
+    )
+
+
+def test_the_participant_library_offers_exactly_this() -> None:
+    assert " ".join(stepbus.__all__) == (
+        "Bus BusError Config ControllerStatus Description Endpoint Event InputAbsent JointCommand "
+        "JointReference JointState Message MessageError OutputError Participant RunError Step "
+        "StepbusError Ticket WiringError load_ticket main take_part"
     )

@@ -27,10 +27,8 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def test_every_type_has_vectors_of_each_kind() -> None:
-    kinds = {"exact", "accepted", "refused"}
-    assert {name: set(groups) for name, groups in VECTORS.items()} == {
-        name: kinds for name in TYPES
-    }
+    assert sorted(VECTORS) == sorted(TYPES)
+    assert all(groups["exact"] and groups["accepted"] for groups in VECTORS.values())
 
 
 @each_type
@@ -59,6 +57,15 @@ def test_accepted_vectors_mean_the_value_beside_them(type_name: str) -> None:
     rows = VECTORS[type_name]["accepted"]
     values = {row["name"]: msgpack.unpackb(encode(decode(_data(row)))) for row in rows}
     assert [row["name"] for row in rows if not _equal(values[row["name"]], row["value"])] == []
+
+
+@each_type
+def test_a_default_may_be_written_out(type_name: str) -> None:
+    fields = json_schema(type_name)["properties"]
+    defaults = {name: field["default"] for name, field in fields.items() if "default" in field}
+    minimal = VECTORS[type_name]["exact"][0]["value"]
+    decode = Decoder(TYPES[type_name])
+    assert decode(msgpack.packb(defaults | minimal)) == decode(msgpack.packb(minimal))
 
 
 @each_type

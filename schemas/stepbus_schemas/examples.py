@@ -212,6 +212,11 @@ _STEPPING: dict[str, dict[str, Value]] = {
         },
         "latest step": {**_RUN, "step": 2**63 - 1, "t_ns": 2**63 - 1},
     },
+    "Chain/1": {
+        "minimal": {"step": 0, "hashes": {}},
+        "full": {"step": 1024, "hashes": {"plant": "00ff" * 16, "controller": "5a" * 32}},
+        "before the first step": {"step": -1, "hashes": {_UNICODE: ""}},
+    },
     "Log/1": {
         "minimal": {"name": "plant", **_RUN},
         "full": {

@@ -16,7 +16,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from .problems import Keys, Place, Problem, ScenarioError, dotted
 
 _STANDARD = "tag:yaml.org,2002:"
-_MOST_VALUES = 200_000
+_MOST_VALUES = 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
 
 

@@ -34,7 +34,7 @@ class JointOrder:
             raise WiringError("\n".join(problems))
         self._port = port
         self._length = len(given)
-        self._index = np.array([given.index(name) for name in wanted], dtype=np.intp)
+        self._index = [given.index(name) for name in wanted]
 
     def pick(self, values: Sequence[float] | None, quantity: str) -> Vector:
         """Return one quantity of a message, shape (n,), in the controller's order.
@@ -48,5 +48,4 @@ class JointOrder:
                 f"input {self._port!r} carries {len(values)} {quantity} values for "
                 f"{self._length} joints"
             )
-        picked: Vector = np.array(values, dtype=np.float64)[self._index]
-        return picked
+        return np.array([values[i] for i in self._index])

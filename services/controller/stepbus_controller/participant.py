@@ -129,18 +129,19 @@ class ControllerParticipant(Participant):
 
     def _checked(self, torque: Any, step: int) -> list[float]:
         """Return the law's torques as a list; raises RunError when they are of no use."""
-        values: list[float] = np.asarray(torque, dtype=np.float64).tolist()
-        if np.shape(torque) != (len(self._limit),):
+        vector = np.asarray(torque, dtype=np.float64)
+        if vector.shape != (len(self._limit),):
             raise RunError(
                 f"{self.config.name}: step {step}: the law returned torques of shape "
-                f"{np.shape(torque)}, not ({len(self._limit)},)"
+                f"{vector.shape}, not ({len(self._limit)},)"
             )
-        for name, value in zip(self._robot.joints, values, strict=True):
-            if not math.isfinite(value):
-                raise RunError(
-                    f"{self.config.name}: step {step}: the torque of joint {name!r} is {value}; "
-                    "is a gain too high, or an input not finite?"
-                )
+        values: list[float] = vector.tolist()
+        if not all(map(math.isfinite, values)):
+            rows = dict(zip(self._robot.joints, values, strict=True))
+            raise RunError(
+                f"{self.config.name}: step {step}: the torques are {rows}; is a gain too high, "
+                "or an input not finite?"
+            )
         return values
 
     def _status(

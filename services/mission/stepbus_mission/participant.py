@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 from stepbus.config import Config
 from stepbus.participant import Participant
@@ -44,6 +45,7 @@ class MissionParticipant(Participant):
         self._event_port = settings.optional_output_of("Event/1")
         settings.outputs_are("JointReference/1", "Event/1")
         self._joints = settings.names("joints")
+        self._lengths = [len(self._joints)] * 3
         self._end_when_done = settings.flag("end_when_done", False)
         self._task = str(settings.value("task", ""))
         self._generator = read_generator(settings, self._joints, self._end_when_done)
@@ -80,13 +82,13 @@ class MissionParticipant(Participant):
     def _checked(self, reference: JointReference, step: Step) -> JointReference:
         """Return the reference; raises RunError when it is of no use to anybody."""
         rows = (reference.position, reference.velocity, reference.acceleration)
-        n = len(self._joints)
-        if any(len(row) != n for row in rows):
+        lengths = [len(row) for row in rows]
+        if lengths != self._lengths:
             raise RunError(
-                f"{self.config.name}: step {step.index}: {self._task} returned "
-                f"{'/'.join(str(len(row)) for row in rows)} values for {n} joints"
+                f"{self.config.name}: step {step.index}: {self._task} returned {lengths} positions, "
+                f"velocities, accelerations for {len(self._joints)} joints"
             )
-        if not all(math.isfinite(value) for row in rows for value in row):
+        if not all(map(math.isfinite, chain(*rows))):
             raise RunError(
                 f"{self.config.name}: step {step.index}: {self._task} returned a value that is "
                 f"not finite: {reference}"

@@ -1,0 +1,177 @@
+"""Hand-written chains of the messages of two_link: no orchestrator, no types, no recording.
+
+What the bus alone can do, to compare the lockstep with. Three processes pass the same number of
+messages of the same size: plant → controller, mission → controller, controller → plant. The
+mission runs ahead by up to a window, as it does in stepbus. `python bare.py zenoh|pyzmq STEPS`
+prints steps per second.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+from stepbus.ticket import Endpoint
+
+WINDOW = 64
+CREDIT = WINDOW // 2
+MEMBERS = ("plant", "controller", "mission")
+# Bytes of the `Outputs` of two_link, measured on the wire.
+STATE, REFERENCE, COMMAND = b"s" * 150, b"r" * 160, b"c" * 150
+
+
+class Wire(Protocol):
+    """What both kinds of chain need: put to all listeners, get from one member."""
+
+    def put(self, data: bytes) -> None:
+        """Send to everybody who listens to us."""
+
+    def grant(self) -> None:
+        """Let the mission go on by half a window."""
+
+    def get(self, member: str) -> bytes:
+        """Return the next message of a member."""
+
+    def close(self) -> None:
+        """Close."""
+
+
+class ZenohWire:
+    """The chain over Zenoh, on the same transport as stepbus."""
+
+    def __init__(self, name: str, hears: tuple[str, ...], folder: str) -> None:
+        from stepbus.zenoh_bus import ZenohBus  # noqa: PLC0415  (in the child only)
+
+        addresses = [f"unixsock-stream/{folder}/{member}.sock" for member in MEMBERS]
+        own = MEMBERS.index(name)
+        self._bus = ZenohBus(Endpoint(listen=[addresses[own]], connect=addresses[:own]), "bare")
+        self._queues: dict[str, SimpleQueue[Any]] = {member: SimpleQueue() for member in hears}
+        self._put = self._bus.publisher(f"out/{name}", "application/octet-stream")
+        self._credit = self._bus.publisher("out/credit", "application/octet-stream")
+        for member, queue in self._queues.items():
+            self._bus.subscribe(f"out/{member}", queue.put)
+
+    def put(self, data: bytes) -> None:
+        self._put(data)
+
+    def grant(self) -> None:
+        self._credit(b"")
+
+    def get(self, member: str) -> bytes:
+        return self._bus.payload(self._queues[member].get(timeout=10))
+
+    def close(self) -> None:
+        self._bus.close()
+
+
+class ZmqWire:
+    """The chain over pyzmq, one PUB socket each."""
+
+    def __init__(self, name: str, hears: tuple[str, ...], folder: str) -> None:
+        import zmq  # noqa: PLC0415  (in the child only)
+
+        context = zmq.Context()
+        self._out = context.socket(zmq.PUB)
+        self._out.setsockopt(zmq.SNDHWM, 0)
+        self._out.bind(f"ipc://{folder}/{name}.zmq")
+        self._credit = context.socket(zmq.PUB)
+        if name == "plant":
+            self._credit.bind(f"ipc://{folder}/credit.zmq")
+        self._in = {}
+        for member in hears:
+            socket = self._in[member] = context.socket(zmq.SUB)
+            socket.setsockopt(zmq.SUBSCRIBE, b"")
+            socket.setsockopt(zmq.RCVTIMEO, 10_000)
+            socket.connect(f"ipc://{folder}/{member}.zmq")
+
+    def put(self, data: bytes) -> None:
+        self._out.send(data)
+
+    def grant(self) -> None:
+        self._credit.send(b"")
+
+    def get(self, member: str) -> bytes:
+        data: bytes = self._in[member].recv()
+        return data
+
+    def close(self) -> None:
+        for socket in (self._out, self._credit, *self._in.values()):
+            socket.close(0)
+
+
+WIRES: dict[str, Callable[[str, tuple[str, ...], str], Wire]] = {
+    "zenoh": ZenohWire,
+    "pyzmq": ZmqWire,
+}
+
+
+def plant(wire: Wire, steps: int) -> None:
+    """Send the state, wait for the command; every half window, let the mission go on."""
+    for step in range(steps):
+        wire.put(STATE)
+        wire.get("controller")
+        if step % CREDIT == CREDIT - 1:
+            wire.grant()
+
+
+def controller(wire: Wire, steps: int) -> None:
+    """Wait for state and reference, send the command."""
+    for _ in range(steps):
+        wire.get("plant")
+        wire.get("mission")
+        wire.put(COMMAND)
+
+
+def mission(wire: Wire, steps: int) -> None:
+    """Send the reference, at most a window ahead of the commands."""
+    for step in range(steps):
+        if step >= WINDOW and step % CREDIT == 0:
+            wire.get("credit")
+        wire.put(REFERENCE)
+
+
+ROLES = {
+    "plant": (plant, ("controller",)),
+    "controller": (controller, ("plant", "mission")),
+    "mission": (mission, ("credit",)),
+}
+
+
+def _member(kind: str, name: str, steps: int, folder: str, barrier: Any) -> None:
+    role, hears = ROLES[name]
+    wire = WIRES[kind](name, hears, folder)
+    time.sleep(1.0)  # every link is up within 0.5 s
+    barrier.wait()
+    began = time.perf_counter()
+    role(wire, steps)
+    if name == "plant":
+        sys.stdout.write(f"{steps / (time.perf_counter() - began):.0f}\n")
+        sys.stdout.flush()
+    barrier.wait()
+    wire.close()
+    os._exit(0)
+
+
+def main(kind: str, steps: int) -> None:
+    """Run one chain."""
+    context = multiprocessing.get_context("spawn")
+    barrier = context.Barrier(len(MEMBERS))
+    with tempfile.TemporaryDirectory(prefix="bare-") as folder:
+        children = [
+            context.Process(target=_member, args=(kind, name, steps, folder, barrier))
+            for name in MEMBERS
+        ]
+        for child in children:
+            child.start()
+        for child in children:
+            child.join()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))
