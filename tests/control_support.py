@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+
+import stepbus_scenarios
 from stepbus.config import Config
 from stepbus.inputs import make_inputs
 from stepbus.participant import Participant
@@ -14,8 +16,6 @@ from stepbus.step import Step
 from stepbus_controller import ControllerParticipant
 from stepbus_mission import MissionParticipant
 from stepbus_schemas import Description, InputConfig, JointState, Message, OutputConfig
-
-import stepbus_scenarios
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 STEP_NS = 5_000_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ def _read_notation(value: dict[str, Any]) -> Any:
             return value
 
 
+@cache
 def messages(type_name: str) -> st.SearchStrategy[Message | Envelope]:
     return _values(msgspec.inspect.type_info(TYPES[type_name]))
 

@@ -35,7 +35,7 @@ def json_schema(type_name: str) -> dict[str, Any]:
     if cls is protocol.Log:
         _nest_outputs(types)
     for name, schema in types.items():
-        _describe_fields(name, schema)
+        _describe(name, schema)
     if "Outputs" in types:
         types["Outputs"]["properties"]["ports"]["additionalProperties"] = ANY_VALUE
     # Readers of MCAP (Foxglove, PlotJuggler) want the object at the root, not behind a `$ref`.
@@ -57,8 +57,9 @@ def _nest_outputs(types: dict[str, Any]) -> None:
     types.update(nested)
 
 
-def _describe_fields(name: str, schema: dict[str, Any]) -> None:
+def _describe(name: str, schema: dict[str, Any]) -> None:
     """Add the docstrings of a class's fields to those that have no description of their own."""
+    schema["description"] = inspect.cleandoc(schema["description"])
     cls = getattr(protocol, name, None) or getattr(messages, name)
     texts = _field_docstrings(cls)
     for field, properties in schema["properties"].items():

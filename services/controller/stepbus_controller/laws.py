@@ -76,7 +76,9 @@ class PID:
         integral = self._integral + self._ki * error * dt
         total = proportional + integral
         winds_up = (np.abs(total) > self._integrate_within) & (total * error > 0)
-        self._integral = np.where(winds_up, self._integral, integral)
+        if winds_up.any():
+            integral[winds_up] = self._integral[winds_up]
+        self._integral = integral
         return proportional + self._integral
 
 

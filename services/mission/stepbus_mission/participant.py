@@ -85,8 +85,8 @@ class MissionParticipant(Participant):
         lengths = [len(row) for row in rows]
         if lengths != self._lengths:
             raise RunError(
-                f"{self.config.name}: step {step.index}: {self._task} returned {lengths} positions, "
-                f"velocities, accelerations for {len(self._joints)} joints"
+                f"{self.config.name}: step {step.index}: {self._task} returned {lengths} values of "
+                f"position, velocity, acceleration for {len(self._joints)} joints"
             )
         if not all(map(math.isfinite, chain(*rows))):
             raise RunError(

@@ -10,9 +10,9 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 import msgspec
 from ruamel.yaml import YAML, MappingNode, Node
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from stepbus_schemas import WiringError
 
-from .errors import hint
+from stepbus.settings import nearest
+from stepbus_schemas import WiringError
 
 T = TypeVar("T")
 Where = tuple[str, ...]
@@ -108,7 +108,7 @@ def _struct_problems(
         if key in fields:
             problems += find_problems(value, fields[key].type, path)
         else:
-            problems.append((path, f"unknown; {hint(str(key), fields)}"))
+            problems.append((path, f"unknown; {nearest(str(key), fields)}"))
     problems += [
         (where, f"{name!r} is missing")
         for name, field in fields.items()

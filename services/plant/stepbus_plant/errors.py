@@ -7,9 +7,6 @@ RunError
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
-
 from stepbus_schemas import RunError
 
 
@@ -19,12 +16,3 @@ class CommandError(RunError, ValueError):
 
 class PhysicsError(RunError, ArithmeticError):
     """The physics engine failed, or its state left the finite numbers."""
-
-
-def hint(name: str, known: Iterable[str]) -> str:
-    """Return the end of a sentence that names what `name` may have meant."""
-    names = list(known)
-    close = difflib.get_close_matches(name, names, n=3)
-    if close:
-        return "did you mean " + " or ".join(repr(item) for item in close) + "?"
-    return "there is " + (", ".join(names) or "none")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import msgspec
+
 from stepbus_schemas import WiringError
 
 from .checked import NonNegative, Positive, find_problems

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
+
 from stepbus.config import package_path
 from stepbus_schemas import WiringError
 from stepbus_schemas.messages import JointMode
 
-from .checked import Finite, NonNegative, Positive, Problem, Source, Vector3, find_problems
+from .checked import Finite, NonNegative, Problem, Source, Vector3, Where, find_problems
 
 Actuation = Literal["direct", "velocity_force"]
 
@@ -119,7 +120,10 @@ class World(_Row, frozen=True):
 
 
 def duration_ns(text: str) -> int:
-    """Return a duration such as `5ms` in [ns]; raises WiringError when that is no positive integer."""
+    """Return a duration such as `5ms` [ns].
+
+    Raises WiringError when that is not a positive whole number.
+    """
     unit = text.lstrip("0123456789. ")
     value = Decimal(text.removesuffix(unit).strip()) * _UNITS_NS[unit]
     if value != int(value) or value < 1:
@@ -163,7 +167,7 @@ def _world_problems(world: World) -> list[Problem]:
 
 def _settings_problems(name: str, body: Body) -> list[Problem]:
     """Return the contradictions among the settings of each joint of a body."""
-    rows = {("joint_defaults",): body.joint_defaults}
+    rows: dict[Where, JointSettings] = {("joint_defaults",): body.joint_defaults}
     rows |= {("joints", key): row.over(body.joint_defaults) for key, row in body.joints.items()}
     problems: list[Problem] = []
     for key, row in rows.items():

@@ -1,0 +1,39 @@
+.PHONY: help demo test test-slow check bench clean setup
+
+PYTHON := .venv/bin/python
+
+help:
+	@echo "make demo       run the two-link arm for 10 s and plot it"
+	@echo "make test       run the tests that are quick"
+	@echo "make test-slow  run the others"
+	@echo "make check      formatting, lint, types, imports, generated files, changelog"
+	@echo "make bench      measure steps per second"
+	@echo "make clean      remove .venv and caches; runs/ stays"
+
+demo: setup
+	@.venv/bin/stepbus run two_link
+
+test: setup
+	@$(PYTHON) -m pytest
+
+# pytest exits with 5 where there are no such tests.
+test-slow: setup
+	@$(PYTHON) -m pytest -m slow || [ $$? -eq 5 ]
+
+check: setup
+	@$(PYTHON) -m ruff format --check .
+	@$(PYTHON) -m ruff check .
+	@$(PYTHON) -m mypy
+	@.venv/bin/lint-imports
+	@$(PYTHON) -m stepbus_schemas.generate --check
+	@$(PYTHON) scripts/check_changelog.py
+
+bench: setup
+	@$(PYTHON) benchmarks/lockstep.py
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+setup:
+	@scripts/setup_venv.sh

@@ -1,0 +1,65 @@
+"""The command line: a thin skin over the library, and the only place that prints or exits."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from stepbus_schemas import StepbusError
+
+from ..errors import ExitCode, RunFailure
+from ..scenario import ScenarioError
+from . import run_command, validate_command
+from .command import Command
+from .output import complain
+
+COMMANDS: tuple[Command, ...] = (
+    run_command.COMMAND,
+    validate_command.COMMAND,
+)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="stepbus",
+        description="Co-simulation for robotics: plant, controller and mission as separate "
+        "processes in lockstep over Zenoh, recorded to MCAP.",
+        epilog="example: stepbus run two_link",
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        sub = commands.add_parser(
+            command.name,
+            help=command.summary,
+            description=command.description,
+            epilog="examples:\n" + "\n".join(f"  {line}" for line in command.examples),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.add_arguments(sub)
+        sub.set_defaults(execute=command.execute)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code (docs/exit-codes.md)."""
+    args = make_parser().parse_args(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code: int = args.execute(args)
+    except ScenarioError as exc:
+        complain(str(exc))
+        return ExitCode.SCENARIO
+    except RunFailure as exc:
+        complain(str(exc))
+        return exc.code
+    except StepbusError as exc:
+        complain(str(exc))
+        return ExitCode.SCENARIO
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return ExitCode.INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has gone, as `head` does; nobody is left to tell.
+        return ExitCode.FINISHED
+    return code

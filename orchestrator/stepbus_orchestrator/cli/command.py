@@ -1,0 +1,40 @@
+"""What a command of the command line is: a row of data and two functions."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """One subcommand.
+
+    name: as typed. summary: one line in the overview. description: above its own help. examples:
+    command lines that work. add_arguments: declares its arguments. execute: does it and returns
+    the exit code; errors are raised.
+    """
+
+    name: str
+    summary: str
+    description: str
+    examples: tuple[str, ...]
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    execute: Callable[[argparse.Namespace], int]
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what every command that takes a scenario understands."""
+    parser.add_argument(
+        "scenario",
+        help="a scenario file, a folder with a scenario.yaml, or the name of a built-in one "
+        "such as two_link or two_link/pd",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="override one value, e.g. controller.params.kp=80 or duration=2s; may be repeated",
+    )

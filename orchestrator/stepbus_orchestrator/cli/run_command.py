@@ -1,0 +1,111 @@
+"""`stepbus run`: run a scenario, watch it, and say what came of it."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import threading
+from pathlib import Path
+from types import FrameType
+
+from ..report import write_report
+from ..result import Result
+from ..run import Options, default_folder, run
+from ..scenario import Scenario, load
+from .command import Command, add_scenario_arguments
+from .live import make_display
+from .output import complain, say, say_json
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument("--out", type=Path, help="folder of this run (default: runs/<name>-<time>)")
+    parser.add_argument("--window", type=int, help="steps in flight; 1: synchronous mode")
+    parser.add_argument("--transport", choices=("unix", "tcp"), help="how processes are linked")
+    parser.add_argument("--no-report", action="store_true", help="make no report.png")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _overrides(args: argparse.Namespace) -> list[str]:
+    """Return all overrides, those with an option of their own included."""
+    extra = []
+    if args.window is not None:
+        extra += [f"window={args.window}", f"batch={max(1, args.window // 2)}"]
+    if args.transport is not None:
+        extra.append(f"bus.transport={args.transport}")
+    return [*args.set, *extra]
+
+
+def _execute(args: argparse.Namespace) -> int:
+    scenario = load(args.scenario, _overrides(args))
+    out = args.out or default_folder(scenario, Path("runs"))
+    result = _run(scenario, out, quiet=args.json)
+    lines = [] if args.no_report else _report(result)
+    if args.json:
+        say_json(result)
+    else:
+        _summarise(result, lines)
+    return result.exit_code
+
+
+def _run(scenario: Scenario, out: Path, *, quiet: bool) -> Result:
+    """Run with a display; Ctrl-C and SIGTERM end the run cleanly."""
+    interrupt = threading.Event()
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        interrupt.set()
+
+    before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+    display = None if quiet else make_display(scenario.name)
+    try:
+        return run(scenario, Options(out=out), display, interrupt)
+    finally:
+        if display is not None:
+            display.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _report(result: Result) -> list[str]:
+    """Make the plots and return what the summary says of the recording."""
+    if not result.recording.exists() or result.steps == 0:
+        return []
+    return write_report(result.recording)
+
+
+def _summarise(result: Result, lines: list[str]) -> None:
+    if result.exit_code:
+        complain(result.reason)
+    why = "" if result.exit_code or result.reason == "finished" else f" ({result.reason})"
+    say(
+        f"{result.scenario}: {result.outcome}{why} after {result.steps} steps of "
+        f"{result.step_ns * 1e-6:g} ms"
+    )
+    if result.wall_s:
+        say(
+            f"wall time {result.wall_s:.2f} s ({result.steps / result.wall_s:.0f} steps/s), "
+            f"real-time factor {result.real_time_factor:.2f}, start-up {result.start_s:.2f} s"
+        )
+    for line in lines:
+        say(line)
+    dropped = {name: count for name, count in result.drops.items() if count}
+    if dropped or result.foreign:
+        say(f"messages dropped: {dropped or 'none'}; from strangers: {result.foreign}")
+    if result.sha256:
+        say(f"recording {result.recording}\nsha256    {result.sha256}")
+
+
+COMMAND = Command(
+    name="run",
+    summary="run a scenario and record it",
+    description="Starts every participant of a scenario, drives them in lockstep, and records "
+    "everything to run.mcap. Ctrl-C ends the run cleanly. The exit code tells the cause of a "
+    "failure (docs/exit-codes.md).",
+    examples=(
+        "stepbus run two_link",
+        "stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s",
+        "stepbus run my/scenario.yaml --window 1 --out /tmp/run1",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Make .venv hold what pyproject.toml asks for, at the versions of constraints.txt.
+# Does nothing when it does already.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+venv=.venv
+stamp=$venv/.stepbus-installed
+
+is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+
+# The stamp names the folder: in a copied one, .venv would still run the code of the original.
+if [ "$(cat "$stamp" 2>/dev/null)" = "$PWD" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt constraints.txt ] &&
+    "$venv/bin/python" -c '' 2>/dev/null; then
+    exit 0
+fi
+
+if ! is_new_enough "$venv/bin/python"; then
+    python=
+    for candidate in python3.11 python3; do
+        if is_new_enough "$candidate"; then python=$candidate; break; fi
+    done
+    if [ -z "$python" ]; then
+        echo "stepbus needs Python 3.11 or newer, and neither python3.11 nor python3 is one:" \
+            "install it (e.g. the packages python3.11 and python3.11-venv) and try again" >&2
+        exit 1
+    fi
+    echo "making $venv with $("$python" --version)"
+    if ! "$python" -m venv --clear "$venv"; then
+        rm -rf "$venv"
+        echo "$python cannot make a virtual environment; on Debian and Ubuntu install" \
+            "the package python3.11-venv and try again" >&2
+        exit 1
+    fi
+fi
+
+if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; then
+    echo "note: pybullet has no wheel for $("$venv/bin/python" --version);" \
+        "it will be compiled, which needs a C++ compiler and takes some minutes"
+fi
+
+echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, once)"
+log=$venv/setup.log
+if ! "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    -c constraints.txt -e '.[dev]' 2>&1 | tee "$log" |
+    sed -u -n -e 's/^Collecting \([^ ]*\).*/  found \1/p' -e 's/^Installing collected.*/  unpacking/p'
+then
+    tail -n 15 "$log" >&2
+    echo "installing failed; the whole output is in $log" >&2
+    exit 1
+fi
+pwd >"$stamp"
+echo "ready"
