@@ -43,7 +43,7 @@ echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, onc
 log=$venv/setup.log
 if ! "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     -c constraints.txt -e '.[dev]' 2>&1 | tee "$log" |
-    sed -u -n -e 's/^Collecting \([^ ]*\).*/  found \1/p' -e 's/^Installing collected.*/  unpacking/p'
+    sed -u -n -e 's/^Collecting \([^ <>=~!]*\).*/  found \1/p' -e 's/^Installing collected.*/  unpacking/p'
 then
     tail -n 15 "$log" >&2
     echo "installing failed; the whole output is in $log" >&2

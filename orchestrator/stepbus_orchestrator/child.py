@@ -6,7 +6,6 @@ import contextlib
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -95,14 +94,3 @@ class Child:
             return ""
         said = [line.strip() for line in lines if line.strip()]
         return said[-1][:300] if said else ""
-
-
-def wait_all(children: Sequence[Child], seconds: Mapping[str, float]) -> list[Child]:
-    """Wait for each child as long as its own time allows [s]; return those that still run."""
-    began = time.monotonic()
-    late = []
-    for child in children:
-        left = began + seconds[child.name] - time.monotonic()
-        if not child.wait(max(0.0, left)):
-            late.append(child)
-    return late

@@ -218,7 +218,24 @@ class Conductor:
     def stop(self, reason: str, at_step: int = -1) -> None:
         """Tell everybody that the run ends; negative `at_step`: at once."""
         self.ended_at = time.monotonic()
-        self._put_stop(encode(Stop(token=self._token, reason=reason, at_step=at_step)))
+        self._stop_message = encode(Stop(token=self._token, reason=reason, at_step=at_step))
+        self._put_stop(self._stop_message)
+
+    def await_ends(self, culprit: str | None) -> list[Member]:
+        """Wait until the processes have ended, each as long as it may take; return the late ones.
+
+        Nobody waits for the culprit, nor for one that has not got ready: it has nothing to save.
+        """
+        members = [m for name, m in self.roster.items() if name != culprit]
+        members = [m for m in members if m.phase == Phase.READY]
+        began = time.monotonic()
+        while True:
+            left = [m for m in members if m.child.exit_code() is None]
+            waited_s = time.monotonic() - began
+            if not any(waited_s < m.spec.deadlines.stop_s for m in left):
+                return left
+            left[0].child.wait(TICK_S)
+            self._put_stop(self._stop_message)
 
     # --- one turn of the loop --------------------------------------------------------------
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from io import RawIOBase
 from pathlib import Path
 
 _RESERVE_BYTES = 512 * 1024
 
 
-class SteadyFile(RawIOBase):
+class SteadyFile:
     """An append-only file of whole writes: one that fails leaves no half of it behind.
 
     Room to close the file properly is set aside beside it from the beginning, and given back by
@@ -20,6 +19,7 @@ class SteadyFile(RawIOBase):
     def __init__(self, path: Path) -> None:
         self._path = path
         self._position = 0
+        self.closed = False
         self._reserve = path.with_name(f".{path.name}.reserve")
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         try:
@@ -36,15 +36,11 @@ class SteadyFile(RawIOBase):
         finally:
             os.close(reserve)
 
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
     def tell(self) -> int:
         """Return how much has been written [bytes]."""
         return self._position
 
-    def write(self, data: bytes) -> int:  # type: ignore[override]
+    def write(self, data: bytes) -> int:
         """Append all of `data`, or nothing of it.
 
         Raises OSError, e.g. when the disk is full.
@@ -60,6 +56,9 @@ class SteadyFile(RawIOBase):
         self._position += len(data)
         return len(data)
 
+    def flush(self) -> None:
+        """Nothing is held back."""
+
     def release(self) -> None:
         """Give back the room that was set aside."""
         self._reserve.unlink(missing_ok=True)
@@ -67,7 +66,7 @@ class SteadyFile(RawIOBase):
     def close(self) -> None:
         """Close the file; harmless when repeated."""
         if not self.closed:
+            self.closed = True
             with contextlib.suppress(OSError):
                 os.close(self._file)
             self.release()
-        super().close()

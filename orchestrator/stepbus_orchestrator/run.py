@@ -13,7 +13,6 @@ from pathlib import Path
 from stepbus import BusError
 from stepbus.zenoh_bus import ZenohBus
 
-from .child import wait_all
 from .conductor import Conductor
 from .endpoints import Mesh, make_mesh, new_token, private_folder
 from .errors import BusFailed, ParticipantDied, RecordingFailed, RunFailure, StopTimeout
@@ -168,7 +167,7 @@ class _Run:
             conductor.stop("the orchestrator ends")
             raise
         finally:
-            late = self._await_end(conductor, culprit)
+            late = conductor.await_ends(culprit)
         self._check_ends(conductor, late)
         return reason
 
@@ -181,13 +180,6 @@ class _Run:
             )
             conductor.roster = {**conductor.roster, name: Member(spec, child)}
             self._timing.event("spawn", name, f"pid {child.pid}")
-
-    def _await_end(self, conductor: Conductor, culprit: str | None) -> list[Member]:
-        """Wait for every process as long as it may take; one that hangs is not waited for."""
-        members = [member for name, member in conductor.roster.items() if name != culprit]
-        seconds = {m.name: m.spec.deadlines.stop_s for m in members}
-        late = wait_all([member.child for member in members], seconds)
-        return [member for member in members if member.child in late]
 
     def _check_ends(self, conductor: Conductor, late: list[Member]) -> None:
         if late:

@@ -23,7 +23,7 @@ from .model import (
 from .override import TOP_KEYS
 
 _PHASES = ("spawn", "join", "ready", "step", "stop")
-_PARTICIPANT_KEYS = (
+PARTICIPANT_KEYS = (
     "exec",
     "every",
     "publishes",
@@ -102,7 +102,7 @@ def _participant(field: Field, step_ns: int | None) -> ParticipantSpec:
     if field.absent:
         field.wrong("is empty; it needs at least exec")
     else:
-        field.check_keys(_PARTICIPANT_KEYS, required=("exec",))
+        field.check_keys(PARTICIPANT_KEYS, required=("exec",))
     for name in (port for key in ("inputs", "outputs") for port in field[key].children()):
         name.check_name()
     every = field["every"].integer(1, least=1, most=LONGEST_NS // (step_ns or 1))

@@ -9,10 +9,28 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.nodes import ScalarNode
+from ruamel.yaml.representer import SafeRepresenter
 
 from .durations import format_duration
 from .find_files import search_files
 from .model import InputSpec, OutputSpec, ParticipantSpec, Scenario
+
+
+class _Representer(SafeRepresenter):
+    """Writes every value where it stands, and so that it is read back as it was."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Return that a list or map that stands in two places is written twice."""
+        return True
+
+    def represent_text(self, text: str) -> ScalarNode:
+        """Return text, quoted so that line breaks such as U+0085 do not become blanks."""
+        style = None if text.isprintable() else '"'
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Representer.add_representer(str, _Representer.represent_text)
 
 
 def resolved(scenario: Scenario) -> str:
@@ -22,12 +40,11 @@ def resolved(scenario: Scenario) -> str:
     the same files gives an equal scenario but for these, and the same text again.
     """
     yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.width = sys.maxsize
     # The order of maps is part of a scenario: participants that could go first go in that order.
     yaml.representer.sort_base_mapping_type_on_output = False
-    # Without this, a list or map that stands in two places becomes an anchor and an alias.
-    yaml.representer.ignore_aliases = lambda _: True
     text = io.StringIO()
     yaml.dump(_scenario(scenario), text)
     return text.getvalue()

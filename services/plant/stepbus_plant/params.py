@@ -44,7 +44,7 @@ class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """World file: relative to the scenario, absolute, or `package://<package>/<path>`."""
     joints: list[str] | None = None
     """Joints that are sensed, in this order. Default: all movable ones, in the models' order."""
-    sense: list[Quantity] = ["position", "velocity", "effort"]
+    sense: tuple[Quantity, ...] = ("position", "velocity", "effort")
     """Quantities that are sensed."""
     noise: Noise = Noise()
     resolution: Resolution = Resolution()
