@@ -89,7 +89,7 @@ VALUES = st.recursive(
 
 
 @settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=2500
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=1500
 )
 @given(value=VALUES)
 def test_any_parameter_survives_being_written(tmp_path, value):

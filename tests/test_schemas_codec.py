@@ -75,4 +75,4 @@ def test_the_encoding_names_the_type() -> None:
 
 def test_a_message_cannot_be_changed() -> None:
     with pytest.raises(AttributeError, match="immutable"):
-        JointState(position=[1.0]).position = [2.0]  # type: ignore[misc]
+        JointState(position=[1.0]).position = [2.0]

@@ -157,6 +157,7 @@ class Recorder:
         self._step_ns = step_ns
         self._lanes = {spec.name: _Lane(spec) for spec in order}
         self._types = {spec.name: spec.outputs for spec in order}
+        self._has_bulk = any(out.bulk for spec in order for out in spec.outputs.values())
         self._next = 0
         self._chain_channel = -1
 
@@ -201,7 +202,7 @@ class Recorder:
 
     def write_below(self, step: int) -> None:
         """Write all steps below `step`, as far as their bulk content is there."""
-        while self._next < step and self._is_whole(self._next):
+        while self._next < step and (not self._has_bulk or self._is_whole(self._next)):
             self._write_step(self._next, sequence_end=False)
             self._next += 1
 

@@ -72,9 +72,11 @@ class Input:
 
         Raises PeerFault when it is not of the port's type.
         """
-        due = self.due(step)
         self.fresh = False
         pending = self._pending
+        if not pending:
+            return
+        due = self.due(step)
         while pending and pending[0][0] <= due:
             source_step, data = pending.popleft()
             self.fresh = True
@@ -106,10 +108,12 @@ class Source:
         self._inputs = inputs
         self._token = token
         self._newest = b""
+        self._delay = min(item.config.delay for item in inputs)
 
     def due(self, step: int) -> int:
         """Return the newest step of this source that any input needs at `step`."""
-        return max(item.due(step) for item in self._inputs)
+        reach = step - self._delay
+        return reach - reach % self.every if reach >= 0 else -1
 
     def accept(self, data: bytes) -> Outputs | None:
         """Take in one message; return it when it is the next one, None when it was dropped.

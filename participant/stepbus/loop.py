@@ -96,7 +96,7 @@ class StepLoop:
         """Take in the next message of a source, however long it takes."""
         sample = self._next(source, source.queue)
         outputs = source.accept(self._bus.payload(sample))
-        if outputs is not None:
+        if outputs is not None and outputs.bulk:
             for port, size in outputs.bulk.items():
                 if port in source.bulk_queues:
                     self._receive_bulk(source, outputs, port, size)
@@ -119,6 +119,11 @@ class StepLoop:
 
     def _next(self, source: Source, queue: Any) -> Any:
         """Return the next sample of a queue; the orchestrator's word comes first."""
+        if not queue.empty():
+            sample = queue.get()
+            if sample is not None:
+                return sample
+            self._control.poll()
         began = _now_ns()
         timeout = FLUSH_AFTER_S
         while True:

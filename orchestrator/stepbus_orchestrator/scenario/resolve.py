@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,9 @@ from .find_files import search_files
 from .model import InputSpec, OutputSpec, ParticipantSpec, Scenario
 
 
+_HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")
+
+
 class _Representer(SafeRepresenter):
     """Writes every value where it stands, and so that it is read back as it was."""
 
@@ -25,8 +29,10 @@ class _Representer(SafeRepresenter):
         return True
 
     def represent_text(self, text: str) -> ScalarNode:
-        """Return text, quoted so that line breaks such as U+0085 do not become blanks."""
-        style = None if text.isprintable() else '"'
+        """Return text, in quotes unless it is harmless."""
+        # ruamel.yaml 0.19 leaves bare, or in single quotes, texts that it does not read back as
+        # they were: '?0', and line breaks such as U+0085.
+        style = None if _HARMLESS.fullmatch(text) else '"'
         return self.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
