@@ -89,7 +89,7 @@ VALUES = st.recursive(
 
 
 @settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=1500
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
 )
 @given(value=VALUES)
 def test_any_parameter_survives_being_written(tmp_path, value):

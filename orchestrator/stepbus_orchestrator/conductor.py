@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -27,7 +28,7 @@ from stepbus_schemas import (
 )
 
 from .barrier import Barrier
-from .deadlines import at, check_processes, check_start, check_step, death, skipped
+from .deadlines import at, check_start, check_step, death, skipped
 from .errors import Interrupted, ParticipantFault, RunFailure, StartFailed, StepTimeout
 from .progress import Observer, Progress
 from .reception import receive, welcome_of
@@ -41,6 +42,9 @@ _PROGRESS_EVERY = 5
 # A machine that slept, or an orchestrator that was suspended, is nobody's fault: one look at
 # the clock counts for at most this much.
 _LONGEST_TICK_S = 0.25
+
+# Those who wait for a process that has died say so after 20 ms, and with it, at which step.
+_LAST_WORDS_S = 0.1
 
 _decode_hello = Decoder(Hello)
 _decode_ready = Decoder(Ready)
@@ -191,7 +195,6 @@ class Conductor:
     def _close(self) -> None:
         """Ask for the closing outputs, and write the end of the recording."""
         end = self._last_step()
-        self._phase = "stopping"
         schedule = Schedule.of(self._scenario)
         closing = [name for name in schedule.order if schedule.closing(name, end)]
         reason = self._end[1] if self._end is not None else "finished"
@@ -205,6 +208,10 @@ class Conductor:
     def _check_closing(self, closing: list[str], end: int, elapsed_s: float) -> None:
         for name in closing:
             member = self.roster[name]
+            if self.barrier.reported[name] >= end:
+                continue
+            if member.child.exit_code() is not None:
+                raise death(member, self.roster, self.barrier, self._scenario.step_ns)
             member.hold(end, elapsed_s)
             if member.holds_s > member.spec.deadlines.stop_s:
                 raise StepTimeout(
@@ -218,24 +225,39 @@ class Conductor:
     def stop(self, reason: str, at_step: int = -1) -> None:
         """Tell everybody that the run ends; negative `at_step`: at once."""
         self.ended_at = time.monotonic()
+        self._phase = "stopping"
         self._stop_message = encode(Stop(token=self._token, reason=reason, at_step=at_step))
         self._put_stop(self._stop_message)
 
-    def await_ends(self, culprit: str | None) -> list[Member]:
-        """Wait until the processes have ended, each as long as it may take; return the late ones.
+    def end_all(self, culprit: str | None) -> list[Member]:
+        """End every process, take in what it still has to say, and return those that were late.
 
-        Nobody waits for the culprit, nor for one that has not got ready: it has nothing to save.
+        Each may take its stop deadline. Nobody waits for the culprit, nor for one that has not
+        got ready: it has nothing to save.
         """
-        members = [m for name, m in self.roster.items() if name != culprit]
-        members = [m for m in members if m.phase == Phase.READY]
+        members = [m for m in self.roster.values() if m.phase == Phase.READY]
+        late = self._await_ends([m for m in members if m.name != culprit])
+        for member in self.roster.values():
+            member.child.end()
+        self._salvage(0.0)
+        return late
+
+    def _await_ends(self, members: list[Member]) -> list[Member]:
         began = time.monotonic()
         while True:
             left = [m for m in members if m.child.exit_code() is None]
             waited_s = time.monotonic() - began
             if not any(waited_s < m.spec.deadlines.stop_s for m in left):
                 return left
-            left[0].child.wait(TICK_S)
             self._put_stop(self._stop_message)
+            self._salvage(TICK_S / 5)
+
+    def _salvage(self, timeout_s: float) -> None:
+        """Take in what comes; the run has failed already, a further failure changes nothing."""
+        while True:
+            with contextlib.suppress(RunFailure):
+                self._drain(timeout_s)
+                return
 
     # --- one turn of the loop --------------------------------------------------------------
 
@@ -266,12 +288,19 @@ class Conductor:
             take(item)
 
     def _check_processes(self) -> None:
-        """Raise for a process that has ended, after hearing what it said before."""
-        try:
-            check_processes(self.roster, self.barrier, self._scenario.step_ns)
-        except RunFailure:
-            self._drain(TICK_S)
-            raise
+        """Raise for a process that has ended before the run."""
+        if self._phase == "stopping":
+            return
+        for member in self.roster.values():
+            if member.child.exit_code() is not None:
+                self._mourn(member)
+
+    def _mourn(self, member: Member) -> None:
+        """Raise for a process that has ended, after hearing what it and the others have to say."""
+        deadline = time.monotonic() + _LAST_WORDS_S
+        while time.monotonic() < deadline:
+            self._drain(TICK_S / 5)
+        raise death(member, self.roster, self.barrier, self._scenario.step_ns)
 
     def progress(self) -> Progress:
         """Return how far the run is."""
@@ -300,7 +329,7 @@ class Conductor:
         if alive and member.advance(Phase.ALIVE):
             self._timing.event("alive", member.name)
         if not alive and self._phase != "stopping" and member.child.wait(TICK_S):
-            raise death(member, self.barrier, self._scenario.step_ns)
+            self._check_processes()
 
     def _take_join(self, request: Any) -> None:
         try:

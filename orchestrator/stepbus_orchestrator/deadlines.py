@@ -56,17 +56,31 @@ def _late_to_start(member: Member, phase: str, deadline: float) -> str:
     )
 
 
+def owed_step(name: str, roster: Roster, barrier: Barrier) -> int:
+    """Return the step whose output a participant owes.
+
+    Its own reports lag behind by up to a log batch; whoever waits for it knows better.
+    """
+    every = roster[name].spec.every
+    owed = barrier.next_step(name)
+    for member in roster.values():
+        if member.waiting is not None and name in member.waiting.sources:
+            delays = [i.delay for i in member.spec.inputs.values() if i.source == name]
+            reach = member.waiting.step - min(delays)
+            owed = max(owed, reach - reach % every)
+    return owed
+
+
 def check_step(roster: Roster, barrier: Barrier, elapsed_s: float, step_ns: int) -> None:
     """Let the clock of those who hold the step run on; raises StepTimeout for one who is late."""
     holders = barrier.holders() or [
         name for name in roster if barrier.next_step(name) <= barrier.completed
     ]
     for name in holders:
-        member = roster[name]
-        member.hold(barrier.next_step(name), elapsed_s)
+        roster[name].hold(owed_step(name, roster, barrier), elapsed_s)
     late = [m for m in map(roster.__getitem__, holders) if m.holds_s > seconds(m.spec, "step")]
     if late:
-        step = barrier.completed
+        step = late[0].held_step
         sentences = [_holds(member, barrier) for member in late]
         raise StepTimeout(
             f"{at(step, step_ns)}: {'; '.join(sentences)}", participant=late[0].name, step=step
@@ -90,17 +104,9 @@ def _holds(member: Member, barrier: Barrier) -> str:
     return f"{member.who()} has been computing for {member.holds_s:.1f} s; inputs arrived; {limit}"
 
 
-def check_processes(roster: Roster, barrier: Barrier, step_ns: int) -> None:
-    """Raise ParticipantDied or StartFailed for a process that has ended."""
-    for member in roster.values():
-        if member.child.exit_code() is None:
-            continue
-        raise death(member, barrier, step_ns)
-
-
-def death(member: Member, barrier: Barrier, step_ns: int) -> RunFailure:
+def death(member: Member, roster: Roster, barrier: Barrier, step_ns: int) -> RunFailure:
     """Return the failure of a participant whose process has ended."""
-    step = barrier.next_step(member.name) if member.phase == Phase.READY else -1
+    step = owed_step(member.name, roster, barrier) if member.phase == Phase.READY else -1
     said = member.child.last_words()
     tail = f'; it last said: "{said}"' if said else ""
     sentence = (

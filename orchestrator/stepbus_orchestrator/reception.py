@@ -31,7 +31,8 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
         every=spec.every,
         publishes=spec.publishes,
         window=scenario.window,
-        batch=scenario.batch,
+        # Who fires at every fourth step fills a batch in four times the steps of the window.
+        batch=max(1, scenario.batch // spec.every),
         seed=participant_seed(scenario.seed, spec.name),
         inputs={
             port: InputConfig(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -13,6 +14,7 @@ from pathlib import Path
 from stepbus import BusError
 from stepbus.zenoh_bus import ZenohBus
 
+from .child import Child
 from .conductor import Conductor
 from .endpoints import Mesh, make_mesh, new_token, private_folder
 from .errors import BusFailed, ParticipantDied, RecordingFailed, RunFailure, StopTimeout
@@ -33,11 +35,13 @@ class Options:
     """How to run, as opposed to what.
 
     out: folder of the run's files; made, must be empty. start_order: names of the participants
-    in the order they are started; none: that of the scenario.
+    in the order they are started; none: that of the scenario. around: is entered before the first
+    participant is started and left after the last has ended; it gets them by name as they come.
     """
 
     out: Path
     start_order: Sequence[str] | None = None
+    around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
 
 
 def default_folder(scenario: Scenario, parent: Path) -> Path:
@@ -119,7 +123,8 @@ class _Run:
         )
         try:
             mesh = make_mesh(self._scenario, folder, self._token)
-            return self._on_the_bus(launcher, mesh)
+            with self._options.around(launcher.children):
+                return self._on_the_bus(launcher, mesh)
         finally:
             launcher.end_all()
 
@@ -167,7 +172,7 @@ class _Run:
             conductor.stop("the orchestrator ends")
             raise
         finally:
-            late = conductor.await_ends(culprit)
+            late = conductor.end_all(culprit)
         self._check_ends(conductor, late)
         return reason
 

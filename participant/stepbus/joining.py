@@ -37,8 +37,15 @@ class Refused(RunError, PermissionError):
     """The orchestrator did not take us in."""
 
 
-def join(bus: Bus, ticket: Ticket) -> Welcome:
+def join(
+    bus: Bus,
+    ticket: Ticket,
+    inputs: Mapping[str, str] | None = None,
+    outputs: Mapping[str, str] | None = None,
+) -> Welcome:
     """Ask the orchestrator to take us in, until it answers.
+
+    inputs, outputs: port → type, where the program only works with certain ones.
 
     Raises Refused when it says no, RunError when nobody answers within the join time-out.
     """
@@ -49,6 +56,8 @@ def join(bus: Bus, ticket: Ticket) -> Welcome:
         pid=os.getpid(),
         language="python",
         sdk=f"stepbus {version('stepbus')}",
+        inputs=None if inputs is None else dict(inputs),
+        outputs=None if outputs is None else dict(outputs),
     )
     deadline = time.monotonic() + ticket.join_timeout_s
     while time.monotonic() < deadline:

@@ -68,7 +68,8 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     Raises StepbusError when this participant cannot go on; the orchestrator has been told why.
     """
     bus.declare_alive(f"alive/{ticket.name}")
-    welcome = join(bus, ticket)
+    ports = (getattr(factory, "inputs", None), getattr(factory, "outputs", None))
+    welcome = join(bus, ticket, *ports)
     Session(factory, welcome, bus).work()
 
 

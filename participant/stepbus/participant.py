@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 from stepbus_schemas import Description, Message
 
@@ -15,7 +16,13 @@ class Participant:
 
     Called in this order: `__init__`, `describe`, `start`, then at every step `output` (only where
     the scenario says `publishes: first`) and `update`, and `close` on every path at the end.
+
+    inputs, outputs: port → message type, for a program that only works with certain ports; the
+    orchestrator refuses it where the scenario differs. None: it takes what the scenario says.
     """
+
+    inputs: ClassVar[Mapping[str, str] | None] = None
+    outputs: ClassVar[Mapping[str, str] | None] = None
 
     def __init__(self, config: Config) -> None:
         self.config = config

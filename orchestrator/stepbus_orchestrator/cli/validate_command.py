@@ -36,7 +36,8 @@ def _execute(args: argparse.Namespace) -> int:
         return 0
     length = "no fixed end" if scenario.steps is None else f"{scenario.steps} steps"
     say(f"{scenario.file}: valid; {length} of {scenario.step_ns * 1e-6:g} ms")
-    say(schedule.text(args.steps) + " …")
+    more = scenario.steps is None or args.steps < scenario.steps
+    say(schedule.text(args.steps) + (" …" if more else ""))
     return 0
 
 

@@ -17,7 +17,6 @@ from .durations import format_duration
 from .find_files import search_files
 from .model import InputSpec, OutputSpec, ParticipantSpec, Scenario
 
-
 _HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")
 
 

@@ -1,0 +1,63 @@
+"""Holds up participants at random, to bring races to light."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from .child import Child
+
+_LONGEST_PAUSE_S = 0.02
+_LONGEST_DELAY_S = 0.01
+
+
+class Delays:
+    """Stops every participant again and again for up to 10 ms, each at times of its own.
+
+    SIGSTOP and SIGCONT come from outside: they work for a program in any language, reach it
+    between any two instructions, not only where a hook was thought of, and cannot touch its
+    messages, so that whatever changes in the recording is the participant's own race.
+
+    names: the participants. seed: of the pauses and delays. counts: how often each was stopped.
+    Use `around` as `Options.around`.
+    """
+
+    def __init__(self, names: Sequence[str], seed: Sequence[int]) -> None:
+        self.counts = dict.fromkeys(names, 0)
+        self._seed = list(seed)
+        self._over = threading.Event()
+
+    @contextlib.contextmanager
+    def around(self, children: Mapping[str, Child]) -> Iterator[None]:
+        """Hold up the participants, which come into `children` as they are started."""
+        threads = [
+            threading.Thread(target=self._disturb, args=(children, index, name), daemon=True)
+            for index, name in enumerate(self.counts)
+        ]
+        for thread in threads:
+            thread.start()
+        try:
+            yield
+        finally:
+            self._over.set()
+            for thread in threads:
+                thread.join()
+
+    def _disturb(self, children: Mapping[str, Child], index: int, name: str) -> None:
+        generator = np.random.default_rng([*self._seed, index])
+        while not self._over.wait(generator.uniform(0, _LONGEST_PAUSE_S)):
+            child = children.get(name)
+            if child is not None and child.exit_code() is None:
+                self._hold_up(child, generator.uniform(0, _LONGEST_DELAY_S))
+
+    def _hold_up(self, child: Child, delay_s: float) -> None:
+        child.signal(signal.SIGSTOP)
+        try:
+            self._over.wait(delay_s)
+        finally:
+            child.signal(signal.SIGCONT)
+        self.counts[child.name] += 1

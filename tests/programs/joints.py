@@ -1,0 +1,162 @@
+"""Participants for tests: a plant, a controller and a mission of two joints, which can go wrong.
+
+`joints.py ROLE [FAULT STEP]`: what goes wrong, and at which step.
+"""
+
+import os
+import signal
+import sys
+import time
+
+import msgspec
+
+import stepbus
+from stepbus import (
+    Config,
+    Description,
+    Event,
+    JointCommand,
+    JointReference,
+    JointState,
+    Participant,
+    outbox,
+)
+from stepbus_schemas import Outputs
+
+ROLE = sys.argv[1]
+FAULT = sys.argv[2] if len(sys.argv) > 2 else ""
+AT = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+
+
+def go_wrong() -> None:
+    """Do what the command line says."""
+    if FAULT == "raise":
+        raise ValueError("the knee is bent the wrong way")
+    if FAULT == "exit":
+        os._exit(3)
+    if FAULT == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if FAULT == "stop":
+        os.kill(os.getpid(), signal.SIGSTOP)
+    if FAULT == "hang":
+        time.sleep(1000)
+    if FAULT == "deaf":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(1000)
+
+
+class Faulty(Participant):
+    """Goes wrong at one step, or before the first."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        if AT < 0:
+            go_wrong()
+
+    def check(self, step: stepbus.Step) -> None:
+        if step.index == AT:
+            go_wrong()
+
+
+class Plant(Faulty):
+    """Two integrators."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self.position = [0.0, 1.0]
+
+    def describe(self):
+        return {"joint_state": Description(names=["hip", "knee"])}
+
+    def output(self, step):
+        return {"joint_state": JointState(position=self.position)}
+
+    def update(self, step):
+        self.check(step)
+        command = step.read("command", JointCommand)
+        self.position = [q + 1e-3 * v for q, v in zip(self.position, command.values, strict=True)]
+
+
+class Controller(Faulty):
+    """Proportional; ends the run, or talks nonsense, when it is told to."""
+
+    def describe(self):
+        return {"command": Description(like="joint_state")}
+
+    def update(self, step):
+        self.check(step)
+        state = step.read("joint_state", JointState)
+        reference = step.get("reference", JointReference)
+        wanted = reference.position if reference else [0.0, 0.0]
+        values = [r - q for r, q in zip(wanted, state.position, strict=True)]
+        if step.index == AT and FAULT == "end":
+            step.end("the goal is reached")
+        if step.index == AT and FAULT == "port":
+            return {"komand": JointCommand(mode="torque", values=values)}
+        if step.index == AT and FAULT == "type":
+            return {"command": Event(level="info", text="hello")}
+        if step.index == AT and FAULT == "mistyped":
+            return {"command": JointCommand(mode="torque", values="many")}
+        if step.index == AT and FAULT == "huge":
+            return {"command": JointCommand(mode="torque", values=[0.0] * 10_000)}
+        return {"command": JointCommand(mode="torque", values=values)}
+
+    def close(self) -> None:
+        if FAULT == "hang-at-close":
+            time.sleep(1000)
+        if FAULT == "raise-at-close":
+            raise RuntimeError("cannot let go")
+
+
+class Future(Controller):
+    """Was written for another version of a message."""
+
+    outputs = {"command": "JointCommand/2"}
+
+
+class Mission(Faulty):
+    """A ramp."""
+
+    def update(self, step):
+        self.check(step)
+        return {
+            "reference": JointReference(
+                position=[step.t, 0.5], velocity=[1.0, 0.0], acceleration=[0.0, 0.0]
+            )
+        }
+
+
+class Nonsense(Controller):
+    """Publishes bytes past the library's own checks: `port`s of a wrong kind, or no envelope."""
+
+    def update(self, step):
+        messages = super().update(step)
+        if step.index == AT:
+            real = outbox.encode
+            outbox.encode = lambda message: self.spoil(real, message)
+        return messages
+
+    def spoil(self, real, message):
+        if FAULT == "message" and isinstance(message, JointCommand):
+            return msgspec.msgpack.encode({"mode": "torque", "values": "many"})
+        if FAULT == "envelope" and isinstance(message, Outputs):
+            return msgspec.msgpack.encode({"token": message.token, "step": "seven"})
+        if FAULT == "skip" and isinstance(message, Outputs):
+            return real(msgspec.structs.replace(message, step=message.step + 1))
+        if FAULT == "time" and isinstance(message, Outputs):
+            return real(msgspec.structs.replace(message, t_ns=message.t_ns + 1))
+        if FAULT == "garbage" and isinstance(message, Outputs):
+            return b"\xc1 this is no MessagePack"
+        return real(message)
+
+
+ROLES = {
+    "plant": Plant,
+    "controller": Controller,
+    "future": Future,
+    "mission": Mission,
+    "nonsense": Nonsense,
+}
+
+if __name__ == "__main__":
+    raise SystemExit(stepbus.main(ROLES[ROLE]))

@@ -1,0 +1,70 @@
+"""Runs small scenarios of our own participants with real processes, and finds what they leave."""
+
+import tempfile
+import textwrap
+from pathlib import Path
+
+import psutil
+
+from stepbus_orchestrator import Options, Result, load, run
+
+PROGRAM = Path(__file__).with_name("programs") / "joints.py"
+
+SCENARIO = """
+name: joints
+step: 5ms
+duration: 500ms
+participants:
+  plant:
+    exec: [python, joints.py, plant]
+    publishes: first
+    inputs: {command: controller.command}
+    outputs: {joint_state: JointState/1}
+  controller:
+    exec: [python, joints.py, controller]
+    inputs: {joint_state: plant.joint_state, reference: mission.reference}
+    outputs: {command: JointCommand/1}
+  mission:
+    exec: [python, joints.py, mission]
+    every: 4
+    outputs: {reference: JointReference/1}
+"""
+
+
+def write_scenario(folder: Path, text: str = SCENARIO) -> Path:
+    """Write the scenario and its program into a folder."""
+    folder.mkdir(exist_ok=True)
+    (folder / "joints.py").write_bytes(PROGRAM.read_bytes())
+    path = folder / "scenario.yaml"
+    path.write_text(textwrap.dedent(text))
+    return path
+
+
+def run_joints(folder: Path, *overrides: str, **options: object) -> Result:
+    """Run the scenario with overrides; the run's folder is `folder/out`."""
+    scenario = load(write_scenario(folder / "source"), overrides)
+    return run(scenario, Options(out=folder / "out", **options))
+
+
+def fault(role: str, program: str, kind: str, step: int) -> str:
+    """Return the override that lets a participant go wrong at a step."""
+    return f"{role}.exec=[python, joints.py, {program}, {kind}, '{step}']"
+
+
+def leftovers() -> list[str]:
+    """Return the command lines of all participants and guardians that still run."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            line = " ".join(process.cmdline())
+            ours = "guardian.py" in line or "STEPBUS_TICKET" in process.environ()
+            if ours and process.status() != psutil.STATUS_ZOMBIE:
+                found.append(line)
+        except (psutil.NoSuchProcess, psutil.AccessDenied):
+            continue
+    return found
+
+
+def private_folders() -> set[Path]:
+    """Return the private folders of runs that are still there."""
+    return set(Path(tempfile.gettempdir()).glob("stepbus-*"))
