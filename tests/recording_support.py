@@ -3,6 +3,7 @@
 import struct
 
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 MAGIC_BYTES = 8
 HEAD = struct.Struct("<BQ")
@@ -39,3 +40,26 @@ def record_ends(data):
 def opcodes(data):
     """Return the kind of each record of a whole file."""
     return [data[end] for end in record_ends(data)[:-1]]
+
+
+def rewrite(source, target, chunk_bytes, **options):
+    """Copy a recording with chunks of another size, and with other options of the writer."""
+    with source.open("rb") as file, target.open("wb") as out:
+        reader = make_reader(file)
+        writer = Writer(out, chunk_size=chunk_bytes, **options)
+        writer.start(profile="", library="stepbus")
+        for item in reader.iter_attachments():
+            writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+        for item in reader.iter_metadata():
+            writer.add_metadata(item.name, item.metadata)
+        numbers = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in numbers:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                numbers[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number, channel.metadata
+                )
+            time = message.log_time
+            writer.add_message(numbers[channel.id], time, message.data, time, message.sequence)
+        writer.finish()
+    return target

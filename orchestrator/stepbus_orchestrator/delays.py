@@ -53,6 +53,7 @@ class Delays:
             child = children.get(name)
             if child is not None and child.exit_code() is None:
                 self._hold_up(child, generator.uniform(0, _LONGEST_DELAY_S))
+                self.counts[name] += 1
 
     def _hold_up(self, child: Child, delay_s: float) -> None:
         child.signal(signal.SIGSTOP)
@@ -60,4 +61,3 @@ class Delays:
             self._over.wait(delay_s)
         finally:
             child.signal(signal.SIGCONT)
-        self.counts[child.name] += 1

@@ -15,7 +15,7 @@ from .progress import Observer
 from .result import Result, file_sha256, own_versions
 from .run import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT, Options, run
 from .salvage import Salvage
-from .scenario import Scenario, command, load
+from .scenario import Scenario, command, load, resolved
 
 SOURCE_FOLDER = "source"
 _FILES = "files/"
@@ -82,7 +82,7 @@ def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes
     for name in files:
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts or not path.parts or "\0" in name:
-            raise RecordingFailed(f"{recording}: the attached file {name!r} leads out of its folder")
+            raise RecordingFailed(f"{recording}: attached file {name!r} leads out of its folder")
     return files
 
 
@@ -145,6 +145,7 @@ class Preparation:
         recorded = self._origin.versions.get("orchestrator", {})
         self.notes = [
             *_damage(self._origin),
+            *_changes(self._origin, self.scenario, overrides),
             *_open_end(self._origin, self.scenario),
             *_version_notes("the orchestrator", recorded, own_versions()),
             *_outside(self._origin, self.scenario),
@@ -174,20 +175,27 @@ def _damage(origin: Origin) -> list[str]:
     return [f"the recording is damaged: {origin.damage}"] if origin.damage else []
 
 
+def _changes(origin: Origin, scenario: Scenario, overrides: Sequence[str]) -> list[str]:
+    if resolved(scenario).encode() == origin.scenario:
+        return []
+    cause = f"--set {' '.join(overrides)}" if overrides else "this version reads it differently"
+    return [f"the scenario is not the recorded one: {cause}"]
+
+
 def _open_end(origin: Origin, scenario: Scenario) -> list[str]:
     if scenario.steps is not None:
         return []
-    return [
+    note = (
         f"the scenario has no duration, the recording has {origin.steps} steps; if no participant "
         "ends the run, end it with Ctrl-C or give it one with --set duration=…"
-    ]
+    )
+    return [note]
 
 
 def _version_notes(who: str, recorded: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     """Return a sentence for each thing that is another than it was."""
     return [
-        f"{who} ran with {name} {recorded.get(name, 'absent')}, now it is "
-        f"{now.get(name, 'absent')}"
+        f"{who} ran with {name} {recorded.get(name, 'absent')}, now it is {now.get(name, 'absent')}"
         for name in sorted({*recorded, *now})
         if recorded.get(name) != now.get(name)
     ]

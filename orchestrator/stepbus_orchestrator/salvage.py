@@ -68,6 +68,8 @@ class Salvage:
                 file.seek(0)
                 self._take_magic(file)
                 yield from self._until_damage(file)
+        except RecordingFailed:
+            raise
         except OSError as exc:
             raise RecordingFailed(f"{self.path} cannot be read: {exc.strerror or exc}") from exc
 

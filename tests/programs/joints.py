@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import time
+from typing import ClassVar
 
 import msgspec
 
@@ -111,7 +112,7 @@ class Controller(Faulty):
 class Future(Controller):
     """Was written for another version of a message."""
 
-    outputs = {"command": "JointCommand/2"}
+    outputs: ClassVar = {"command": "JointCommand/2"}
 
 
 class Mission(Faulty):

@@ -10,13 +10,16 @@ from stepbus_schemas import StepbusError
 
 from ..errors import ExitCode, RunFailure
 from ..scenario import ScenarioError
-from . import run_command, validate_command
+from . import recover_command, rerun_command, run_command, validate_command, verify_command
 from .command import Command
 from .output import complain
 
 COMMANDS: tuple[Command, ...] = (
     run_command.COMMAND,
     validate_command.COMMAND,
+    verify_command.COMMAND,
+    rerun_command.COMMAND,
+    recover_command.COMMAND,
 )
 
 

@@ -42,10 +42,11 @@ def _plain(value: object) -> object:
 
 def _lines(recovery: Recovery) -> list[str]:
     """Return what was saved and what was lost, in sentences."""
-    kept = f"kept {recovery.messages} messages up to step {recovery.last_step}"
+    kept = f"{recovery.messages} messages up to step {recovery.last_step}"
     lines = [
         f"{recovery.source}: {recovery.damage or 'undamaged'}",
-        f"{kept}, {recovery.attachments} attachments, {recovery.metadata} metadata records",
+        f"kept {kept if recovery.messages else 'no messages'}; attachments: "
+        f"{recovery.attachments}, metadata records: {recovery.metadata}",
     ]
     if recovery.damage:
         lines.append(_loss(recovery))

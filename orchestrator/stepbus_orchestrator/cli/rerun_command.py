@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import ExitCode
 from ..rerun import Preparation, Rerun
 from .command import Command
-from .divergence import compare, divergence
+from .divergence import divergence
 from .interrupt import interruptible
 from .live import make_display
 from .output import complain, say, say_json
@@ -32,10 +33,15 @@ def _execute(args: argparse.Namespace) -> int:
     if not args.json:
         _warn(preparation.notes)
     rerun = _run(preparation, quiet=args.json)
+    text = None if rerun.equal else divergence(rerun.recording, rerun.result.recording)
     if args.json:
-        return _answer(rerun)
-    _warn(rerun.notes[len(preparation.notes) :])
-    return _conclude(rerun)
+        say_json(_fields(rerun, text))
+    else:
+        _warn(rerun.notes[len(preparation.notes) :])
+        _conclude(rerun, text)
+    if rerun.result.exit_code:
+        return rerun.result.exit_code
+    return ExitCode.FINISHED if text is None else ExitCode.DIFFERENT
 
 
 def _default(recording: Path) -> Path:
@@ -46,7 +52,7 @@ def _default(recording: Path) -> Path:
     return next(Path("runs") / name for name in names if not (Path("runs") / name).exists())
 
 
-def _warn(notes: list[str]) -> None:
+def _warn(notes: Sequence[str]) -> None:
     for note in notes:
         say(f"note: {note}")
 
@@ -59,3 +65,43 @@ def _run(preparation: Preparation, *, quiet: bool) -> Rerun:
     finally:
         if display is not None:
             display.close()
+
+
+def _conclude(rerun: Rerun, text: str | None) -> None:
+    result = rerun.result
+    if result.exit_code:
+        complain(result.reason)
+    if rerun.equal:
+        say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
+    elif text is None:
+        say(f"{result.steps} steps, every message as recorded; only the notes above differ")
+    else:
+        say(f"{rerun.recording} and {result.recording} differ:\n{text}")
+    say(f"recording {result.recording}")
+
+
+def _fields(rerun: Rerun, text: str | None) -> dict[str, object]:
+    return {
+        "equal": rerun.equal,
+        "messages_equal": text is None,
+        "divergence": text,
+        "notes": rerun.notes,
+        "recorded_sha256": rerun.recorded_sha256,
+        "result": rerun.result,
+    }
+
+
+COMMAND = Command(
+    name="rerun",
+    summary="run again from nothing but a recording",
+    description="Takes the scenario and its files out of a recording into <out>/source, runs "
+    "them, and says whether the new recording is equal to the byte. Notes what is different on "
+    "this machine. Exits with 0 when every message is equal, else with 10. A recording contains "
+    "programs: run only one you trust.",
+    examples=(
+        "stepbus rerun runs/two_link-20250101-120000/run.mcap",
+        "stepbus rerun run.mcap --set window=1 --out /tmp/again",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import signal
-import threading
 from pathlib import Path
-from types import FrameType
 
 from ..report import write_report
 from ..result import Result
 from ..run import Options, default_folder, run
 from ..scenario import Scenario, load
 from .command import Command, add_scenario_arguments
+from .interrupt import interruptible
 from .live import make_display
 from .output import complain, say, say_json
 
@@ -50,20 +48,13 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _run(scenario: Scenario, out: Path, *, quiet: bool) -> Result:
     """Run with a display; Ctrl-C and SIGTERM end the run cleanly."""
-    interrupt = threading.Event()
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        interrupt.set()
-
-    before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
     display = None if quiet else make_display(scenario.name)
     try:
-        return run(scenario, Options(out=out), display, interrupt)
+        with interruptible() as interrupt:
+            return run(scenario, Options(out=out), display, interrupt)
     finally:
         if display is not None:
             display.close()
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _report(result: Result) -> list[str]:

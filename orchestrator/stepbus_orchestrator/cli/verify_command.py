@@ -17,6 +17,7 @@ from .output import complain, say, say_json
 
 _RUNS = 5
 _SHOWN_HASH = 12
+_ONLY_AROUND = "every message is equal; what differs is in the attachments, metadata or channels"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +101,7 @@ def _conclude(found: Verification) -> None:
             f"run {other.trial.number} differs from run {one.trial.number}: the same scenario "
             "gave two results"
         )
-        say(divergence(one.result.recording, other.result.recording))
+        say(divergence(one.result.recording, other.result.recording) or _ONLY_AROUND)
     else:
         say(f"{len(found.outcomes)} runs of {first.steps} steps, one result\nsha256 {first.sha256}")
 
