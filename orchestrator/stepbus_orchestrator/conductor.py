@@ -92,6 +92,7 @@ class Conductor:
         self._released = 0
         self._phase = "starting"
         self._began = time.monotonic()
+        self._checked_at = self._began
         self._ticks = 0
         self._compute: dict[str, tuple[int, int]] = {}
         self._open()
@@ -263,14 +264,14 @@ class Conductor:
 
     def _turn(self, check: Callable[[float], None]) -> None:
         """Take in what comes within a tick; look at clocks, processes and the user after it."""
-        deadline = time.monotonic() + TICK_S
         self._drain(TICK_S)
         if self._interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.barrier.completed)
-        now = time.monotonic()
-        if now < deadline:
+        elapsed_s = time.monotonic() - self._checked_at
+        if elapsed_s < TICK_S:
             return
-        check(min(now - deadline + TICK_S, _LONGEST_TICK_S))
+        self._checked_at += elapsed_s
+        check(min(elapsed_s, _LONGEST_TICK_S))
         self._check_processes()
         self._ticks += 1
         if self._ticks % _PROGRESS_EVERY == 0:

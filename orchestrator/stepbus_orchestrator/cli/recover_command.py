@@ -45,8 +45,10 @@ def _lines(recovery: Recovery) -> list[str]:
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
     lines = [
         f"{recovery.source}: {recovery.damage or 'undamaged'}",
-        f"kept {kept if recovery.messages else 'no messages'}; attachments: "
-        f"{recovery.attachments}, metadata records: {recovery.metadata}",
+        (
+            f"kept {kept if recovery.messages else 'no messages'}; attachments: "
+            f"{recovery.attachments}, metadata records: {recovery.metadata}"
+        ),
     ]
     if recovery.damage:
         lines.append(_loss(recovery))

@@ -1,0 +1,132 @@
+"""Joint signals of a recording as arrays, brought together by joint name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .reader import Port, Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """One port over time.
+
+    names: of the joints. steps: shape (m,). t: simulation time, shape (m,), [s]. fields:
+    quantity → values, shape (m, n). limits: as in the port's description.
+    """
+
+    names: Sequence[str]
+    steps: NDArray[np.int64]
+    t: Array
+    fields: Mapping[str, Array]
+    limits: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    def of(self, quantity: str, joint: str) -> Array | None:
+        """Return one quantity of one joint, shape (m,); None where there is none."""
+        if quantity not in self.fields or joint not in self.names:
+            return None
+        values: Array = self.fields[quantity][:, list(self.names).index(joint)]
+        return values
+
+    def held_at(self, steps: NDArray[np.int64], values: Array) -> Array:
+        """Return values of this signal at other steps, held since the newest; NaN before."""
+        place = np.searchsorted(self.steps, steps, side="right") - 1
+        held: Array = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+        return held
+
+
+def read_signal(recording: Recording, port: Port, quantities: Sequence[str]) -> Signal | None:
+    """Return a port as arrays; None when it has no messages, or none of a constant width."""
+    rows = list(recording.messages(port.topic))
+    if not rows:
+        return None
+    steps = np.array([step for step, _ in rows])
+    t = np.array([entry.t_ns for entry in recording.entries[port.topic]]) * 1e-9
+    fields = {
+        quantity: values
+        for quantity in quantities
+        if (values := _array([getattr(message, quantity) for _, message in rows])) is not None
+    }
+    width = max((values.shape[1] for values in fields.values()), default=0)
+    names = port.description.names or [f"joint {i + 1}" for i in range(width)]
+    if any(values.shape[1] != len(names) for values in fields.values()):
+        return None
+    return Signal(names=names, steps=steps, t=t, fields=fields, limits=port.description.limits)
+
+
+def _array(rows: list[Any]) -> Array | None:
+    if any(row is None for row in rows) or len({len(row) for row in rows}) != 1:
+        return None
+    return np.array(rows, dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """What the classic plots of joint control need.
+
+    state, reference, command: the first port of each type; absent where there is none.
+    joints: those that state and reference share, in the state's order.
+    """
+
+    state: Signal | None
+    reference: Signal | None
+    command: Signal | None
+
+    @property
+    def joints(self) -> list[str]:
+        """Return the joints that are both measured and referred to."""
+        if self.state is None or self.reference is None:
+            return []
+        return [name for name in self.state.names if name in self.reference.names]
+
+    def error(self, joint: str) -> Array:
+        """Return reference minus measured position, shape (m,), at the steps of the state."""
+        state, reference = self.state, self.reference
+        measured = None if state is None else state.of("position", joint)
+        wanted = None if reference is None else reference.of("position", joint)
+        if state is None or reference is None or measured is None or wanted is None:
+            return np.full(0 if state is None else len(state.steps), np.nan)
+        return reference.held_at(state.steps, wanted) - measured
+
+
+def read_tracking(recording: Recording) -> Tracking:
+    """Return the joint signals of a recording."""
+    found = {
+        kind: _first(recording, kind, quantities)
+        for kind, quantities in (
+            ("JointState/1", ("position", "velocity", "effort")),
+            ("JointReference/1", ("position", "velocity", "acceleration")),
+            ("JointCommand/1", ("values",)),
+        )
+    }
+    return Tracking(
+        state=found["JointState/1"],
+        reference=found["JointReference/1"],
+        command=found["JointCommand/1"],
+    )
+
+
+def _first(recording: Recording, kind: str, quantities: Sequence[str]) -> Signal | None:
+    ports = recording.of_type(kind)
+    return read_signal(recording, ports[0], quantities) if ports else None
+
+
+def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
+    """Return the root mean square of each joint's tracking error [rad].
+
+    after_s: what comes before is left out [s]; the closing sample, which has no reference of its
+    own, is too.
+    """
+    state, reference = tracking.state, tracking.reference
+    if state is None or reference is None:
+        return {}
+    chosen = (state.t >= after_s) & (state.steps <= reference.steps[-1])
+    rows = {joint: tracking.error(joint)[chosen] for joint in tracking.joints}
+    return {joint: float(np.sqrt(np.nanmean(e**2))) for joint, e in rows.items() if len(e)}
