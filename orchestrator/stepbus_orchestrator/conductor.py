@@ -32,9 +32,9 @@ from .deadlines import at, check_start, check_step, death, skipped
 from .errors import Interrupted, ParticipantFault, RunFailure, StartFailed, StepTimeout
 from .progress import Observer, Progress
 from .reception import receive, welcome_of
-from .recorder import Recorder
-from .roster import Member, Phase, Roster, input_descriptions
+from .roster import Descriptions, Member, Phase, Roster, input_descriptions
 from .scenario import Scenario, Schedule
+from .sink import Sink
 from .timing import TimingRecorder
 
 TICK_S = 0.05
@@ -67,7 +67,7 @@ class Conductor:
         scenario: Scenario,
         bus: Bus,
         token: str,
-        recorder: Recorder,
+        recorder: Sink,
         timing: TimingRecorder,
         observer: Observer,
         interrupt: threading.Event,
@@ -148,13 +148,18 @@ class Conductor:
             {name: dict(item.outputs) for name, item in ready.items() if item is not None},
             {name: dict(item.versions) for name, item in ready.items() if item is not None},
         )
-        inputs = input_descriptions(self._scenario, self.roster)
+        inputs = input_descriptions(self._scenario, self._descriptions())
         self._start_message = encode(Start(token=self._token, inputs=inputs))
         self._timing.event("start")
         self._phase = "stepping"
         self.started_at = time.monotonic()
         self._put_start(self._start_message)
         self._release()
+
+    def _descriptions(self) -> Descriptions:
+        """Return what everybody says of its outputs."""
+        ready = ((name, member.ready) for name, member in self.roster.items())
+        return {name: item.outputs if item else {} for name, item in ready}
 
     def _step(self) -> str:
         """Release step after step until the run has ended; return why."""

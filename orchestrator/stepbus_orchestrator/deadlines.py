@@ -34,11 +34,11 @@ def check_start(roster: Roster, elapsed_s: float) -> None:
 
 
 def _waits_for_others(member: Member, roster: Roster) -> bool:
-    """Return whether it waits for a first message of somebody who is not ready to send it."""
+    """Return whether it waits for a greeting of somebody who is not that far yet."""
     if member.phase != Phase.JOINED or member.waiting is None:
         return False
     sources = [roster[name] for name in member.waiting.sources]
-    return any(source.phase < Phase.JOINED or source.waiting is None for source in sources)
+    return any(source.phase < Phase.READY and source.waiting is None for source in sources)
 
 
 def _late_to_start(member: Member, phase: str, deadline: float) -> str:

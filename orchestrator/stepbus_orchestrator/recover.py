@@ -11,13 +11,13 @@ from typing import Any
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
+from stepbus.durations import parse_duration
 from stepbus_schemas import StepbusError
 
 from .errors import RecordingFailed
 from .recorder import CHUNK_BYTES
 from .salvage import Salvage
 from .scenario.document import parse_value
-from .scenario.durations import parse_duration
 
 _SCENARIO = "scenario.yaml"
 

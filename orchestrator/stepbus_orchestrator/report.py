@@ -126,7 +126,7 @@ def _against(
             _line(axis, state.t, values, joint, place)
         wanted = None if reference is None else reference.of(quantity, joint)
         if reference is not None and wanted is not None:
-            _line(axis, reference.t, wanted, f"{joint} reference", place, dashed=True)
+            _line(axis, reference.t, wanted, "reference" if place == 0 else "_", place, dashed=True)
     _legend(axis)
 
 
@@ -162,8 +162,8 @@ def _line(
 ) -> None:
     t, values = _thinned(t, values)
     colour = _COLOURS[place % len(_COLOURS)]
-    style = {"linestyle": "--", "alpha": 0.6} if dashed else {}
-    axis.plot(t, values, label=label, color=colour, linewidth=1.4, **style)
+    style = {"color": "black", "linestyle": (0, (4, 6)), "linewidth": 1.1, "zorder": 3}
+    axis.plot(t, values, label=label, **(style if dashed else {"color": colour, "linewidth": 2}))
 
 
 def _thinned(t: Array, values: Array) -> tuple[Array, Array]:
@@ -185,7 +185,7 @@ def _thinned(t: Array, values: Array) -> tuple[Array, Array]:
 
 def _legend(axis: Any) -> None:
     if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="upper right", fontsize=9)
+        axis.legend(loc="best", fontsize=9)
 
 
 def _nothing(axis: Any, text: str) -> None:

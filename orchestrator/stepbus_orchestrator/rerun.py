@@ -8,13 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from mcap.records import Attachment, Message, Metadata
-
 from .errors import RecordingFailed
 from .progress import Observer
+from .reader import Recording
 from .result import Result, file_sha256, own_versions
 from .run import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT, Options, run
-from .salvage import Salvage
 from .scenario import Scenario, command, load, resolved
 
 SOURCE_FOLDER = "source"
@@ -48,17 +46,8 @@ def read_origin(recording: Path) -> Origin:
     Raises RecordingFailed when the file is none, or holds no scenario, or a file whose name leads
     out of its folder.
     """
-    salvage = Salvage(recording)
-    attachments: dict[str, bytes] = {}
-    versions: dict[str, dict[str, str]] = {}
-    steps = 0
-    for record in salvage.records():
-        if isinstance(record, Message):
-            steps = max(steps, record.sequence + 1)
-        elif isinstance(record, Attachment):
-            attachments[record.name] = record.data
-        elif isinstance(record, Metadata) and record.name.startswith(_VERSIONS):
-            versions[record.name.removeprefix(_VERSIONS)] = record.metadata
+    recorded = Recording.open(recording)
+    attachments = recorded.attachments
     if SCENARIO_ATTACHMENT not in attachments:
         raise RecordingFailed(
             f"{recording} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
@@ -67,9 +56,15 @@ def read_origin(recording: Path) -> Origin:
         recording=recording,
         scenario=attachments[SCENARIO_ATTACHMENT],
         files=_files(recording, attachments),
-        versions=versions,
-        steps=steps,
-        damage=salvage.damage,
+        versions={
+            name.removeprefix(_VERSIONS): content
+            for name, content in recorded.metadata.items()
+            if name.startswith(_VERSIONS)
+        },
+        steps=max(
+            (entries[-1].step + 1 for entries in recorded.entries.values() if entries), default=0
+        ),
+        damage=recorded.damage,
     )
 
 

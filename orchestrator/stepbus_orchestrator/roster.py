@@ -67,12 +67,14 @@ class Member:
 
 Roster = Mapping[str, Member]
 
+Descriptions = Mapping[str, Mapping[str, Description]]
+"""Participant → output → its description."""
 
-def input_descriptions(scenario: Scenario, roster: Roster) -> dict[str, dict[str, Description]]:
+
+def input_descriptions(
+    scenario: Scenario, outputs: Descriptions
+) -> dict[str, dict[str, Description]]:
     """Return the description of every input: participant → input → description."""
-    outputs = {
-        name: dict(member.ready.outputs) if member.ready else {} for name, member in roster.items()
-    }
     return {
         spec.name: {
             port: _resolve(scenario, outputs, source.source, source.port, set())
@@ -84,7 +86,7 @@ def input_descriptions(scenario: Scenario, roster: Roster) -> dict[str, dict[str
 
 def _resolve(
     scenario: Scenario,
-    outputs: Mapping[str, Mapping[str, Description]],
+    outputs: Descriptions,
     name: str,
     port: str,
     seen: set[tuple[str, str]],

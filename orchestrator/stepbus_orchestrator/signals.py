@@ -36,9 +36,11 @@ class Signal:
         return values
 
     def held_at(self, steps: NDArray[np.int64], values: Array) -> Array:
-        """Return values of this signal at other steps, held since the newest; NaN before."""
+        """Return values of this signal at other steps, held until the next; NaN outside."""
         place = np.searchsorted(self.steps, steps, side="right") - 1
-        held: Array = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+        every = int(self.steps[1] - self.steps[0]) if len(self.steps) > 1 else 1
+        known = (place >= 0) & (steps < self.steps[-1] + every)
+        held: Array = np.where(known, values[np.maximum(place, 0)], np.nan)
         return held
 
 
@@ -121,12 +123,16 @@ def _first(recording: Recording, kind: str, quantities: Sequence[str]) -> Signal
 def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
     """Return the root mean square of each joint's tracking error [rad].
 
-    after_s: what comes before is left out [s]; the closing sample, which has no reference of its
-    own, is too.
+    after_s: what comes before is left out [s]. The closing sample has no reference and is left
+    out too.
     """
     state, reference = tracking.state, tracking.reference
     if state is None or reference is None:
         return {}
-    chosen = (state.t >= after_s) & (state.steps <= reference.steps[-1])
+    chosen = state.t >= after_s
     rows = {joint: tracking.error(joint)[chosen] for joint in tracking.joints}
-    return {joint: float(np.sqrt(np.nanmean(e**2))) for joint, e in rows.items() if len(e)}
+    return {
+        joint: float(np.sqrt(np.nanmean(e**2)))
+        for joint, e in rows.items()
+        if not np.isnan(e).all()
+    }

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 
 from stepbus_schemas import (
+    GREETING_STEP,
     PROTOCOL_VERSION,
     Decoder,
     Description,
@@ -16,6 +17,7 @@ from stepbus_schemas import (
     Ready,
     Refusal,
     RunError,
+    Waiting,
     Welcome,
     encode,
     encoding_of,
@@ -102,7 +104,10 @@ def become_ready(
     while control.started is None:
         outbox.greet()
         _hear(bus, sources)
-        if all(source.heard for source in sources):
+        unheard = [source.name for source in sources if not source.heard]
+        if unheard:
+            outbox.flush(Waiting(step=GREETING_STEP, sources=unheard))
+        else:
             outbox.flush()
             put_ready(encode(ready))
         control.wait(_GREETING_S)

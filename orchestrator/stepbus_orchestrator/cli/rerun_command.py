@@ -6,10 +6,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..diff import Diff, diff
 from ..errors import ExitCode
 from ..rerun import Preparation, Rerun
 from .command import Command
-from .divergence import divergence
 from .interrupt import interruptible
 from .live import make_display
 from .output import complain, say, say_json
@@ -33,15 +33,15 @@ def _execute(args: argparse.Namespace) -> int:
     if not args.json:
         _warn(preparation.notes)
     rerun = _run(preparation, quiet=args.json)
-    text = None if rerun.equal else divergence(rerun.recording, rerun.result.recording)
+    found = None if rerun.equal else diff(rerun.recording, rerun.result.recording)
     if args.json:
-        say_json(_fields(rerun, text))
+        say_json(_fields(rerun, found))
     else:
         _warn(rerun.notes[len(preparation.notes) :])
-        _conclude(rerun, text)
+        _conclude(rerun, found)
     if rerun.result.exit_code:
         return rerun.result.exit_code
-    return ExitCode.FINISHED if text is None else ExitCode.DIFFERENT
+    return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
 
 
 def _default(recording: Path) -> Path:
@@ -67,24 +67,24 @@ def _run(preparation: Preparation, *, quiet: bool) -> Rerun:
             display.close()
 
 
-def _conclude(rerun: Rerun, text: str | None) -> None:
+def _conclude(rerun: Rerun, found: Diff | None) -> None:
     result = rerun.result
     if result.exit_code:
         complain(result.reason)
-    if rerun.equal:
+    if found is None:
         say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
-    elif text is None:
+    elif found.equal:
         say(f"{result.steps} steps, every message as recorded; only the notes above differ")
     else:
-        say(f"{rerun.recording} and {result.recording} differ:\n{text}")
+        say(f"{rerun.recording} and {result.recording} differ:\n{found.text()}")
     say(f"recording {result.recording}")
 
 
-def _fields(rerun: Rerun, text: str | None) -> dict[str, object]:
+def _fields(rerun: Rerun, found: Diff | None) -> dict[str, object]:
     return {
         "equal": rerun.equal,
-        "messages_equal": text is None,
-        "divergence": text,
+        "messages_equal": found is None or found.equal,
+        "diff": found,
         "notes": rerun.notes,
         "recorded_sha256": rerun.recorded_sha256,
         "result": rerun.result,

@@ -7,17 +7,16 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from ..diff import diff
 from ..errors import ExitCode, RecordingFailed
 from ..scenario import load
 from ..verify import Outcome, Verification, plan, verify
 from .command import Command, add_scenario_arguments
-from .divergence import divergence
 from .interrupt import interruptible
 from .output import complain, say, say_json
 
 _RUNS = 5
 _SHOWN_HASH = 12
-_ONLY_AROUND = "every message is equal; what differs is in the attachments, metadata or channels"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,7 +100,7 @@ def _conclude(found: Verification) -> None:
             f"run {other.trial.number} differs from run {one.trial.number}: the same scenario "
             "gave two results"
         )
-        say(divergence(one.result.recording, other.result.recording) or _ONLY_AROUND)
+        say(diff(one.result.recording, other.result.recording).text())
     else:
         say(f"{len(found.outcomes)} runs of {first.steps} steps, one result\nsha256 {first.sha256}")
 
@@ -113,9 +112,11 @@ def _code(found: Verification) -> int:
 
 
 def _fields(found: Verification) -> dict[str, object]:
-    different = found.different
-    text = divergence(*(o.result.recording for o in different)) if different else None
-    return {"equal": not _code(found), "divergence": text, "runs": found.outcomes}
+    difference = None
+    if found.different:
+        one, other = found.different
+        difference = diff(one.result.recording, other.result.recording)
+    return {"equal": not _code(found), "diff": difference, "runs": found.outcomes}
 
 
 COMMAND = Command(

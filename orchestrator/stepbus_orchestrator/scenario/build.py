@@ -6,9 +6,9 @@ import dataclasses
 from pathlib import Path
 from typing import cast
 
+from stepbus.durations import LONGEST_NS, format_duration
 from stepbus_schemas import WiringError, message_class
 
-from .durations import LONGEST_NS, format_duration
 from .fields import Field
 from .model import (
     BusSpec,

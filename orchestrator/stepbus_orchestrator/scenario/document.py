@@ -33,8 +33,10 @@ class Document:
     problems: tuple[Problem, ...] = ()
 
 
-def read_document(path: Path) -> Document:
-    """Read a YAML file.
+def read_document(
+    path: Path, expected: str = "a scenario has at least name, step and participants"
+) -> Document:
+    """Read a YAML file. expected: what to say where it is no map.
 
     Raises ScenarioError when it cannot be read or is no YAML map.
     """
@@ -48,7 +50,7 @@ def read_document(path: Path) -> Document:
     data = conversion.run(text)
     if not isinstance(data, dict):
         what = "is empty" if data is None else "is no map"
-        raise fatal(path.name, f"{what}; a scenario has at least name, step and participants")
+        raise fatal(path.name, f"{what}; {expected}")
     return Document(
         file=path.name, data=data, places=conversion.places, problems=tuple(conversion.problems)
     )

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from stepbus.durations import parse_duration
 from stepbus_schemas import WiringError
 
-from .durations import parse_duration
 from .problems import Keys, Problems, hint, show
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")

@@ -13,7 +13,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import SafeRepresenter
 
-from .durations import format_duration
+from stepbus.durations import format_duration
+
 from .find_files import search_files
 from .model import InputSpec, OutputSpec, ParticipantSpec, Scenario
 

@@ -3,68 +3,46 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import pybullet as bullet
 
 from stepbus.settings import nearest
-from stepbus_schemas import WiringError
-from stepbus_schemas.messages import JointMode
 
+from .checked import Problem
 from .errors import PhysicsError
+from .joints import Joint, is_movable, make_joint, name_uniquely, unsupported_kind
 from .world import Actuation, Body, JointSettings, World
-
-_MOVABLE = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Joint:
-    """One movable joint of the world.
-
-    name: unique in the world; `body/joint` where two bodies share it. body, index: PyBullet's
-    numbers of it. lower, upper: stops [rad]. effort: largest torque [N·m]. max_velocity: largest
-    commanded velocity [rad/s]. friction: Coulomb friction [N·m]. start, start_velocity: at t = 0.
-    Prismatic joints have [m] and [N] in place of [rad] and [N·m].
-    """
-
-    name: str
-    body: int
-    index: int
-    kind: str
-    lower: float
-    upper: float
-    effort: float
-    max_velocity: float
-    mode: JointMode
-    actuation: Actuation
-    friction: float
-    start: float
-    start_velocity: float
 
 
 class Physics:
     """One PyBullet client with everything in it; a fresh one per run.
 
-    step_ns: length of a physics substep [ns]. joints: all movable ones, in the models' order.
-    Raises WiringError for a URDF that cannot be loaded or a joint that it does not have.
+    step_ns: length of a physics substep [ns]. actuation: of joints for which the world has none.
+    joints: all movable ones, in the order of the world's bodies and of their models.
+    Raises WiringError that lists every URDF that cannot be loaded and every joint that the world
+    file gets wrong, each with its line.
     """
 
     def __init__(self, world: World, step_ns: int, actuation: Actuation) -> None:
         self.client: int = bullet.connect(bullet.DIRECT)
+        self._actuation = actuation
+        self._problems: list[Problem] = []
         try:
             self._set_up(world, step_ns)
             found = [
-                joint
+                (name, joint)
                 for name, body in world.bodies.items()
-                for joint in self._load(name, body, actuation)
+                for joint in self._load(name, body)
             ]
+            world.source.refuse(self._problems)
+            self.joints = name_uniquely(found)
+            for joint in self.joints:
+                self._prepare(joint)
         except BaseException:
             self.close()
             raise
-        self.joints = _unique(found)
 
     def _set_up(self, world: World, step_ns: int) -> None:
         # Not needed for repeatability, but it changes the trajectory: set it once, at once.
@@ -76,8 +54,8 @@ class Physics:
         bullet.setTimeStep(step_ns * 1e-9, physicsClientId=self.client)
         bullet.setGravity(*world.gravity, physicsClientId=self.client)
 
-    def _load(self, name: str, body: Body, actuation: Actuation) -> list[tuple[str, Joint]]:
-        """Load one body; return its movable joints with the body's name."""
+    def _load(self, name: str, body: Body) -> list[Joint]:
+        """Load one body and return its movable joints, with the names their URDF has."""
         try:
             number: int = bullet.loadURDF(
                 body.urdf,
@@ -89,24 +67,13 @@ class Physics:
                 physicsClientId=self.client,
             )
         except bullet.error as exc:
-            raise WiringError(f"bodies.{name}.urdf: {body.urdf} cannot be loaded: {exc}") from exc
+            self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
+            return []
         self._still(number, body)
-        joints = [self._joint(number, i, body, actuation) for i in range(self._count(number))]
-        movable = [joint for joint in joints if joint is not None]
-        known = [joint.name for joint in movable]
-        for wanted in body.joints:
-            if wanted not in known:
-                raise WiringError(
-                    f"bodies.{name}.joints.{wanted}: unknown; {nearest(wanted, known)}"
-                )
-        return [(name, joint) for joint in movable]
-
-    def _count(self, body: int) -> int:
-        count: int = bullet.getNumJoints(body, physicsClientId=self.client)
-        return count
+        return self._joints_of(number, name, body)
 
     def _still(self, number: int, body: Body) -> None:
-        """Take PyBullet's own damping away, and set the friction of each link."""
+        """Take PyBullet's own damping and clamps away, and set the friction of each link."""
         friction = {
             f"{key}Friction": value
             for key in ("lateral", "rolling", "spinning")
@@ -122,26 +89,56 @@ class Physics:
                 physicsClientId=self.client,
                 **friction,
             )
+        # By default PyBullet cuts every velocity at 100 rad/s, which hides a divergence.
+        bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
 
-    def _joint(self, number: int, index: int, body: Body, actuation: Actuation) -> Joint | None:
-        info = bullet.getJointInfo(number, index, physicsClientId=self.client)
-        if info[2] not in _MOVABLE:
-            return None
-        name = info[1].decode()
-        settings = body.joints.get(name, JointSettings()).over(body.joint_defaults)
-        joint = _make_joint(name, number, info, settings, actuation)
-        self._prepare(joint, settings)
-        return joint
+    def _count(self, body: int) -> int:
+        count: int = bullet.getNumJoints(body, physicsClientId=self.client)
+        return count
 
-    def _prepare(self, joint: Joint, settings: JointSettings) -> None:
+    def _joints_of(self, number: int, name: str, body: Body) -> list[Joint]:
+        infos = [
+            bullet.getJointInfo(number, index, physicsClientId=self.client)
+            for index in range(self._count(number))
+        ]
+        joints = [
+            make_joint(number, info, self._settings(info, body), self._actuation)
+            for info in infos
+            if is_movable(info)
+        ]
+        for info in infos:
+            if kind := unsupported_kind(info):
+                text = f"joint {info[1].decode()!r} of {body.urdf} is {kind}; this plant has none"
+                self._problems.append((("bodies", name, "urdf"), text))
+        self._check_joints(name, body, joints)
+        return joints
+
+    def _settings(self, info: Sequence[Any], body: Body) -> JointSettings:
+        return body.joints.get(info[1].decode(), JointSettings()).over(body.joint_defaults)
+
+    def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
+        known = [joint.name for joint in joints]
+        self._problems += [
+            (("bodies", name, "joints", wanted), f"unknown; {nearest(wanted, known)}")
+            for wanted in body.joints
+            if wanted not in known
+        ]
+        for joint in joints:
+            keys = ("joints", joint.name) if joint.name in body.joints else ("joint_defaults",)
+            self._problems += [
+                (("bodies", name, *keys), f"joint {joint.name}: {text}")
+                for text in joint.mistakes()
+            ]
+
+    def _prepare(self, joint: Joint) -> None:
         """Set the limits, damping and start of a joint, and still its default motor."""
         limits = {}
-        if math.isfinite(joint.lower) and math.isfinite(joint.upper):
+        if math.isfinite(joint.lower):
             limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
         bullet.changeDynamics(
             joint.body,
             joint.index,
-            jointDamping=settings.damping or 0.0,
+            jointDamping=joint.damping,
             physicsClientId=self.client,
             **limits,
         )
@@ -156,14 +153,14 @@ class Physics:
         )
 
     def put(self, joint: Joint, position: float, velocity: float) -> None:
-        """Set position and velocity of a joint, without regard to forces."""
+        """Set position [rad] and velocity [rad/s] of a joint, without regard to forces."""
         bullet.resetJointState(
             joint.body, joint.index, position, velocity, physicsClientId=self.client
         )
 
     def read(self, body: int, indices: list[int]) -> Any:
         """Return PyBullet's (position, velocity, reaction, applied torque) of joints of a body."""
-        return bullet.getJointStates(body, indices, physicsClientId=self.client)
+        return bullet.getJointStates(body, indices, self.client)
 
     def step(self) -> None:
         """Advance by one substep.
@@ -171,7 +168,7 @@ class Physics:
         Raises PhysicsError when PyBullet does.
         """
         try:
-            bullet.stepSimulation(physicsClientId=self.client)
+            bullet.stepSimulation(self.client)
         except bullet.error as exc:
             raise PhysicsError(f"the physics engine failed: {exc}") from exc
 
@@ -180,51 +177,3 @@ class Physics:
         if self.client >= 0:
             bullet.disconnect(physicsClientId=self.client)
             self.client = -1
-
-
-def _make_joint(
-    name: str,
-    body: int,
-    info: Any,
-    settings: JointSettings,
-    actuation: Actuation,
-) -> Joint:
-    """Return a joint from its URDF and the settings over it."""
-    lower, upper = info[8], info[9]
-    if lower > upper:  # how PyBullet says that a joint has no limits
-        lower, upper = -math.inf, math.inf
-    lower = lower if settings.lower is None else settings.lower
-    upper = upper if settings.upper is None else settings.upper
-    start = min(max(0.0, lower), upper) if settings.position is None else settings.position
-    if not lower <= start <= upper:
-        raise WiringError(
-            f"joint {name}: position {start} at the start is outside of its limits "
-            f"[{lower}, {upper}]"
-        )
-    return Joint(
-        name=name,
-        body=body,
-        index=info[0],
-        kind=_MOVABLE[info[2]],
-        lower=lower,
-        upper=upper,
-        effort=info[10] if settings.effort is None else settings.effort,
-        max_velocity=info[11] if settings.max_velocity is None else settings.max_velocity,
-        mode=settings.mode or "torque",
-        actuation=settings.actuation or actuation,
-        friction=settings.friction or 0.0,
-        start=start,
-        start_velocity=settings.velocity or 0.0,
-    )
-
-
-def _unique(found: Iterable[tuple[str, Joint]]) -> list[Joint]:
-    """Return joints with unique names: `body/joint` where bodies share one."""
-    rows = list(found)
-    counts = Counter(joint.name for _, joint in rows)
-    return [
-        joint
-        if counts[joint.name] == 1
-        else Joint(**{**vars(joint), "name": f"{body}/{joint.name}"})
-        for body, joint in rows
-    ]

@@ -1,0 +1,39 @@
+"""What a comparison came to, in lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .compare import FieldCount, PortResult
+
+
+def port_lines(port: PortResult, first: str, second: str) -> Iterator[str]:
+    """Return the lines of one port; first, second: what the two sides are called."""
+    yield f"{port.topic}: {', '.join(_parts(port, first, second))}"
+    if port.divergence is not None:
+        yield f"  {port.divergence.text(first, second)}"
+    for count in port.fields:
+        yield f"  {_field(count)}"
+
+
+def _parts(port: PortResult, first: str, second: str) -> Iterator[str]:
+    total = port.equal + port.within + port.different
+    if total == port.equal:
+        yield f"{total} messages equal"
+    else:
+        yield f"{port.different} of {total} messages differ"
+        if port.within:
+            yield f"{port.within} are within the tolerance"
+    if port.missing:
+        yield f"{port.missing} only in {first}"
+    if port.added:
+        yield f"{port.added} only in {second}"
+
+
+def _field(count: FieldCount) -> str:
+    text = f"{count.field}: differs in {count.different} messages"
+    if count.beyond < count.different:
+        text += f", beyond the tolerance in {count.beyond}"
+    if count.largest:
+        text += f"; largest difference {count.largest:.3g} ({count.at} at step {count.at_step})"
+    return text
