@@ -33,7 +33,7 @@ participants:
 
 def write_scenario(folder: Path, text: str = SCENARIO) -> Path:
     """Write the scenario and its program into a folder."""
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "joints.py").write_bytes(PROGRAM.read_bytes())
     path = folder / "scenario.yaml"
     path.write_text(textwrap.dedent(text))

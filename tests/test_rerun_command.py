@@ -29,7 +29,9 @@ def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
     said = capsys.readouterr().out
     assert code == ExitCode.DIFFERENT
     assert "note: the scenario is not the recorded one: --set controller.exec" in said
-    assert "first divergence: step 6: plant/joint_state: first has a message" in said
+    assert (
+        "first divergence: step 5: controller/command: first has a message, second has none" in said
+    )
 
 
 def test_a_failed_run_exits_with_its_own_code(recorded, tmp_path, capsys):

@@ -37,7 +37,7 @@ def _waits_for_others(member: Member, roster: Roster) -> bool:
     """Return whether it waits for a greeting of somebody who is not that far yet."""
     if member.phase != Phase.JOINED or member.waiting is None:
         return False
-    sources = [roster[name] for name in member.waiting.sources]
+    sources = [roster[name] for name in member.waiting.sources if name in roster]
     return any(source.phase < Phase.READY and source.waiting is None for source in sources)
 
 

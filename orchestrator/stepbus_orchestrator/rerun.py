@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from .errors import RecordingFailed
 from .progress import Observer
 from .reader import Recording
+from .reader import Recording
 from .result import Result, file_sha256, own_versions
 from .run import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT, Options, run
 from .scenario import Scenario, command, load, resolved
@@ -43,28 +44,32 @@ class Origin:
 def read_origin(recording: Path) -> Origin:
     """Read what a run needs from its recording, which may be cut off behind it.
 
-    Raises RecordingFailed when the file is none, or holds no scenario, or a file whose name leads
-    out of its folder.
+    Raises RecordingFailed when the file is none, or as `origin_of` does.
     """
-    recorded = Recording.open(recording)
-    attachments = recorded.attachments
-    if SCENARIO_ATTACHMENT not in attachments:
+    return origin_of(Recording.open(recording))
+
+
+def origin_of(recording: Recording) -> Origin:
+    """Return what a run needs from its recording.
+
+    Raises RecordingFailed when that holds no scenario, or a file whose name leads out of its
+    folder.
+    """
+    if SCENARIO_ATTACHMENT not in recording.attachments:
         raise RecordingFailed(
-            f"{recording} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
+            f"{recording.path} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
         )
     return Origin(
-        recording=recording,
-        scenario=attachments[SCENARIO_ATTACHMENT],
-        files=_files(recording, attachments),
+        recording=recording.path,
+        scenario=recording.attachments[SCENARIO_ATTACHMENT],
+        files=_files(recording.path, recording.attachments),
         versions={
             name.removeprefix(_VERSIONS): content
-            for name, content in recorded.metadata.items()
+            for name, content in recording.metadata.items()
             if name.startswith(_VERSIONS)
         },
-        steps=max(
-            (entries[-1].step + 1 for entries in recorded.entries.values() if entries), default=0
-        ),
-        damage=recorded.damage,
+        steps=1 + max((e[-1].step for e in recording.entries.values() if e), default=-1),
+        damage=recording.damage,
     )
 
 

@@ -17,13 +17,14 @@ from stepbus.zenoh_bus import ZenohBus
 from .child import Child
 from .conductor import Conductor
 from .endpoints import Mesh, make_mesh, new_token, private_folder
-from .errors import BusFailed, ParticipantDied, RecordingFailed, RunFailure, StopTimeout
+from .errors import BusFailed, RecordingFailed, RunFailure
 from .launcher import Launcher
 from .progress import Observer, Silent
 from .recorder import McapFile, Recorder
 from .result import RUN_FILE, TIMING_FILE, Result, file_sha256, own_versions
 from .roster import Member
 from .scenario import Scenario, Schedule, command, files, resolved
+from .supervise import supervise
 from .timing import TimingRecorder
 
 SCENARIO_ATTACHMENT = "scenario.yaml"
@@ -155,26 +156,10 @@ class _Run:
                 observer=self._observer,
                 interrupt=self._interrupt,
             )
-            return self._conduct(self._conductor, launcher, mesh)
+            conductor = self._conductor
+            return supervise(conductor, lambda: self._launch(conductor, launcher, mesh))
         finally:
             bus.close()
-
-    def _conduct(self, conductor: Conductor, launcher: Launcher, mesh: Mesh) -> str:
-        culprit = None
-        try:
-            self._launch(conductor, launcher, mesh)
-            reason = conductor.conduct()
-        except RunFailure as exc:
-            culprit = exc.participant
-            conductor.stop(str(exc))
-            raise
-        except BaseException:
-            conductor.stop("the orchestrator ends")
-            raise
-        finally:
-            late = conductor.end_all(culprit)
-        self._check_ends(conductor, late)
-        return reason
 
     def _launch(self, conductor: Conductor, launcher: Launcher, mesh: Mesh) -> None:
         scenario = self._scenario
@@ -185,24 +170,6 @@ class _Run:
             )
             conductor.roster = {**conductor.roster, name: Member(spec, child)}
             self._timing.event("spawn", name, f"pid {child.pid}")
-
-    def _check_ends(self, conductor: Conductor, late: list[Member]) -> None:
-        if late:
-            raise StopTimeout(
-                f"{', '.join(member.who() for member in late)} did not end within "
-                f"{late[0].spec.deadlines.stop_s:g} s of the stop and was killed "
-                f"(participants.{late[0].name}.stop_timeout); the recording is complete",
-                participant=late[0].name,
-                step=conductor.steps,
-            )
-        for member in conductor.roster.values():
-            if member.child.exit_code() != 0:
-                raise ParticipantDied(
-                    f"after the last step: {member.who()} {member.child.how_it_ended()} while "
-                    f"stopping; the recording is complete; its log: {member.child.log}",
-                    participant=member.name,
-                    step=conductor.steps,
-                )
 
     def _result(self, reason: str, failure: RunFailure | None) -> Result:
         conductor = self._conductor

@@ -63,7 +63,7 @@ class Outbox:
         """Prove the connection to whoever listens, before the first step."""
         self._put(self._pack(GREETING_STEP, {}, {}, None))
         for put in self._put_bulk.values():
-            put(b"", attachment=_stamp(GREETING_STEP, self._welcome.token))
+            put(b"", attachment=stamp(GREETING_STEP, self._welcome.token))
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
@@ -78,7 +78,7 @@ class Outbox:
             data = self._encode(step, port, message)
             if port in self._is_bulk:
                 bulk[port] = len(data)
-                self._put_bulk[port](data, attachment=_stamp(step, self._welcome.token))
+                self._put_bulk[port](data, attachment=stamp(step, self._welcome.token))
             else:
                 ports[port] = msgspec.Raw(data)
         packed = self._pack(step, ports, bulk, end)
@@ -150,7 +150,7 @@ class Outbox:
         self._outputs, self._timing, self._bytes, self._age_ns = [], [], 0, 0
 
 
-def _stamp(step: int, token: str) -> bytes:
+def stamp(step: int, token: str) -> bytes:
     """Return the attachment of a bulk sample: the step as int64 little-endian, then the token."""
     return step.to_bytes(8, "little", signed=True) + token.encode()
 

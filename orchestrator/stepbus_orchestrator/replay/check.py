@@ -1,0 +1,157 @@
+"""Compares what the replayed participant publishes with what it published in the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stepbus_schemas import Description, MessageError, Outputs
+
+from ..compare import Divergence, PortComparison, PortResult
+from ..deadlines import at
+from ..errors import ParticipantFault
+from ..reader import Recording
+from ..recorder import Recorder
+from ..roster import Descriptions
+from ..scenario import ParticipantSpec
+from ..tolerance import Tolerance
+from .recorded import Track
+
+
+class _Port:
+    """One port of the participant: what is recorded, and how it compares."""
+
+    def __init__(
+        self, recording: Recording, topic: str, type_name: str, tolerance: Tolerance
+    ) -> None:
+        self.track = Track(recording.entries.get(topic, ()))
+        self.comparison = PortComparison(topic, type_name, tolerance)
+
+
+class Check:
+    """The sink of a replay: compares message by message, as they come.
+
+    end: number of steps that are replayed. reference: also gets all outputs, for a new reference
+    recording. Raises ParticipantFault for a message that is not of its port's type.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        spec: ParticipantSpec,
+        tolerance: Tolerance,
+        *,
+        step_ns: int,
+        reference: Recorder | None,
+    ) -> None:
+        self.notes: list[str] = []
+        self._recording = recording
+        self._spec = spec
+        self._step_ns = step_ns
+        self._reference = reference
+        self._ports = {
+            port: _Port(recording, f"{spec.name}/{port}", output.type, tolerance)
+            for port, output in spec.outputs.items()
+        }
+        self._step = -spec.every
+        self._announced: set[tuple[str, int]] = set()
+        self._early: dict[tuple[str, int], bytes] = {}
+
+    def open_channels(
+        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Note where the participant describes its outputs in another way than recorded."""
+        own = descriptions[self._spec.name]
+        for port in self._spec.outputs:
+            topic = f"{self._spec.name}/{port}"
+            recorded = self._recording.ports.get(topic)
+            if recorded is not None and recorded.description != own.get(port, Description()):
+                self.notes.append(f"{topic}: its description (names, units, limits) has changed")
+        if self._reference is not None:
+            self._reference.open_channels(
+                {**recorded_descriptions(self._recording), **descriptions},
+                {**recorded_versions(self._recording), **versions},
+            )
+
+    def offer(self, name: str, outputs: Outputs) -> None:
+        """Compare the outputs of the next step."""
+        step = self._step = outputs.step
+        for port, found in self._ports.items():
+            if port in outputs.bulk:
+                self._announce(port, step)
+                continue
+            raw = outputs.ports.get(port)
+            self._compare(found, port, step, None if raw is None else bytes(raw))
+        if self._reference is not None:
+            self._reference.offer(name, outputs)
+
+    def _compare(self, found: _Port, port: str, step: int, data: bytes | None) -> None:
+        if found.comparison.take(step, found.track.take(step), data) or data is None:
+            return
+        try:
+            found.comparison.decode(data)
+        except MessageError as exc:
+            raise ParticipantFault(
+                f"{at(step, self._step_ns)}: {self._spec.name}.{port} is {exc}",
+                participant=self._spec.name,
+                step=step,
+            ) from exc
+
+    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
+        """Compare the content of a bulk port once its outputs have announced it."""
+        self._early[port, step] = content
+        if (port, step) in self._announced:
+            self._announced.remove((port, step))
+            self._announce(port, step)
+        if self._reference is not None:
+            self._reference.offer_bulk(name, port, step, content)
+
+    def _announce(self, port: str, step: int) -> None:
+        content = self._early.pop((port, step), None)
+        if content is None:
+            self._announced.add((port, step))
+        else:
+            self._compare(self._ports[port], port, step, content)
+
+    def bulk_complete(self) -> bool:
+        """Return whether all announced bulk content has arrived."""
+        return not self._announced
+
+    def write_below(self, step: int) -> None:
+        """Let the new reference grow."""
+        if self._reference is not None:
+            self._reference.write_below(step)
+
+    def finish(self, closing_step: int, closing: list[str]) -> None:
+        """Close the new reference."""
+        if self._reference is not None:
+            self._reference.finish(closing_step, closing)
+
+    def miss_below(self, step: int) -> None:
+        """Count all recorded outputs of steps below `step` that did not come as missing."""
+        for missed in range(self._step + self._spec.every, step, self._spec.every):
+            for port, found in self._ports.items():
+                self._compare(found, port, missed, None)
+
+    @property
+    def divergence(self) -> Divergence | None:
+        """Return the first divergence, in the order of the ports within a step."""
+        found = (port.comparison.divergence for port in self._ports.values())
+        return min((item for item in found if item), key=lambda item: item.step, default=None)
+
+    def results(self) -> list[PortResult]:
+        """Return what has become of each port."""
+        return [port.comparison.result() for port in self._ports.values()]
+
+
+def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:
+    """Return what the participants said of their outputs."""
+    found: dict[str, dict[str, Description]] = {}
+    for port in recording.ports.values():
+        found.setdefault(port.participant, {})[port.name] = port.description
+    return found
+
+
+def recorded_versions(recording: Recording) -> dict[str, dict[str, str]]:
+    """Return what the participants, and the orchestrator, ran on."""
+    names = {name.partition("/")[2]: dict(text) for name, text in recording.metadata.items()}
+    return {name: versions for name, versions in names.items() if name}

@@ -1,0 +1,81 @@
+"""Conducts a run in which all participants but one are played from a recording."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from stepbus import Bus
+
+from ..conductor import Conductor
+from ..deadlines import check_start
+from ..progress import Observer
+from ..roster import Descriptions, Phase
+from ..scenario import Scenario, Schedule
+from ..sink import Sink
+from ..timing import TimingRecorder
+from .peers import Peers
+
+
+class Replayer(Conductor):
+    """A conductor that plays the peers too.
+
+    scenario: the recorded one, with as many steps as can be replayed. descriptions: of all
+    outputs, as recorded.
+    """
+
+    def __init__(
+        self,
+        *,
+        scenario: Scenario,
+        bus: Bus,
+        token: str,
+        recorder: Sink,
+        timing: TimingRecorder,
+        observer: Observer,
+        interrupt: threading.Event,
+        peers: Peers,
+        descriptions: Descriptions,
+    ) -> None:
+        super().__init__(
+            scenario=scenario,
+            bus=bus,
+            token=token,
+            recorder=recorder,
+            timing=timing,
+            observer=observer,
+            interrupt=interrupt,
+        )
+        self._peers = peers
+        self._recorded = descriptions
+
+    def _meet(self) -> None:
+        """Greet the participant until it is ready."""
+        while any(member.phase != Phase.READY for member in self.roster.values()):
+            self._peers.greet()
+            self._turn(lambda elapsed_s: check_start(self.roster, elapsed_s))
+
+    def _descriptions(self) -> Descriptions:
+        """Return what everybody said of its outputs when it was recorded."""
+        return self._recorded
+
+    def _release(self) -> None:
+        """Play the peers ahead of the participant, then let it follow."""
+        self._peers.publish_below(self.barrier.upto, self.barrier.reported)
+        super()._release()
+
+    def _close(self) -> None:
+        """Let the peers close too."""
+        end = self._last_step()
+        closing = (name for name in self._peers.names if self._schedule.closing(name, end))
+        self._peers.close(end, closing, self.barrier.reported)
+        super()._close()
+
+    @property
+    def _schedule(self) -> Schedule:
+        return Schedule.of(self._scenario)
+
+    def _take_bulk(self, sample: Any) -> None:
+        """Take bulk content of the participant; that of the peers is our own echo."""
+        if self._bus.key(sample).split("/")[1] not in self._peers.names:
+            super()._take_bulk(sample)

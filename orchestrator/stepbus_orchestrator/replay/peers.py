@@ -1,0 +1,111 @@
+"""Plays the participants around the one that is replayed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import msgspec
+
+from stepbus import Bus
+from stepbus.outbox import stamp
+from stepbus_schemas import GREETING_STEP, Outputs, encode, encoding_of
+
+from ..scenario import ParticipantSpec
+from .recorded import Recorded, envelope
+
+
+class Peer:
+    """One participant that is played from the recording.
+
+    put: publishes its outputs; None where nobody listens. put_bulk: by bulk port.
+    """
+
+    def __init__(
+        self, spec: ParticipantSpec, recorded: Recorded, bus: Bus, *, is_heard: bool
+    ) -> None:
+        self.name = spec.name
+        self.recorded = recorded
+        self._put: Callable[..., None] | None = None
+        self._put_bulk: Mapping[str, Callable[..., None]] = {}
+        if is_heard:
+            self._put = bus.publisher(f"out/{spec.name}", encoding_of("Outputs/1"))
+            self._put_bulk = {
+                port: bus.publisher(f"bulk/{spec.name}/{port}", encoding_of(output.type))
+                for port, output in spec.outputs.items()
+                if output.bulk
+            }
+
+    def greet(self, token: str) -> None:
+        """Prove the connection, before the first step."""
+        if self._put is not None:
+            self._put(encode(Outputs(token=token, step=GREETING_STEP, t_ns=0)))
+            for put in self._put_bulk.values():
+                put(b"", attachment=stamp(GREETING_STEP, token))
+
+    def publish(self, outputs: Outputs) -> None:
+        """Publish the outputs of a step, bulk content first."""
+        if self._put is None:
+            return
+        if self._put_bulk:
+            outputs = self._publish_bulk(outputs)
+        self._put(encode(outputs))
+
+    def _publish_bulk(self, outputs: Outputs) -> Outputs:
+        bulk, ports = {}, {}
+        for port, raw in outputs.ports.items():
+            put = self._put_bulk.get(port)
+            if put is None:
+                ports[port] = raw
+            else:
+                data = bytes(raw)
+                bulk[port] = len(data)
+                put(data, attachment=stamp(outputs.step, outputs.token))
+        return msgspec.structs.replace(outputs, ports=ports, bulk=bulk)
+
+
+class Peers:
+    """All participants but the one that is replayed.
+
+    take: is given what each of them publishes, for a new reference recording.
+    """
+
+    def __init__(
+        self,
+        peers: Iterable[Peer],
+        *,
+        token: str,
+        step_ns: int,
+        take: Callable[[str, Outputs], None] | None,
+    ) -> None:
+        self.names = {peer.name for peer in (listed := list(peers))}
+        self._peers = listed
+        self._token = token
+        self._step_ns = step_ns
+        self._take = take
+
+    def greet(self) -> None:
+        """Let every peer prove its connection."""
+        for peer in self._peers:
+            peer.greet(self._token)
+
+    def publish_below(self, step: int, reported: dict[str, int]) -> None:
+        """Publish all outputs of steps below `step`; note in `reported` how far each peer is."""
+        for peer in self._peers:
+            while peer.recorded.step < step:
+                reported[peer.name] = peer.recorded.step
+                self._publish(peer)
+
+    def close(self, step: int, names: Iterable[str], reported: dict[str, int]) -> None:
+        """Take what those named have recorded as the result of the last step."""
+        closing = set(names)
+        for peer in self._peers:
+            if peer.name in closing and peer.recorded.step == step:
+                self._publish(peer)
+            reported[peer.name] = max(step, reported[peer.name])
+
+    def _publish(self, peer: Peer) -> None:
+        step = peer.recorded.step
+        outputs = envelope(self._token, step, self._step_ns, peer.recorded.take())
+        peer.publish(outputs)
+        if self._take is not None:
+            self._take(peer.name, outputs)

@@ -1,0 +1,101 @@
+"""What a recording says a participant published, to be taken step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from stepbus_schemas import Outputs
+
+from ..reader import Entry, Recording
+from ..recorder import CHAIN_TOPIC
+from ..scenario import ParticipantSpec, Scenario
+
+
+class Track:
+    """The recorded messages of one port, taken in the order of their steps."""
+
+    def __init__(self, entries: Sequence[Entry]) -> None:
+        self._entries = entries
+        self._at = 0
+
+    def take(self, step: int) -> bytes | None:
+        """Return the message of a step, None where there is none; earlier ones are passed over."""
+        entries = self._entries
+        while self._at < len(entries):
+            entry = entries[self._at]
+            if entry.step > step:
+                return None
+            self._at += 1
+            if entry.step == step:
+                return entry.data
+        return None
+
+
+class Recorded:
+    """The outputs of one participant. step: that of the next ones."""
+
+    def __init__(self, recording: Recording, spec: ParticipantSpec) -> None:
+        self.name = spec.name
+        self.step = 0
+        self._every = spec.every
+        self._tracks = [
+            (port, Track(recording.entries.get(f"{spec.name}/{port}", ()))) for port in spec.outputs
+        ]
+
+    def take(self) -> dict[str, bytes]:
+        """Return the next outputs by port, and go on to the step after them."""
+        found = {}
+        for port, track in self._tracks:
+            data = track.take(self.step)
+            if data is not None:
+                found[port] = data
+        self.step += self._every
+        return found
+
+
+def envelope(token: str, step: int, step_ns: int, ports: Mapping[str, bytes]) -> Outputs:
+    """Return what a participant published at a step, as it is published in this run."""
+    raw = {port: msgspec.Raw(data) for port, data in ports.items()}
+    return Outputs(token=token, step=step, t_ns=step * step_ns, ports=raw)
+
+
+def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:
+    """Return how many steps a participant can be replayed for.
+
+    That is up to the end of the run, or to where the recording of the participant, or of one it
+    listens to, was cut off.
+    """
+    spec = scenario.participant(name)
+    whole = _end(recording)
+    own = _reach(recording, spec)
+    if spec.publishes == "first" and own is not None:
+        # Its newest output is the result of the step before.
+        own -= spec.every
+    ends = [whole if own is None else own]
+    for item in spec.inputs.values():
+        reach = _reach(recording, scenario.participant(item.source))
+        ends.append(whole if reach is None else reach + item.delay)
+    return max(0, min(whole, *ends))
+
+
+def _end(recording: Recording) -> int:
+    """Return the number of complete steps of the run."""
+    newest = max((e[-1].step for t, e in recording.entries.items() if e and t != CHAIN_TOPIC), default=-1)
+    chain = recording.entries.get(CHAIN_TOPIC)
+    # The last chain stands at the end of the run; a recording that was cut off has none there.
+    return chain[-1].step if chain and chain[-1].step >= newest else newest + 1
+
+
+def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
+    """Return the first step at which outputs of a participant may be missing; None: nobody knows.
+
+    One that has published at every step it fires at, up to some step, was cut off there; one that
+    publishes now and then may have had nothing more to say.
+    """
+    topics = [f"{spec.name}/{port}" for port in spec.outputs]
+    steps = {entry.step for topic in topics for entry in recording.entries.get(topic, ())}
+    last = max(steps, default=-spec.every)
+    dense = len(steps) == last // spec.every + 1
+    return last + spec.every if steps and dense else None
