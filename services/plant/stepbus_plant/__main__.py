@@ -1,4 +1,6 @@
-"""The plant as a process: `python -m stepbus_plant`."""
+"""Run the plant as a process."""
+
+from __future__ import annotations
 
 from stepbus import main
 

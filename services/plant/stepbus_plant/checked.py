@@ -27,22 +27,17 @@ Vector3 = tuple[Finite, Finite, Finite]
 class Source:
     """A YAML file: its content, and the line of each of its keys.
 
-    Raises WiringError when it cannot be read or is no YAML mapping.
+    data: the mapping it holds, without the keys that are null. Raises WiringError when the file
+    cannot be read or is no YAML mapping.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            text = path.read_text(encoding="utf-8")
-            self.data = YAML(typ="safe", pure=True).load(text)
-            node = YAML(typ="safe", pure=True).compose(io.StringIO(text))
-        except OSError as exc:
-            raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
-        except UnicodeDecodeError as exc:
-            raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
-        except YAMLError as exc:
-            raise WiringError(f"{path}{_yaml_mistake(exc)}") from exc
+        data, node = _read(path)
         self._lines = dict(_lines((), node))
+        if not isinstance(data, Mapping):
+            self.refuse([((), "is empty" if data is None else "is no mapping")])
+        self.data: dict[str, Any] = data
 
     def refuse(self, problems: list[Problem]) -> None:
         """Raise one WiringError that lists all problems, if there are any."""
@@ -52,13 +47,36 @@ class Source:
     def _sentence(self, where: Where, text: str) -> str:
         known = next((where[:n] for n in range(len(where), 0, -1) if where[:n] in self._lines), ())
         line = f":{self._lines[known]}" if known else ""
-        return f"{self.path}{line}: {'.'.join(where) or 'the file'}: {text}"
+        return ": ".join(filter(None, (f"{self.path}{line}", ".".join(where), text)))
+
+
+def _read(path: Path) -> tuple[Any, Node | None]:
+    """Return a YAML file as plain data, and as the nodes that know their lines."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        yaml = YAML(typ="safe", pure=True)
+        return without_nulls(yaml.load(text)), yaml.compose(io.StringIO(text))
+    except OSError as exc:
+        raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
+    except UnicodeDecodeError as exc:
+        raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
+    except YAMLError as exc:
+        raise WiringError(f"{path}{_yaml_mistake(exc)}") from exc
+    except RecursionError as exc:
+        raise WiringError(f"{path}: an alias in it contains itself") from exc
+
+
+def without_nulls(data: Any) -> Any:
+    """Return plain data without the keys whose value is null: those count as absent."""
+    if isinstance(data, Mapping):
+        return {key: without_nulls(item) for key, item in data.items() if item is not None}
+    return data
 
 
 def _yaml_mistake(exc: YAMLError) -> str:
     if isinstance(exc, MarkedYAMLError) and exc.problem_mark is not None:
         return f":{exc.problem_mark.line + 1}: {exc.problem}"
-    return f": is no YAML: {exc}"
+    return f": is no YAML: {str(exc).splitlines()[0]}"
 
 
 def _lines(where: Where, node: Node | None) -> Iterator[tuple[Where, int]]:
@@ -81,13 +99,23 @@ def find_problems(data: object, wanted: Any, where: Where = ()) -> list[Problem]
     if get_origin(wanted) is dict and isinstance(data, Mapping) and data:
         inner = get_args(wanted)[1]
         return [
-            p for key, item in data.items() for p in find_problems(item, inner, (*where, str(key)))
+            problem
+            for key, item in data.items()
+            for problem in (
+                *_key_problems(key, where),
+                *find_problems(item, inner, (*where, str(key))),
+            )
         ]
     try:
         msgspec.convert(data, wanted)
     except msgspec.ValidationError as exc:
         return [(where, str(exc).replace("`object`", "a mapping"))]
     return []
+
+
+def _key_problems(key: object, where: Where) -> list[Problem]:
+    text = f"a key must be text, not {key!r}; put it in quotes"
+    return [] if isinstance(key, str) else [((*where, str(key)), text)]
 
 
 def _struct_of(wanted: Any) -> type[msgspec.Struct] | None:

@@ -9,7 +9,7 @@ import msgspec
 
 from stepbus_schemas import WiringError
 
-from .checked import NonNegative, Positive, find_problems
+from .checked import NonNegative, Positive, find_problems, without_nulls
 from .world import Actuation
 
 Quantity = Literal["position", "velocity", "effort"]
@@ -43,7 +43,9 @@ class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     world: str
     """World file: relative to the scenario, absolute, or `package://<package>/<path>`."""
     joints: list[str] | None = None
-    """Joints that are sensed, in this order. Default: all movable ones, in the models' order."""
+    """Joints that are sensed, in this order. Default: all movable ones, in the models' order.
+
+    The others are driven and commanded alike, as the world says; they are only not sensed."""
     sense: tuple[Quantity, ...] = ("position", "velocity", "effort")
     """Quantities that are sensed."""
     noise: Noise = Noise()
@@ -57,9 +59,10 @@ def read_params(name: str, params: Mapping[str, Any]) -> Params:
 
     name: of the participant. Raises WiringError that lists all mistakes.
     """
-    problems = [(".".join(where), text) for where, text in find_problems(dict(params), Params)]
+    given = without_nulls(params)
+    problems = [(".".join(where), text) for where, text in find_problems(given, Params)]
     if not problems:
-        converted = msgspec.convert(dict(params), Params)
+        converted = msgspec.convert(given, Params)
         problems = _contradictions(converted)
         if not problems:
             return converted
@@ -81,8 +84,10 @@ def _contradictions(params: Params) -> list[tuple[str, str]]:
         ]
     for key in ("joints", "sense"):
         names = getattr(params, key) or []
-        twice = sorted({item for item in names if names.count(item) > 1})
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
         problems += [(key, f"names {item!r} twice") for item in twice]
     if not params.sense:
         problems.append(("sense", "is empty; sense at least 'position'"))
+    if params.joints == []:
+        problems.append(("joints", "is empty; leave it out to sense all joints"))
     return problems

@@ -1,4 +1,4 @@
-"""The plant as a participant: ports on one side, the world on the other."""
+"""The plant as a participant; the scenario has it publish first."""
 
 from __future__ import annotations
 
@@ -8,71 +8,79 @@ from importlib.metadata import version
 from stepbus.config import Config
 from stepbus.participant import Participant
 from stepbus.step import Step
-from stepbus_schemas import Description, JointCommand, JointState, Message, RunError, WiringError
+from stepbus_schemas import Description, JointCommand, Message, WiringError
 
-from .actuation import Commander
+from .commander import Commander
 from .params import read_params
 from .plant import Plant
 from .world import load_world
 
 
 class PlantParticipant(Participant):
-    """Publishes a JointState on each of its outputs, and obeys a JointCommand on each input.
+    """Publishes the joints' state on each output and carries out the commands of each input.
 
-    The scenario gives it `publishes: first`. A joint that was never commanded swings freely in
-    mode torque, and holds its place in modes velocity and position.
+    Needs `publishes: first`. Each input moves the joints that its description names; an input
+    whose description names none moves all, in the plant's order. Before the first command of an
+    input the motors of its joints are off.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._check_ports()
+        _refuse_ports(config)
         params = read_params(config.name, config.params)
-        world = load_world(config.path(params.world))
-        self.plant = Plant(world, params, config.step_ns * config.every, config.seed)
-        self._commanders: dict[str, Commander] = {}
-
-    def _check_ports(self) -> None:
-        ports = [
-            *(("inputs", n, p.type, "JointCommand/1") for n, p in self.config.inputs.items()),
-            *(("outputs", n, p.type, "JointState/1") for n, p in self.config.outputs.items()),
-        ]
-        for kind, name, given, wanted in ports:
-            if given != wanted:
-                raise WiringError(
-                    f"participants.{self.config.name}.{kind}.{name}: a plant's {kind} are "
-                    f"{wanted}, the scenario has {given}"
-                )
+        self._plant = Plant(
+            load_world(config.path(params.world)),
+            step_ns=config.step_ns * config.every,
+            seed=config.seed,
+            joints=params.joints,
+            actuation=params.actuation,
+            sense=params.sense,
+            noise=params.noise,
+            resolution=params.resolution,
+        )
+        self._commanders: list[tuple[str, Commander]] = []
 
     def describe(self) -> Mapping[str, Description]:
-        """Return names, limits, types and modes of the joints, for every output."""
-        return dict.fromkeys(self.config.outputs, self.plant.describe())
+        """Return names, limits, types and modes of the joints, for each output."""
+        return dict.fromkeys(self.config.outputs, self._plant.describe())
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints of every command by name."""
-        for port, description in inputs.items():
-            # A sender that names no joints speaks of all, in our order.
-            names = description.names or self.plant.names
-            self._commanders[port] = self.plant.commander(port, names)
+        """Find the joints of each command input; raises WiringError when one cannot be moved."""
+        for port in self.config.inputs:
+            names = inputs[port].names if port in inputs else []
+            self._commanders.append((port, self._plant.commander(names, port=port)))
 
     def output(self, step: Step) -> Mapping[str, Message]:
-        """Return what the sensors show, on every output."""
-        state: JointState = self.plant.sense()
-        return dict.fromkeys(self.config.outputs, state)
+        """Return what the sensors read now, on every output."""
+        return dict.fromkeys(self.config.outputs, self._plant.sense())
 
     def update(self, step: Step) -> None:
-        """Obey the new commands and advance the world by one step."""
-        for port, commander in self._commanders.items():
-            if step.is_new(port):
-                try:
-                    commander.apply(step.read(port, JointCommand))
-                except RunError as exc:
-                    raise type(exc)(f"step {step.index}: {exc}") from exc
-        self.plant.advance()
+        """Take the newest commands and advance by one step."""
+        for port, commander in self._commanders:
+            command = step.get(port, JointCommand)
+            if command is not None:
+                commander.apply(command, step.index)
+        self._plant.advance()
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of what the physics depend on."""
-        return {name: version(name) for name in ("numpy", "pybullet", "stepbus")}
+        """Return the versions of the libraries that shape the result."""
+        return {name: version(name) for name in ("numpy", "pybullet")}
 
     def close(self) -> None:
-        """Leave the physics engine."""
-        self.plant.close()
+        """Give the physics engine back."""
+        self._plant.close()
+
+
+def _refuse_ports(config: Config) -> None:
+    """Raise WiringError that lists every port of a type the plant does not speak."""
+    problems = [
+        f"participants.{config.name}.{side}.{port}: the plant {verb} {known}, not {row.type}"
+        for side, verb, known, rows in (
+            ("inputs", "takes", "JointCommand/1", config.inputs),
+            ("outputs", "publishes", "JointState/1", config.outputs),
+        )
+        for port, row in rows.items()
+        if row.type != known
+    ]
+    if problems:
+        raise WiringError("\n".join(problems))

@@ -1,149 +1,155 @@
-"""The plant: a world that is sensed, commanded and advanced; it knows nothing of the bus."""
+"""The plant: a simulated world whose joints are sensed and commanded, without any bus."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from itertools import groupby
+from typing import Any
 
-from stepbus.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
-from .actuation import Commander, Driven, PositionMotor, make_drive
-from .params import Params
-from .physics import Joint, Physics
-from .sensing import Sensors, Values
-from .world import World
+from .commander import Commander
+from .errors import PhysicsError
+from .joints import Joint, describe, load_joints, pick
+from .params import Noise, Quantity, Resolution
+from .physics import Physics
+from .sensing import Sensing
+from .world import Actuation, World
+
+NO_NOISE = Noise()
+FINE = Resolution()
 
 
 class Plant:
-    """A simulated world in steps of a fixed length.
+    """A world in motion: sense, command, advance, and again.
 
-    period_ns: length of a communication step [ns]. seed: of the sensors' noise.
-    Raises WiringError when the world or a parameter cannot work.
+    step_ns: length of a communication step [ns]. seed: of the sensor noise. joints: names of those
+    that are sensed and can be commanded, in this order; none: all. actuation: how mode torque is
+    carried out, where the world does not say it. Raises WiringError when the world does not fit
+    its URDFs or the step.
     """
 
-    def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
-        step_ns = world.physics_ns(period_ns)
-        self._substeps = period_ns // step_ns
-        self._physics = Physics(world, step_ns, params.actuation)
+    def __init__(
+        self,
+        world: World,
+        *,
+        step_ns: int,
+        seed: int = 0,
+        joints: Sequence[str] | None = None,
+        actuation: Actuation = "direct",
+        sense: Sequence[Quantity] = ("position", "velocity", "effort"),
+        noise: Noise = NO_NOISE,
+        resolution: Resolution = FINE,
+    ) -> None:
+        self.t_ns = 0
+        self._step_ns = step_ns
+        physics_ns = world.physics_ns(step_ns)
+        self._substeps = range(step_ns // physics_ns)
+        self._sensing = Sensing(sense=sense, noise=noise, resolution=resolution, seed=seed)
+        self._commanders: list[Commander] = []
+        self._physics = Physics(world, physics_ns)
         try:
-            self._joints = self._chosen(params.joints)
-            self._driven = self._make_drives()
-            self._sensors = Sensors(params, self.names, seed)
+            self.joints = _choose(load_joints(self._physics, world.bodies, actuation), joints)
         except BaseException:
             self.close()
             raise
-        self._groups = self._reading_order()
-        self._motors = [d for d in self._driven if isinstance(d.drive, PositionMotor)]
-        self._advanced = False
-
-    @property
-    def names(self) -> list[str]:
-        """Return the names of the sensed joints, in the order of every vector."""
-        return [joint.name for joint in self._joints]
-
-    def _chosen(self, names: Sequence[str] | None) -> list[Joint]:
-        joints = {joint.name: joint for joint in self._physics.joints}
-        for name in names or []:
-            if name not in joints:
-                raise WiringError(f"params.joints: joint {name!r}: {nearest(name, joints)}")
-        return [joints[name] for name in names] if names else list(joints.values())
-
-    def _make_drives(self) -> list[Driven]:
-        """Return one drive per body, mode and actuation, so that each is one call a step."""
-
-        def key(joint: Joint) -> tuple[int, str, str]:
-            return (joint.body, joint.mode, joint.actuation)
-
-        rows = sorted(self._joints, key=key)
-        groups = [list(joints) for _, joints in groupby(rows, key)]
-        return [Driven(make_drive(self._physics, g), [j.name for j in g]) for g in groups]
-
-    def _reading_order(self) -> list[tuple[int, list[int], list[int]]]:
-        """Return (body, joint indices, their places in the vectors), one row per body."""
-        bodies = dict.fromkeys(joint.body for joint in self._joints)
-        return [
-            (
-                body,
-                [joint.index for joint in self._joints if joint.body == body],
-                [place for place, joint in enumerate(self._joints) if joint.body == body],
-            )
-            for body in bodies
-        ]
+        self._slots = {joint.name: slot for slot, joint in enumerate(self.joints)}
+        self._applied = [0.0] * len(self.joints)
+        self._direct = [slot for slot, joint in enumerate(self.joints) if not joint.reads_back]
+        self._groups = _by_body(self.joints)
+        self._order = _order(self.joints, self._groups)
+        self._commanded: dict[str, str] = {}
 
     def describe(self) -> Description:
-        """Return who the vectors of a JointState belong to, and their limits."""
-        joints = self._joints
-        return Description(
-            names=self.names,
-            limits={
-                "lower": [joint.lower for joint in joints],
-                "upper": [joint.upper for joint in joints],
-                "velocity": [joint.max_velocity for joint in joints],
-                "effort": [joint.effort for joint in joints],
-            },
-            details={
-                "type": [joint.kind for joint in joints],
-                "mode": [joint.mode for joint in joints],
-            },
-        )
+        """Return names, limits, types and modes of the joints."""
+        return describe(self.joints)
 
-    def commander(self, port: str, names: Sequence[str]) -> Commander:
-        """Return what carries out commands whose vectors are in the order of `names`.
+    def commander(self, names: Sequence[str] = (), *, port: str = "command") -> Commander:
+        """Return what takes the commands for these joints.
 
-        Raises CommandError when they do not fit this world's joints.
+        names: in the order of the commands' vectors; none: all, in the plant's order. port: for
+        error sentences. Raises WiringError when a name is unknown or another's already.
         """
-        return Commander(port, names, self._physics, self._driven)
+        joints = pick(self.joints, names, f"input {port!r}") if names else self.joints
+        problems = [
+            f"input {port!r}: joint {joint.name!r} is commanded by input "
+            f"{self._commanded[joint.name]!r} already"
+            for joint in joints
+            if joint.name in self._commanded
+        ]
+        if problems:
+            raise WiringError("\n".join(problems))
+        commander = Commander(
+            port=port,
+            joints=joints,
+            physics=self._physics,
+            applied=self._applied,
+            slots=[self._slots[joint.name] for joint in joints],
+        )
+        self._commanded |= dict.fromkeys((joint.name for joint in joints), port)
+        self._commanders.append(commander)
+        return commander
 
     def sense(self) -> JointState:
-        """Return what the sensors show now.
+        """Return what the sensors read now; effort is what the motors applied in the last step.
 
-        Raises PhysicsError when the simulation has diverged.
+        Raises PhysicsError when the state is not finite any more.
         """
-        count = len(self._joints)
-        position, velocity, effort = [0.0] * count, [0.0] * count, [0.0] * count
-        for body, indices, places in self._groups:
-            states = self._physics.read(body, indices)
-            for place, state in zip(places, states, strict=True):
-                position[place], velocity[place] = state[0], state[1]
-                effort[place] = state[3]
-        self._fill_efforts(effort)
-        true: dict[str, Values] = {"position": position, "velocity": velocity, "effort": effort}
-        return self._sensors.sense(true, self._targets())
-
-    def _fill_efforts(self, effort: list[float]) -> None:
-        """Put in the torques that the physics engine applies and does not report."""
-        for driven in self._driven:
-            applied = driven.drive.efforts()
-            if applied is not None and self._advanced:
-                for name, value in zip(driven.names, applied, strict=True):
-                    effort[self._places[name]] = value
-
-    @property
-    def _places(self) -> dict[str, int]:
-        return {name: place for place, name in enumerate(self.names)}
-
-    def _targets(self) -> list[float] | None:
-        """Return the newest position targets, where every joint has one."""
-        found = {
-            name: target
-            for driven in self._motors
-            if isinstance(driven.drive, PositionMotor)
-            for name, target in zip(driven.names, driven.drive.targets, strict=True)
-        }
-        return [found[name] for name in self.names] if len(found) == len(self._joints) else None
+        rows = self._states()
+        position = [row[0] for row in rows]
+        velocity = [row[1] for row in rows]
+        if not math.isfinite(sum(position) + sum(velocity)):
+            self._refuse_divergence(position, velocity)
+        effort = [row[3] for row in rows]
+        for slot in self._direct:
+            effort[slot] = self._applied[slot]
+        return self._sensing.measure(position, velocity, effort)
 
     def advance(self) -> None:
-        """Advance by one communication step.
-
-        Raises PhysicsError when the physics engine fails.
-        """
-        for _ in range(self._substeps):
-            for driven in self._driven:
-                driven.drive.before_substep()
+        """Carry out the commands during one communication step."""
+        commanders = self._commanders
+        for _ in self._substeps:
+            for commander in commanders:
+                commander.drive()
             self._physics.step()
-        self._advanced = True
+        self.t_ns += self._step_ns
 
     def close(self) -> None:
-        """Leave the physics engine."""
+        """Give the physics engine back; may be called again."""
         self._physics.close()
+
+    def _states(self) -> Sequence[Any]:
+        """Return PyBullet's state of each joint, in the plant's order."""
+        if len(self._groups) == 1:
+            return self._physics.states(*self._groups[0])
+        rows = [row for group in self._groups for row in self._physics.states(*group)]
+        return [rows[place] for place in self._order]
+
+    def _refuse_divergence(self, position: list[float], velocity: list[float]) -> None:
+        for joint, q, v in zip(self.joints, position, velocity, strict=True):
+            if not math.isfinite(q + v):
+                raise PhysicsError(
+                    f"t = {self.t_ns / 1e9:.3f} s: joint {joint.name!r} is at {q} rad, {v} rad/s: "
+                    "the simulation has diverged; check its commands or take a smaller physics_step"
+                )
+
+
+def _choose(joints: Sequence[Joint], names: Sequence[str] | None) -> list[Joint]:
+    chosen = list(joints) if names is None else pick(joints, names, "params.joints")
+    if not chosen:
+        raise WiringError("the plant has no movable joint to sense or command")
+    return chosen
+
+
+def _by_body(joints: Sequence[Joint]) -> list[tuple[int, list[int]]]:
+    """Return (body, indices of its joints) for each body, so that each is read in one call."""
+    groups: dict[int, list[int]] = {}
+    for joint in joints:
+        groups.setdefault(joint.body, []).append(joint.index)
+    return list(groups.items())
+
+
+def _order(joints: Sequence[Joint], groups: Sequence[tuple[int, list[int]]]) -> list[int]:
+    """Return where the state of each joint stands among the states of all groups."""
+    keys = [(body, index) for body, indices in groups for index in indices]
+    return [keys.index((joint.body, joint.index)) for joint in joints]

@@ -1,62 +1,84 @@
-"""What the sensors show of the true state: chosen quantities, noise, quantisation."""
+"""What the sensors make of the true state: noise first, then quantisation."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 
-import numpy as np
+from numpy.random import PCG64, Generator
 
 from stepbus_schemas import JointState
 
-from .errors import PhysicsError
-from .params import Params
+from .params import Noise, Quantity, Resolution
 
-Values = Sequence[float]
+_QUANTITIES: tuple[Quantity, ...] = ("position", "velocity", "effort")
+Measure = Callable[[list[float]], list[float] | None]
 
 
-class Sensors:
-    """Turns true joint states into what is sensed.
+class Sensor:
+    """One quantity of all joints, with Gaussian noise and finite resolution.
 
-    seed: of the noise; the same seed gives the same noise, whatever the machine.
+    deviation: standard deviation of the noise; resolution: distance between two readings; both in
+    the quantity's unit. Each quantity draws from a generator of its own, so that noise on one
+    does not change that on another.
     """
 
-    def __init__(self, params: Params, names: Sequence[str], seed: int) -> None:
-        self._names = list(names)
-        self._random = np.random.Generator(np.random.PCG64(seed))
-        self._senses = [
-            (
-                quantity,
-                self._chain(getattr(params.noise, quantity), getattr(params.resolution, quantity)),
-            )
-            for quantity in params.sense
+    def __init__(self, deviation: float, resolution: float | None, seed: Sequence[int]) -> None:
+        self._deviation = deviation
+        self._resolution = resolution
+        self._random = Generator(PCG64(seed))
+
+    def measure(self, true: list[float]) -> list[float]:
+        """Return readings of the true values, shape (n,)."""
+        values = true
+        if self._deviation:
+            noise = self._random.normal(0.0, self._deviation, len(true)).tolist()
+            values = [value + error for value, error in zip(true, noise, strict=True)]
+        if self._resolution:
+            unit = self._resolution
+            values = [math.floor(value / unit + 0.5) * unit for value in values]
+        return values
+
+
+class Sensing:
+    """All sensors of a plant.
+
+    sense: quantities that are sensed; the others stay absent. seed: of the run, for this plant.
+    """
+
+    def __init__(
+        self, *, sense: Sequence[Quantity], noise: Noise, resolution: Resolution, seed: int
+    ) -> None:
+        measures = [
+            _measure(name in sense, getattr(noise, name), getattr(resolution, name), (seed, place))
+            for place, name in enumerate(_QUANTITIES)
         ]
+        self._position, self._velocity, self._effort = measures
 
-    def _chain(self, noise: float, resolution: float | None) -> Callable[[Values], list[float]]:
-        """Return the function from true to sensed values of one quantity."""
-        if not noise and resolution is None:
-            return list
-        return lambda values: self._disturb(values, noise, resolution)
+    def measure(
+        self, position: list[float], velocity: list[float], effort: list[float]
+    ) -> JointState:
+        """Return what the sensors read; each vector of shape (n,) [rad, rad/s, N·m]."""
+        return JointState(
+            position=self._position(position),
+            velocity=self._velocity(velocity),
+            effort=self._effort(effort),
+        )
 
-    def _disturb(self, values: Values, noise: float, resolution: float | None) -> list[float]:
-        sensed = np.asarray(values)
-        if noise:
-            sensed = sensed + noise * self._random.standard_normal(len(sensed))
-        if resolution is not None:
-            sensed = resolution * np.round(sensed / resolution)
-        return [float(value) for value in sensed]
 
-    def sense(self, true: dict[str, Values], targets: list[float] | None) -> JointState:
-        """Return what is sensed of true positions, velocities and efforts.
+def _measure(
+    sensed: bool, deviation: float, resolution: float | None, seed: tuple[int, int]
+) -> Measure:
+    if not sensed:
+        return _nothing
+    if deviation or resolution:
+        return Sensor(deviation, resolution, seed).measure
+    return _all
 
-        Raises PhysicsError when the state has left the finite numbers.
-        """
-        positions = true["position"]
-        if not math.isfinite(sum(positions) + sum(true["velocity"])):
-            lost = [n for n, q in zip(self._names, positions, strict=True) if not math.isfinite(q)]
-            raise PhysicsError(
-                f"the simulation has diverged (joints {', '.join(lost) or 'by velocity'}); "
-                "use a shorter physics_step or smaller gains"
-            )
-        sensed = {quantity: chain(true[quantity]) for quantity, chain in self._senses}
-        return JointState(**sensed, target=targets)
+
+def _nothing(_true: list[float]) -> None:
+    return None
+
+
+def _all(true: list[float]) -> list[float]:
+    return true

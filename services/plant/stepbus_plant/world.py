@@ -6,23 +6,20 @@ prismatic joints read [m] and [N] where an angle and a torque are named.
 
 from __future__ import annotations
 
-from decimal import Decimal
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 
 from stepbus.config import package_path
+from stepbus.durations import parse_duration
 from stepbus_schemas import WiringError
 from stepbus_schemas.messages import JointMode
 
-from .checked import Finite, NonNegative, Problem, Source, Vector3, Where, find_problems
+from .checked import Finite, NonNegative, Problem, Source, Vector3, find_problems
 
 Actuation = Literal["direct", "velocity_force"]
-
-_UNITS_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
-_DURATION = r"^[0-9]+(\.[0-9]+)? *(ns|us|ms|s)$"
-Duration = Annotated[str, msgspec.Meta(pattern=_DURATION)]
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -84,17 +81,26 @@ class Body(_Row, frozen=True):
     """Joint of the URDF → settings over `joint_defaults`."""
 
 
-class World(_Row, frozen=True):
-    """Everything that is simulated."""
+class WorldFile(_Row, frozen=True):
+    """What a world file says."""
 
     bodies: dict[str, Body]
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """[m/s²]"""
-    physics_step: Duration | None = None
+    physics_step: str | None = None
     """Length of a physics substep, e.g. `1ms`; has to divide the communication step exactly."""
     substeps: Annotated[int, msgspec.Meta(ge=1)] | None = None
     """Physics substeps per communication step, instead of `physics_step`. Default: 1."""
     solver_iterations: Annotated[int, msgspec.Meta(ge=1)] = 50
+
+
+class World(WorldFile, frozen=True, kw_only=True):
+    """Everything that is simulated; `urdf` of each body is an absolute path.
+
+    source: the file it was read from, which knows the line of each mistake.
+    """
+
+    source: Source
 
     def physics_ns(self, period_ns: int) -> int:
         """Return the length of a physics substep [ns].
@@ -102,81 +108,63 @@ class World(_Row, frozen=True):
         period_ns: length of a communication step [ns]. Raises WiringError when the substep does
         not divide it exactly.
         """
-        if self.physics_step is None:
+        if self.physics_step is not None:
+            step_ns = parse_duration(self.physics_step)
+            key, rest = "physics_step", period_ns % step_ns
+            text = f"{self.physics_step} does not divide"
+        else:
             step_ns, rest = divmod(period_ns, self.substeps or 1)
-            if rest:
-                raise WiringError(
-                    f"substeps: {self.substeps} substeps do not divide the communication step of "
-                    f"{period_ns} ns into whole nanoseconds"
-                )
-            return step_ns
-        step_ns = duration_ns(self.physics_step)
-        if period_ns % step_ns:
-            raise WiringError(
-                f"physics_step: {self.physics_step} ({step_ns} ns) does not divide the "
-                f"communication step of {period_ns} ns exactly"
-            )
+            key, text = "substeps", f"{self.substeps} substeps do not divide"
+        if rest or not step_ns:
+            tail = f"the plant's step of {period_ns} ns into whole nanoseconds"
+            self.source.refuse([((key,), f"{text} {tail}")])
         return step_ns
 
 
-def duration_ns(text: str) -> int:
-    """Return a duration such as `5ms` [ns].
-
-    Raises WiringError when that is not a positive whole number.
-    """
-    unit = text.lstrip("0123456789. ")
-    value = Decimal(text.removesuffix(unit).strip()) * _UNITS_NS[unit]
-    if value != int(value) or value < 1:
-        raise WiringError(f"{text!r} is not a positive whole number of nanoseconds")
-    return int(value)
-
-
 def load_world(path: Path) -> World:
-    """Read a world file; `urdf` of each body becomes an absolute path.
+    """Read a world file.
 
-    Raises WiringError that lists all mistakes, each with file and line.
+    Raises WiringError that lists all mistakes, each with file and line; those that only the URDFs
+    can show come when the world is simulated.
     """
     source = Source(path)
-    problems = find_problems(source.data, World)
-    source.refuse(problems)
-    world = msgspec.convert(source.data, World)
-    bodies: dict[str, Body] = {}
-    for name, body in world.bodies.items():
-        problems += _settings_problems(name, body)
+    problems = [*find_problems(source.data, WorldFile), *_step_problems(source.data)]
+    found: dict[str, str] = {}
+    for name, urdf in _urdfs(source.data):
         try:
-            bodies[name] = msgspec.structs.replace(body, urdf=str(_find(body.urdf, path.parent)))
+            found[name] = str(_find(urdf, path.parent))
         except WiringError as exc:
             problems.append((("bodies", name, "urdf"), str(exc)))
-    source.refuse(_world_problems(world) + problems)
-    return msgspec.structs.replace(world, bodies=bodies)
+    source.refuse(problems)
+    content = msgspec.convert(source.data, WorldFile)
+    fields = {key: getattr(content, key) for key in content.__struct_fields__}
+    fields["bodies"] = {
+        name: msgspec.structs.replace(body, urdf=found[name])
+        for name, body in content.bodies.items()
+    }
+    return World(**fields, source=source)
 
 
-def _world_problems(world: World) -> list[Problem]:
-    problems: list[Problem] = []
-    if not world.bodies:
-        problems.append((("bodies",), "is empty; a world needs at least one body"))
-    if world.physics_step is not None and world.substeps is not None:
-        problems.append((("substeps",), "choose one of 'physics_step' and 'substeps'"))
-    if world.physics_step is not None:
+def _step_problems(data: Mapping[str, object]) -> Iterator[Problem]:
+    if data.get("bodies") == {}:
+        yield ("bodies",), "is empty; a world needs at least one body"
+    text = data.get("physics_step")
+    if isinstance(text, str):
+        if "substeps" in data:
+            yield ("substeps",), "choose one of 'physics_step' and 'substeps'"
         try:
-            duration_ns(world.physics_step)
+            parse_duration(text)
         except WiringError as exc:
-            problems.append((("physics_step",), str(exc)))
-    return problems
+            yield ("physics_step",), str(exc)
 
 
-def _settings_problems(name: str, body: Body) -> list[Problem]:
-    """Return the contradictions among the settings of each joint of a body."""
-    rows: dict[Where, JointSettings] = {("joint_defaults",): body.joint_defaults}
-    rows |= {("joints", key): row.over(body.joint_defaults) for key, row in body.joints.items()}
-    problems: list[Problem] = []
-    for key, row in rows.items():
-        where = ("bodies", name, *key)
-        if row.lower is not None and row.upper is not None and row.lower > row.upper:
-            problems.append((where, f"lower {row.lower} is above upper {row.upper}"))
-        if row.friction and (row.mode or "torque") != "torque":
-            problems.append((where, f"friction needs mode torque, not {row.mode}"))
-    return problems
+def _urdfs(data: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+    """Return body and URDF, for as much of a file as makes sense."""
+    bodies = data.get("bodies")
+    for name, body in bodies.items() if isinstance(bodies, Mapping) else ():
+        urdf = body.get("urdf") if isinstance(body, Mapping) else None
+        if isinstance(urdf, str):
+            yield str(name), urdf
 
 
 def _find(urdf: str, folder: Path) -> Path:
