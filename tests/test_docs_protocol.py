@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import msgspec
 import pytest
+from mcap.reader import make_reader
+from run_support import run_joints
+
 import stepbus.joining
 import stepbus.loop
-
 from stepbus import Description, Endpoint, JointCommand, JointState, Participant, Ticket, take_part
 from stepbus_schemas import ENVELOPE_TYPES, Decoder, encode, encoding_of
 
@@ -120,3 +122,21 @@ def test_every_clause_has_a_number_of_its_own():
     numbers = re.findall(r"^- \*\*(P\d+\.\d+)\*\*", PAGE, re.MULTILINE)
     assert len(numbers) == len(set(numbers))
     assert set(re.findall(r"P\d+\.\d+", PAGE)) == set(numbers)
+
+
+def outputs_of(result):
+    """Return (topic, step, content) of all that was recorded."""
+    with result.recording.open("rb") as file:
+        found = make_reader(file).iter_messages(log_time_order=False)
+        return [(channel.topic, message.sequence, message.data) for _, channel, message in found]
+
+
+@pytest.mark.parametrize("settings", [["window=64"], ["window=1", "batch=1"]])
+def test_a_program_written_from_the_page_alone_publishes_what_ours_does(tmp_path, settings):
+    program = Path(__file__).parent / "programs/by_the_page.py"
+    (tmp_path / "source").mkdir()
+    (tmp_path / "source/by_the_page.py").write_bytes(program.read_bytes())
+    theirs = run_joints(tmp_path, "controller.exec=[python, by_the_page.py]", *settings)
+    ours = run_joints(tmp_path / "ours", *settings)
+    assert (theirs.exit_code, theirs.reason, theirs.foreign) == (0, "finished", 0)
+    assert outputs_of(theirs) == outputs_of(ours)

@@ -1,12 +1,19 @@
 """When a participant ends, whatever is still under way to it."""
 
-from queue import SimpleQueue
-
 import msgspec
 import pytest
 
 from stepbus import Endpoint, JointCommand, JointState, Participant, Ticket, take_part
-from stepbus_schemas import InputConfig, Outputs, OutputConfig, Start, Stop, Trigger, Welcome, encode
+from stepbus_schemas import (
+    InputConfig,
+    OutputConfig,
+    Outputs,
+    Start,
+    Stop,
+    Trigger,
+    Welcome,
+    encode,
+)
 
 TOKEN = "00c0ffee00c0ffee"
 STEP_NS = 5_000_000
@@ -21,9 +28,10 @@ class Bus:
         self.published = []
 
     def declare_alive(self, key):
-        self.sinks[key] = SimpleQueue().put
+        self.alive = key
 
-    watch_alive = declare_alive_of = lambda self, key, sink: sink(key, True)
+    def watch_alive(self, key, sink):
+        sink(key, True)
 
     def subscribe(self, key, sink):
         self.sinks[key] = sink

@@ -67,6 +67,8 @@ class Barrier:
         They owe an output although all they need for it has been reported; whoever waits for
         them is not among them.
         """
+        if self.finished:
+            return []
         step = self.completed
         owing = [name for name in self.reported if self.next_step(name) <= step]
         return [name for name in owing if self._has_inputs(name)]

@@ -14,6 +14,7 @@ from .tolerance import Slack, Tolerance
 
 Kind = Literal["value", "encoding", "missing", "added"]
 
+_SHOWN_CHARACTERS = 300
 _decode_any = msgspec.msgpack.Decoder().decode
 
 
@@ -42,16 +43,15 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
                     f"give a tolerance to compare values, e.g. --abs {self.topic}=0"
                 )
             case "missing":
-                return f"{where}: {first} has a message, {second} has none"
+                return f"{where}: the {first} has a message, the {second} has none"
             case "added":
-                return f"{where}: {second} has a message, {first} has none"
+                return f"{where}: the {second} has a message, the {first} has none"
         if not self.field:
-            return f"{where}: {first} {_short(self.first)}, {second} {_short(self.second)}"
+            return f"{where}: {first} {short(self.first)}, {second} {short(self.second)}"
         apart = difference(self.first, self.second)
         by = "" if apart is None else f" (difference {apart:.3g})"
         return (
-            f"{where}: {self.field}: {first} {_short(self.first)}, {second} "
-            f"{_short(self.second)}{by}"
+            f"{where}: {self.field}: {first} {short(self.first)}, {second} {short(self.second)}{by}"
         )
 
 
@@ -285,9 +285,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """Return a value as text that fits into a line or two."""
     text = repr(value)
-    return text if len(text) <= 200 else f"{text[:200]}…"
+    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}…"
 
 
 def fields_of(type_name: str) -> tuple[str, ...]:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .compare import FieldCount, PortResult
+from .compare import Divergence, FieldCount, PortResult
 
 
-def port_lines(port: PortResult, first: str, second: str) -> Iterator[str]:
-    """Return the lines of one port; first, second: what the two sides are called."""
+def port_lines(
+    port: PortResult, first: str, second: str, shown: Divergence | None
+) -> Iterator[str]:
+    """Return the lines of one port.
+
+    first, second: what the two sides are called. shown: a divergence that is not to be repeated.
+    """
     yield f"{port.topic}: {', '.join(_parts(port, first, second))}"
-    if port.divergence is not None:
+    if port.divergence is not None and port.divergence is not shown:
         yield f"  {port.divergence.text(first, second)}"
     for count in port.fields:
         yield f"  {_field(count)}"
@@ -25,9 +30,9 @@ def _parts(port: PortResult, first: str, second: str) -> Iterator[str]:
         if port.within:
             yield f"{port.within} are within the tolerance"
     if port.missing:
-        yield f"{port.missing} only in {first}"
+        yield f"{port.missing} only in the {first}"
     if port.added:
-        yield f"{port.added} only in {second}"
+        yield f"{port.added} only in the {second}"
 
 
 def _field(count: FieldCount) -> str:

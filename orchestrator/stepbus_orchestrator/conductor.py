@@ -213,9 +213,9 @@ class Conductor:
 
     def _check_closing(self, closing: list[str], end: int, elapsed_s: float) -> None:
         for name in closing:
-            member = self.roster[name]
             if self.barrier.reported[name] >= end:
                 continue
+            member = self.roster[name]
             if member.child.exit_code() is not None:
                 raise death(member, self.roster, self.barrier, self._scenario.step_ns)
             member.hold(end, elapsed_s)

@@ -54,7 +54,7 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
 
     def _ports(self) -> Iterator[str]:
         for port in self.ports:
-            yield from port_lines(port, "first", "second")
+            yield from port_lines(port, "first", "second", self.divergence)
 
 
 def diff(first: Path, second: Path, tolerance: Tolerance | None = None) -> Diff:

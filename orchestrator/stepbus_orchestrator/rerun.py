@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath
 from .errors import RecordingFailed
 from .progress import Observer
 from .reader import Recording
-from .reader import Recording
 from .result import Result, file_sha256, own_versions
 from .run import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT, Options, run
 from .scenario import Scenario, command, load, resolved

@@ -33,6 +33,9 @@ class Control:
 
     upto: steps below it may be worked on. started: descriptions of the inputs of all
     participants, once all are ready.
+
+    A stop can overtake the last inputs, which come over other links. So it waits for `enter` to
+    reach its step: what is published before that step belongs to the run.
     """
 
     def __init__(self, bus: Bus, token: str, wake: Iterable[SimpleQueue[Any]]) -> None:
@@ -40,6 +43,8 @@ class Control:
         self.started: Mapping[str, Mapping[str, Description]] | None = None
         self.foreign = 0
         self._token = token
+        self._step = -1
+        self._stop: Stop | None = None
         self._bus = bus
         self._wake = list(wake)
         self._queue: SimpleQueue[tuple[str, Any]] = SimpleQueue()
@@ -63,6 +68,16 @@ class Control:
         if key != "trigger":
             for queue in self._wake:
                 queue.put(None)
+
+    def enter(self, step: int) -> None:
+        """Begin a step; raises Stopped when the run ends before it."""
+        self._step = step
+        if self._stop is not None:
+            self._end_if_due(self._stop)
+
+    def _end_if_due(self, stop: Stop) -> None:
+        if self._step >= stop.at_step:
+            raise Stopped(stop)
 
     def wait(self, timeout_s: float) -> bool:
         """Take in the next word; return whether there was one.
@@ -102,8 +117,10 @@ class Control:
 
     def _take_stop(self, stop: Stop) -> None:
         if stop.token == self._token:
-            raise Stopped(stop)
-        self.foreign += 1
+            self._stop = stop
+            self._end_if_due(stop)
+        else:
+            self.foreign += 1
 
     def _take_start(self, start: Start) -> None:
         if start.token == self._token:

@@ -117,7 +117,8 @@ def become_ready(
 def _hear(bus: Bus, sources: list[Source]) -> None:
     """Take in the greetings of our sources."""
     for source in sources:
-        while not source.queue.empty():
+        # What comes behind the first greeting, with its bulk content, is for the step loop.
+        while not source.heard and not source.queue.empty():
             sample = source.queue.get()
             if sample is not None:
                 source.accept(bus.payload(sample))

@@ -6,7 +6,7 @@ import time
 from queue import Empty
 from typing import Any
 
-from stepbus_schemas import Outputs, Waiting, Welcome
+from stepbus_schemas import GREETING_STEP, Outputs, Waiting, Welcome
 
 from .bus import Bus
 from .control import Control, Stopped
@@ -51,6 +51,7 @@ class StepLoop:
         """Work until the orchestrator stops the run; raises what the participant raises."""
         try:
             while True:
+                self._control.enter(self.step.index)
                 self._one_step()
                 self.step.index += self._every
         except Stopped as stopped:
@@ -107,7 +108,8 @@ class StepLoop:
             stamp = read_stamp(self._bus.attachment(sample), self._token)
             if stamp == outputs.step:
                 break
-            source.drop("foreign" if stamp is None else "stale")
+            if stamp != GREETING_STEP:
+                source.drop("foreign" if stamp is None else "stale")
         content = self._bus.payload(sample)
         if len(content) != size:
             raise PeerFault(

@@ -32,6 +32,7 @@ from .zenoh_bus import ZenohBus
 
 Factory = Callable[[Config], Participant]
 _STOP_WAIT_S = 1.0
+_AFTER_THE_RUN = 1 << 62
 
 
 class Terminated(RunError):
@@ -157,6 +158,7 @@ class Session:
         sys.stderr.write(fault.traceback)
         self._put_fault(encode(fault))
         try:
+            self._control.enter(_AFTER_THE_RUN)
             while self._control.wait(_STOP_WAIT_S):
                 continue
         except (Stopped, OrchestratorLost):

@@ -10,13 +10,23 @@ from stepbus_schemas import StepbusError
 
 from ..errors import ExitCode, RunFailure
 from ..scenario import ScenarioError
-from . import recover_command, rerun_command, run_command, validate_command, verify_command
+from . import (
+    diff_command,
+    recover_command,
+    replay_command,
+    rerun_command,
+    run_command,
+    validate_command,
+    verify_command,
+)
 from .command import Command
 from .output import complain
 
 COMMANDS: tuple[Command, ...] = (
     run_command.COMMAND,
     validate_command.COMMAND,
+    replay_command.COMMAND,
+    diff_command.COMMAND,
     verify_command.COMMAND,
     rerun_command.COMMAND,
     recover_command.COMMAND,

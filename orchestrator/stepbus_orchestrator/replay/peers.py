@@ -77,8 +77,8 @@ class Peers:
         step_ns: int,
         take: Callable[[str, Outputs], None] | None,
     ) -> None:
-        self.names = {peer.name for peer in (listed := list(peers))}
-        self._peers = listed
+        self._peers = list(peers)
+        self.names = {peer.name for peer in self._peers}
         self._token = token
         self._step_ns = step_ns
         self._take = take

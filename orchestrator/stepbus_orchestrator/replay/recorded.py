@@ -82,7 +82,9 @@ def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int
 
 def _end(recording: Recording) -> int:
     """Return the number of complete steps of the run."""
-    newest = max((e[-1].step for t, e in recording.entries.items() if e and t != CHAIN_TOPIC), default=-1)
+    newest = max(
+        (e[-1].step for t, e in recording.entries.items() if e and t != CHAIN_TOPIC), default=-1
+    )
     chain = recording.entries.get(CHAIN_TOPIC)
     # The last chain stands at the end of the run; a recording that was cut off has none there.
     return chain[-1].step if chain and chain[-1].step >= newest else newest + 1

@@ -1,6 +1,4 @@
-"""Run the plant as a process."""
-
-from __future__ import annotations
+"""The plant as a process: `python -m stepbus_plant`."""
 
 from stepbus import main
 

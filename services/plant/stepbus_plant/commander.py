@@ -1,149 +1,133 @@
-"""One command input: which joints it moves, what it may ask of them, and their motors."""
+"""Takes the commands of one input to the joints they are for, and refuses what cannot work."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import NoReturn
 
-from stepbus_schemas import JointCommand, WiringError
+from stepbus.settings import nearest
+from stepbus_schemas import JointCommand
 from stepbus_schemas.messages import JointMode
 
-from .actuation import Actuator, Motors, make_actuator
+from .drives import Drive
 from .errors import CommandError
 from .joints import Joint
 from .physics import Physics
 
-_TAKES: Mapping[JointMode, tuple[str, ...]] = {
+_EXTRAS = {
     "torque": (),
     "velocity": ("effort_limit",),
     "position": ("velocity", "effort_limit"),
-    "teleport": (),
+    "teleport": ("velocity",),
 }
-"""The optional fields of a JointCommand that each mode uses."""
+"""The vectors that a mode takes beside `values`."""
 
 
 class Commander:
-    """Checks the commands of one input and carries them out.
+    """Carries out the commands of one input; there may be several, one for each arm.
 
-    port: name of the input. joints: those it moves, in the order of its vectors. applied: torque
-    applied directly to each joint [N·m]. slots: where each of `joints` stands in it. Raises
-    WiringError when these joints cannot be moved by one command.
+    port: its name, for messages. names: whose values its vectors hold, in their order. owners:
+    joint → the input that drives it; shared by all commanders of a plant.
+    Raises CommandError when names are unknown or stand there twice.
     """
 
     def __init__(
         self,
-        *,
         port: str,
-        joints: Sequence[Joint],
+        names: Sequence[str],
+        *,
         physics: Physics,
-        applied: list[float],
-        slots: Sequence[int],
+        drives: Sequence[Drive],
+        owners: dict[str, str],
     ) -> None:
-        _refuse_unmovable(port, joints)
         self._port = port
-        self._joints = joints
-        self._mode = joints[0].mode
-        self._takes = _TAKES[self._mode]
-        self._actuators = _make_actuators(physics, joints, applied, slots)
-        self._active: list[Actuator] = []
+        self._physics = physics
+        self._owners = owners
+        self._mode: JointMode | None = None
+        joints = {joint.name: joint for joint in physics.joints}
+        self._check_names(names, joints)
+        self._joints = [joints[name] for name in names]
+        at = {joint.name: (d, i) for d in drives for i, joint in enumerate(d.joints)}
+        self._at = [at[name] for name in names]
+        self._rows = [
+            (drive, [(i, source) for source, (d, i) in enumerate(self._at) if d is drive])
+            for drive in dict.fromkeys(drive for drive, _ in self._at)
+        ]
 
-    def apply(self, command: JointCommand, step: int) -> None:
-        """Take in a command; it holds until the next one.
+    def _check_names(self, names: Sequence[str], known: dict[str, Joint]) -> None:
+        mistakes = [f"joint {n!r} is unknown; {nearest(n, known)}" for n in names if n not in known]
+        mistakes += [
+            f"joint {n!r} stands there twice" for n in dict.fromkeys(names) if names.count(n) > 1
+        ]
+        if mistakes:
+            raise CommandError("\n".join(f"input {self._port!r}: {text}" for text in mistakes))
 
-        step: for the error sentence. Raises CommandError when its mode is not the joints', or
-        when a vector has a wrong length or a value that no motor can follow.
+    def apply(self, command: JointCommand) -> None:
+        """Carry out a command from now on; nothing of it is done when any of it is refused.
+
+        Raises CommandError for a vector of the wrong length or one that the mode does not take, a
+        value that is no number, a mode that a joint does not take, a teleport beyond a stop, and a
+        joint that another input drives.
         """
-        if command.mode != self._mode:
-            raise CommandError(
-                f"step {step}: input {self._port!r}: joint {self._joints[0].name!r} takes mode "
-                f"{self._mode}, the command says {command.mode}; "
-                "change the joint's mode in the world or the command"
-            )
-        self._check("values", command.values, step)
-        if command.velocity is not None:
-            self._check_optional("velocity", command.velocity, step)
-        if command.effort_limit is not None:
-            self._check_optional("effort_limit", command.effort_limit, step)
-        for actuator in self._actuators:
-            actuator.take(command)
-        self._active = self._actuators
-
-    def drive(self) -> None:
-        """Set the motors for the next substep; before the first command they stay off."""
-        for actuator in self._active:
-            actuator.drive()
-
-    def _check(self, field: str, vector: list[float], step: int) -> None:
-        # Summing finds a value that is not finite three times faster than looking at each.
-        if len(vector) == len(self._joints) and math.isfinite(sum(vector)):
+        self._check_vectors(command)
+        if command.mode == "teleport":
+            self._teleport(command)
             return
+        if command.mode != self._mode:
+            self._own(command.mode)
+        for drive, rows in self._rows:
+            drive.take(command, rows)
+
+    def _check_vectors(self, command: JointCommand) -> None:
+        self._check_vector("values", command.values)
+        for field, vector in (
+            ("velocity", command.velocity),
+            ("effort_limit", command.effort_limit),
+        ):
+            if vector is not None:
+                if field not in _EXTRAS[command.mode]:
+                    self._refuse(f"{field} has no meaning in mode {command.mode}; leave it out")
+                self._check_vector(field, vector)
+        if command.effort_limit and min(command.effort_limit) < 0:
+            self._refuse(f"effort_limit {min(command.effort_limit)} is negative")
+
+    def _check_vector(self, field: str, vector: Sequence[float]) -> None:
         if len(vector) != len(self._joints):
-            names = ", ".join(joint.name for joint in self._joints)
-            raise CommandError(
-                f"step {step}: input {self._port!r}: {field} has {len(vector)} entries for "
-                f"{len(self._joints)} joints ({names})"
+            self._refuse(
+                f"{field} has {len(vector)} values for {len(self._joints)} joints "
+                f"({', '.join(joint.name for joint in self._joints)})"
             )
-        for joint, value in zip(self._joints, vector, strict=True):
-            if not math.isfinite(value):
-                raise self._bad_value(field, joint, value, step)
+        if not math.isfinite(sum(vector)):
+            for joint, value in zip(self._joints, vector, strict=True):
+                if not math.isfinite(value):
+                    self._refuse(f"{field} of joint {joint.name} is {value}, not a finite number")
 
-    def _check_optional(self, field: str, vector: list[float], step: int) -> None:
-        if field not in self._takes:
-            raise CommandError(
-                f"step {step}: input {self._port!r}: mode {self._mode} takes no {field}, "
-                f"the command for joint {self._joints[0].name!r} has {vector[:1]}; leave it out"
-            )
-        self._check(field, vector, step)
-        if field == "effort_limit" and min(vector) < 0:
-            place = vector.index(min(vector))
-            raise self._bad_value(field, self._joints[place], vector[place], step)
+    def _own(self, mode: JointMode) -> None:
+        """Check that the joints take this mode and that nobody else drives them."""
+        for joint in self._joints:
+            if joint.mode != mode:
+                self._refuse(
+                    f"joint {joint.name} takes mode {joint.mode}, the command has mode {mode}; "
+                    "change one of them (world file: mode)"
+                )
+            owner = self._owners.setdefault(joint.name, self._port)
+            if owner != self._port:
+                self._refuse(f"joint {joint.name} is already driven by input {owner!r}")
+        self._mode = mode
 
-    def _bad_value(self, field: str, joint: Joint, value: float, step: int) -> CommandError:
-        return CommandError(
-            f"step {step}: input {self._port!r}: {field} of joint {joint.name!r} is {value}; "
-            f"it has to be finite{' and not negative' if field == 'effort_limit' else ''}"
-        )
+    def _teleport(self, command: JointCommand) -> None:
+        velocities = command.velocity or [0.0] * len(self._joints)
+        for joint, position in zip(self._joints, command.values, strict=True):
+            if not joint.lower <= position <= joint.upper:
+                self._refuse(
+                    f"joint {joint.name} cannot be teleported to {position}; its limits are "
+                    f"[{joint.lower}, {joint.upper}]"
+                )
+        rows = zip(self._joints, self._at, command.values, velocities, strict=True)
+        for joint, (drive, place), position, velocity in rows:
+            self._physics.put(joint, position, velocity)
+            drive.jumped(place, position)
 
-
-def _make_actuators(
-    physics: Physics, joints: Sequence[Joint], applied: list[float], slots: Sequence[int]
-) -> list[Actuator]:
-    """Return one actuator for each body and way of actuation."""
-    groups: dict[tuple[int, str], list[int]] = {}
-    for place, joint in enumerate(joints):
-        groups.setdefault((joint.body, joint.actuation), []).append(place)
-    return [
-        make_actuator(
-            Motors(
-                physics=physics,
-                joints=[joints[place] for place in places],
-                places=places,
-                applied=applied,
-                slots=[slots[place] for place in places],
-            )
-        )
-        for places in groups.values()
-    ]
-
-
-def _refuse_unmovable(port: str, joints: Sequence[Joint]) -> None:
-    """Raise WiringError that names each joint a command could not move."""
-    problems = [
-        f"input {port!r}: joint {joint.name!r} has mode {joint.mode}, {joints[0].name!r} has "
-        f"{joints[0].mode}; one command carries one mode, so give each mode an input of its own"
-        for joint in joints
-        if joint.mode != joints[0].mode
-    ]
-    problems += [
-        f"input {port!r}: joint {joint.name!r} has an effort limit of 0; set 'effort' in the world"
-        for joint in joints
-        if joint.effort == 0 and joint.mode != "teleport"
-    ]
-    problems += [
-        f"input {port!r}: joint {joint.name!r} has a velocity limit of 0; "
-        "set 'max_velocity' in the world"
-        for joint in joints
-        if joint.max_velocity == 0 and joint.mode == "velocity"
-    ]
-    if problems:
-        raise WiringError("\n".join(problems))
+    def _refuse(self, text: str) -> NoReturn:
+        raise CommandError(f"input {self._port!r}: {text}")

@@ -1,163 +1,123 @@
-"""The joints of a plant: what their URDFs say, overlaid with what the world says."""
+"""The movable joints of a world: what their URDF says, and the world file over it."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from stepbus.settings import nearest
-from stepbus_schemas import Description, WiringError
+import pybullet as bullet
+
 from stepbus_schemas.messages import JointMode
 
-from .physics import ModelJoint, Physics
-from .world import Actuation, Body, JointSettings
+from .world import Actuation, JointSettings
+
+_KINDS = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
+_UNSUPPORTED = {bullet.JOINT_SPHERICAL: "spherical", bullet.JOINT_PLANAR: "planar"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A movable joint.
+    """One movable joint of the world.
 
-    name: unique in the plant. body, index: PyBullet's numbers. position, velocity: at the start
-    [rad, rad/s]. lower, upper [rad], max_velocity [rad/s], effort [N·m]: commands saturate there.
+    name: unique in the world; `body/joint` where two bodies share it. body, index: PyBullet's
+    numbers of it. kind: revolute, continuous or prismatic. lower, upper: stops [rad]. effort:
+    largest torque [N·m]. max_velocity: largest commanded velocity [rad/s]; 0: any. damping:
+    [N·m·s/rad]. friction: Coulomb friction [N·m]. start, start_velocity: at t = 0 [rad, rad/s].
+    Prismatic joints have [m] and [N] in place of [rad] and [N·m].
     """
 
     name: str
     body: int
     index: int
-    type: str
-    mode: JointMode
-    actuation: Actuation
-    position: float
-    velocity: float
+    kind: str
     lower: float
     upper: float
-    max_velocity: float
     effort: float
+    max_velocity: float
+    mode: JointMode
+    actuation: Actuation
     damping: float
     friction: float
+    start: float
+    start_velocity: float
 
-    @property
-    def reads_back(self) -> bool:
-        """Whether PyBullet tells the torque its motor applied."""
-        return not (self.mode == "torque" and self.actuation == "direct")
-
-
-def load_joints(physics: Physics, bodies: Mapping[str, Body], actuation: Actuation) -> list[Joint]:
-    """Load all bodies and return their movable joints, set up and at their start positions.
-
-    A joint is called as in its URDF; where several bodies have a joint of the same name, each of
-    these is `body/joint`. actuation: where the world does not say it. Raises WiringError that
-    lists all mistakes.
-    """
-    numbers = {name: physics.load(name, body) for name, body in bodies.items()}
-    models = {name: physics.joints(number) for name, number in numbers.items()}
-    count = Counter(model.name for rows in models.values() for model in rows)
-    joints: list[Joint] = []
-    problems: list[str] = []
-    for name, body in bodies.items():
-        problems += _unknown(name, body, models[name])
-        for model in models[name]:
-            full_name = f"{name}/{model.name}" if count[model.name] > 1 else model.name
-            settings = body.joints.get(model.name, JointSettings()).over(body.joint_defaults)
-            joint = _merge(full_name, numbers[name], model, settings, actuation)
-            problems += [f"bodies.{name}.joints.{model.name}: {text}" for text in _mistakes(joint)]
-            joints.append(joint)
-    if problems:
-        raise WiringError("\n".join(problems))
-    for joint in joints:
-        _set_up(physics, joint)
-    return joints
+    def mistakes(self) -> list[str]:
+        """Return what cannot work, now that the URDF's part is known."""
+        found = []
+        if math.isfinite(self.lower) != math.isfinite(self.upper):
+            found.append("has no limits in its URDF; give both 'lower' and 'upper', or none")
+        elif self.lower > self.upper:
+            found.append(f"lower {self.lower} is above upper {self.upper}")
+        elif not self.lower <= self.start <= self.upper:
+            found.append(
+                f"position {self.start} at the start is outside of its limits "
+                f"[{self.lower}, {self.upper}]"
+            )
+        if self.friction and (self.mode, self.actuation) != ("torque", "direct"):
+            actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
+            found.append(
+                "friction needs mode torque with actuation direct, it has mode "
+                f"{self.mode}{actuation}"
+            )
+        return found
 
 
-def _unknown(name: str, body: Body, models: Sequence[ModelJoint]) -> list[str]:
-    known = [model.name for model in models]
-    return [
-        f"bodies.{name}.joints.{joint}: {body.urdf} has no such movable joint; "
-        + nearest(joint, known)
-        for joint in body.joints
-        if joint not in known
-    ]
+def is_movable(info: Sequence[Any]) -> bool:
+    """Return whether PyBullet's joint info is that of a joint with one degree of freedom."""
+    return info[2] in _KINDS
 
 
-def _merge(
-    name: str, body: int, model: ModelJoint, settings: JointSettings, actuation: Actuation
+def unsupported_kind(info: Sequence[Any]) -> str | None:
+    """Return the kind of a joint that moves and cannot be simulated here."""
+    return _UNSUPPORTED.get(info[2])
+
+
+def make_joint(
+    body: int, info: Sequence[Any], settings: JointSettings, actuation: Actuation
 ) -> Joint:
-    lower = model.lower if settings.lower is None else settings.lower
-    upper = model.upper if settings.upper is None else settings.upper
-    nearest_to_zero = max(min(0.0, upper), lower)
+    """Return a joint from PyBullet's info of it and the settings over it.
+
+    actuation: where the settings have none.
+    """
+    bounded = info[8] <= info[9]  # crossed limits are PyBullet's way of saying that there are none
+    lower = _first(settings.lower, info[8] if bounded else -math.inf)
+    upper = _first(settings.upper, info[9] if bounded else math.inf)
+    kind = _KINDS[info[2]]
     return Joint(
-        name=name,
+        name=info[1].decode(),
         body=body,
-        index=model.index,
-        type=model.type,
-        mode=settings.mode or "torque",
-        actuation=settings.actuation or actuation,
-        position=nearest_to_zero if settings.position is None else settings.position,
-        velocity=settings.velocity or 0.0,
+        index=info[0],
+        kind="continuous" if kind == "revolute" and not bounded else kind,
         lower=lower,
         upper=upper,
-        max_velocity=model.velocity if settings.max_velocity is None else settings.max_velocity,
-        effort=model.effort if settings.effort is None else settings.effort,
+        effort=_first(settings.effort, info[10]),
+        max_velocity=_first(settings.max_velocity, info[11]),
+        mode=settings.mode or "torque",
+        actuation=settings.actuation or actuation,
         damping=settings.damping or 0.0,
         friction=settings.friction or 0.0,
+        start=_first(settings.position, min(max(0.0, lower), upper)),
+        start_velocity=settings.velocity or 0.0,
     )
 
 
-def _mistakes(joint: Joint) -> list[str]:
-    """Return what the world and the URDF together get wrong."""
-    texts = []
-    if joint.lower > joint.upper:
-        texts.append(f"lower limit {joint.lower} is above upper limit {joint.upper}")
-    elif not joint.lower <= joint.position <= joint.upper:
-        texts.append(f"position {joint.position} is outside {joint.lower} to {joint.upper}")
-    if math.isinf(joint.lower) != math.isinf(joint.upper):
-        texts.append("has no limits in its URDF: give both 'lower' and 'upper', or none")
-    if joint.friction and joint.reads_back:
-        texts.append("friction needs mode torque with direct actuation")
-    return texts
+def _first(wanted: float | None, otherwise: float) -> float:
+    return otherwise if wanted is None else wanted
 
 
-def _set_up(physics: Physics, joint: Joint) -> None:
-    """Set what PyBullet keeps of a joint; its default motor becomes its Coulomb friction."""
-    dynamics = {"jointDamping": joint.damping}
-    if math.isfinite(joint.lower):
-        dynamics |= {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
-    physics.set_joint(joint.body, joint.index, **dynamics)
-    physics.drive_velocities(joint.body, [joint.index], [0.0], [joint.friction])
-    physics.place(joint.body, joint.index, joint.position, joint.velocity)
+def name_uniquely(found: Sequence[tuple[str, Joint]]) -> list[Joint]:
+    """Return joints with unique names: `body/joint` where bodies share one.
 
-
-def pick(joints: Sequence[Joint], names: Iterable[str], who: str) -> list[Joint]:
-    """Return the joints of these names, in their order.
-
-    who: opens the error sentence. Raises WiringError that lists every unknown or double name.
+    found: the name of its body, and the joint.
     """
-    wanted = list(names)
-    known = {joint.name: joint for joint in joints}
-    problems = [
-        f"{who}: no joint {name!r}; {nearest(name, known)}" for name in wanted if name not in known
+    counts = Counter(joint.name for _, joint in found)
+    return [
+        joint
+        if counts[joint.name] == 1
+        else dataclasses.replace(joint, name=f"{body}/{joint.name}")
+        for body, joint in found
     ]
-    problems += [f"{who}: joint {name!r} twice" for name, n in Counter(wanted).items() if n > 1]
-    if problems:
-        raise WiringError("\n".join(problems))
-    return [known[name] for name in wanted]
-
-
-def describe(joints: Sequence[Joint]) -> Description:
-    """Return the description of a port with these joints; no limit is ±inf."""
-    return Description(
-        names=[joint.name for joint in joints],
-        limits={
-            "lower": [joint.lower for joint in joints],
-            "upper": [joint.upper for joint in joints],
-            "velocity": [joint.max_velocity for joint in joints],
-            "effort": [joint.effort for joint in joints],
-        },
-        details={
-            "type": [joint.type for joint in joints],
-            "mode": [joint.mode for joint in joints],
-            "actuation": [joint.actuation for joint in joints],
-        },
-    )

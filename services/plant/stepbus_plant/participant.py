@@ -1,4 +1,4 @@
-"""The plant as a participant; the scenario has it publish first."""
+"""The plant as a participant: ports on one side, the world on the other."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import version
 from stepbus.config import Config
 from stepbus.participant import Participant
 from stepbus.step import Step
-from stepbus_schemas import Description, JointCommand, Message, WiringError
+from stepbus_schemas import Description, JointCommand, JointState, Message, RunError, WiringError
 
 from .commander import Commander
 from .params import read_params
@@ -17,70 +17,67 @@ from .world import load_world
 
 
 class PlantParticipant(Participant):
-    """Publishes the joints' state on each output and carries out the commands of each input.
+    """Publishes a JointState on each of its outputs, and obeys a JointCommand on each input.
 
-    Needs `publishes: first`. Each input moves the joints that its description names; an input
-    whose description names none moves all, in the plant's order. Before the first command of an
-    input the motors of its joints are off.
+    The scenario gives it `publishes: first`. A joint that was never commanded swings freely in
+    mode torque, and holds its place in modes velocity and position.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        _refuse_ports(config)
-        params = read_params(config.name, config.params)
-        self._plant = Plant(
-            load_world(config.path(params.world)),
-            step_ns=config.step_ns * config.every,
-            seed=config.seed,
-            joints=params.joints,
-            actuation=params.actuation,
-            sense=params.sense,
-            noise=params.noise,
-            resolution=params.resolution,
-        )
-        self._commanders: list[tuple[str, Commander]] = []
+        problems = self._port_problems()
+        try:
+            params = read_params(config.name, config.params)
+            world = load_world(config.path(params.world))
+        except WiringError as exc:
+            raise WiringError("\n".join([*problems, str(exc)])) from exc
+        if problems:
+            raise WiringError("\n".join(problems))
+        self.plant = Plant(world, params, config.step_ns * config.every, config.seed)
+        self._commanders: dict[str, Commander] = {}
+
+    def _port_problems(self) -> list[str]:
+        ports = [
+            *(("inputs", n, p.type, "JointCommand/1") for n, p in self.config.inputs.items()),
+            *(("outputs", n, p.type, "JointState/1") for n, p in self.config.outputs.items()),
+        ]
+        return [
+            f"participants.{self.config.name}.{kind}.{name}: a plant's {kind} are {wanted}, the "
+            f"scenario has {given}"
+            for kind, name, given, wanted in ports
+            if given != wanted
+        ]
 
     def describe(self) -> Mapping[str, Description]:
-        """Return names, limits, types and modes of the joints, for each output."""
-        return dict.fromkeys(self.config.outputs, self._plant.describe())
+        """Return names, limits, types and modes of the joints, for every output."""
+        return dict.fromkeys(self.config.outputs, self.plant.describe())
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Find the joints of each command input; raises WiringError when one cannot be moved."""
-        for port in self.config.inputs:
-            names = inputs[port].names if port in inputs else []
-            self._commanders.append((port, self._plant.commander(names, port=port)))
+        """Map the joints of every command by name."""
+        for port, description in inputs.items():
+            # A sender that names no joints speaks of all, in our order.
+            names = description.names or self.plant.names
+            self._commanders[port] = self.plant.commander(port, names)
 
     def output(self, step: Step) -> Mapping[str, Message]:
-        """Return what the sensors read now, on every output."""
-        return dict.fromkeys(self.config.outputs, self._plant.sense())
+        """Return what the sensors show, on every output."""
+        state: JointState = self.plant.sense()
+        return dict.fromkeys(self.config.outputs, state)
 
     def update(self, step: Step) -> None:
-        """Take the newest commands and advance by one step."""
-        for port, commander in self._commanders:
-            command = step.get(port, JointCommand)
-            if command is not None:
-                commander.apply(command, step.index)
-        self._plant.advance()
+        """Obey the new commands and advance the world by one step."""
+        for port, commander in self._commanders.items():
+            if step.is_new(port):
+                try:
+                    commander.apply(step.read(port, JointCommand))
+                except RunError as exc:
+                    raise type(exc)(f"step {step.index}: {exc}") from exc
+        self.plant.advance()
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the libraries that shape the result."""
-        return {name: version(name) for name in ("numpy", "pybullet")}
+        """Return the versions of what the physics depend on."""
+        return {name: version(name) for name in ("numpy", "pybullet", "stepbus")}
 
     def close(self) -> None:
-        """Give the physics engine back."""
-        self._plant.close()
-
-
-def _refuse_ports(config: Config) -> None:
-    """Raise WiringError that lists every port of a type the plant does not speak."""
-    problems = [
-        f"participants.{config.name}.{side}.{port}: the plant {verb} {known}, not {row.type}"
-        for side, verb, known, rows in (
-            ("inputs", "takes", "JointCommand/1", config.inputs),
-            ("outputs", "publishes", "JointState/1", config.outputs),
-        )
-        for port, row in rows.items()
-        if row.type != known
-    ]
-    if problems:
-        raise WiringError("\n".join(problems))
+        """Leave the physics engine."""
+        self.plant.close()

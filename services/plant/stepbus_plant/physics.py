@@ -1,208 +1,179 @@
-"""PyBullet behind one seam: a client of its own per run, and its errors translated."""
+"""The physics engine: PyBullet without a window, loaded with a world."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, ParamSpec, TypeVar
+import math
+from collections.abc import Sequence
+from typing import Any
 
-import pybullet
+import pybullet as bullet
 
-from stepbus_schemas import WiringError
+from stepbus.settings import nearest
 
+from .checked import Problem
 from .errors import PhysicsError
-from .world import Body, World
-
-P = ParamSpec("P")
-R = TypeVar("R")
-
-_TYPES = {pybullet.JOINT_REVOLUTE: "revolute", pybullet.JOINT_PRISMATIC: "prismatic"}
-
-
-def _translated(method: Callable[P, R]) -> Callable[P, R]:
-    """Return the method with PyBullet's errors turned into PhysicsError."""
-
-    @functools.wraps(method)
-    def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        try:
-            return method(*args, **kwargs)
-        except pybullet.error as exc:
-            raise PhysicsError(f"pybullet: {method.__name__}: {exc}") from exc
-
-    return call
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelJoint:
-    """A joint as its URDF describes it; limits as in `Description.limits`."""
-
-    index: int
-    name: str
-    type: str
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
+from .joints import Joint, is_movable, make_joint, name_uniquely, unsupported_kind
+from .world import Actuation, Body, JointSettings, World
 
 
 class Physics:
-    """One world in PyBullet, in DIRECT mode.
+    """One PyBullet client with everything in it; a fresh one per run.
 
-    Every torque that is not asked for is off: the motors PyBullet switches on by itself, damping
-    of links and joints, and the joint friction of the URDF. With that and the URDF's own inertias
-    its dynamics agree with Pinocchio's to 1e-10 N·m.
+    step_ns: length of a physics substep [ns]. actuation: of joints for which the world has none.
+    joints: all movable ones, in the order of the world's bodies and of their models.
+    Raises WiringError that lists every URDF that cannot be loaded and every joint that the world
+    file gets wrong, each with its line.
     """
 
-    def __init__(self, world: World, physics_ns: int) -> None:
-        self._client: int = pybullet.connect(pybullet.DIRECT)
-        if self._client < 0:
-            raise PhysicsError("pybullet: no physics server could be started in this process")
-        self._call = {"physicsClientId": self._client}
-        # It changes the trajectory, so it comes before anything else.
-        pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, **self._call)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=physics_ns / 1e9,
-            numSubSteps=0,
-            numSolverIterations=world.solver_iterations,
-            **self._call,
-        )
-        pybullet.setGravity(*world.gravity, **self._call)
-
-    def load(self, name: str, body: Body) -> int:
-        """Load a body and return its number; raises WiringError when PyBullet cannot."""
+    def __init__(self, world: World, step_ns: int, actuation: Actuation) -> None:
+        self.client: int = bullet.connect(bullet.DIRECT)
+        self._actuation = actuation
+        self._problems: list[Problem] = []
         try:
-            number: int = pybullet.loadURDF(
+            self._set_up(world, step_ns)
+            found = [
+                (name, joint)
+                for name, body in world.bodies.items()
+                for joint in self._load(name, body)
+            ]
+            world.source.refuse(self._problems)
+            self.joints = name_uniquely(found)
+            for joint in self.joints:
+                self._prepare(joint)
+        except BaseException:
+            self.close()
+            raise
+
+    def _set_up(self, world: World, step_ns: int) -> None:
+        # Not needed for repeatability, but it changes the trajectory: set it once, at once.
+        bullet.setPhysicsEngineParameter(
+            deterministicOverlappingPairs=1,
+            numSolverIterations=world.solver_iterations,
+            physicsClientId=self.client,
+        )
+        bullet.setTimeStep(step_ns * 1e-9, physicsClientId=self.client)
+        bullet.setGravity(*world.gravity, physicsClientId=self.client)
+
+    def _load(self, name: str, body: Body) -> list[Joint]:
+        """Load one body and return its movable joints, with the names their URDF has."""
+        try:
+            number: int = bullet.loadURDF(
                 body.urdf,
                 basePosition=body.position,
-                baseOrientation=pybullet.getQuaternionFromEuler(body.orientation_rpy),
+                baseOrientation=bullet.getQuaternionFromEuler(body.orientation_rpy),
                 useFixedBase=body.fixed_base,
-                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-                **self._call,
+                # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
+                flags=bullet.URDF_USE_INERTIA_FROM_FILE,
+                physicsClientId=self.client,
             )
-        except pybullet.error as exc:
-            raise WiringError(
-                f"bodies.{name}.urdf: pybullet cannot read {body.urdf}; "
-                "its reason is in this participant's log"
-            ) from exc
-        self._quieten(number, body)
-        return number
+        except bullet.error as exc:
+            self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
+            return []
+        self._still(number, body)
+        return self._joints_of(number, name, body)
 
-    def _quieten(self, number: int, body: Body) -> None:
-        said = {
-            "lateralFriction": body.friction.lateral,
-            "rollingFriction": body.friction.rolling,
-            "spinningFriction": body.friction.spinning,
+    def _still(self, number: int, body: Body) -> None:
+        """Take PyBullet's own damping and clamps away, and set the friction of each link."""
+        friction = {
+            f"{key}Friction": value
+            for key in ("lateral", "rolling", "spinning")
+            if (value := getattr(body.friction, key)) is not None
         }
-        friction = {key: value for key, value in said.items() if value is not None}
-        for link in range(-1, pybullet.getNumJoints(number, **self._call)):
-            pybullet.changeDynamics(
+        for link in range(-1, self._count(number)):
+            bullet.changeDynamics(
                 number,
                 link,
-                linearDamping=0,
-                angularDamping=0,
-                jointDamping=0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                physicsClientId=self.client,
                 **friction,
-                **self._call,
             )
+        # By default PyBullet cuts every velocity at 100 rad/s, which hides a divergence.
+        bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
 
-    @_translated
-    def joints(self, body: int) -> list[ModelJoint]:
-        """Return the movable joints of a body, in the model's order.
+    def _count(self, body: int) -> int:
+        count: int = bullet.getNumJoints(body, physicsClientId=self.client)
+        return count
 
-        Raises WiringError on a joint with several degrees of freedom.
-        """
-        count = pybullet.getNumJoints(body, **self._call)
-        rows = [pybullet.getJointInfo(body, index, **self._call) for index in range(count)]
-        return [_model_joint(row) for row in rows if row[2] != pybullet.JOINT_FIXED]
+    def _joints_of(self, number: int, name: str, body: Body) -> list[Joint]:
+        infos = [
+            bullet.getJointInfo(number, index, physicsClientId=self.client)
+            for index in range(self._count(number))
+        ]
+        joints = [
+            make_joint(number, info, self._settings(info, body), self._actuation)
+            for info in infos
+            if is_movable(info)
+        ]
+        for info in infos:
+            if kind := unsupported_kind(info):
+                text = f"joint {info[1].decode()!r} of {body.urdf} is {kind}; this plant has none"
+                self._problems.append((("bodies", name, "urdf"), text))
+        self._check_joints(name, body, joints)
+        return joints
 
-    @_translated
-    def set_joint(self, body: int, index: int, **dynamics: float) -> None:
-        """Set damping and limits of a joint, by PyBullet's names."""
-        pybullet.changeDynamics(body, index, **dynamics, **self._call)
+    def _settings(self, info: Sequence[Any], body: Body) -> JointSettings:
+        return body.joints.get(info[1].decode(), JointSettings()).over(body.joint_defaults)
 
-    @_translated
-    def place(self, body: int, index: int, position: float, velocity: float) -> None:
-        """Put a joint somewhere [rad], at a velocity [rad/s], at once."""
-        pybullet.resetJointState(body, index, position, velocity, **self._call)
+    def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
+        known = [joint.name for joint in joints]
+        self._problems += [
+            (("bodies", name, "joints", wanted), f"unknown; {nearest(wanted, known)}")
+            for wanted in body.joints
+            if wanted not in known
+        ]
+        for joint in joints:
+            keys = ("joints", joint.name) if joint.name in body.joints else ("joint_defaults",)
+            self._problems += [
+                (("bodies", name, *keys), f"joint {joint.name}: {text}")
+                for text in joint.mistakes()
+            ]
 
-    @_translated
-    def drive_torques(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
-        """Apply torques [N·m] during the next substep only."""
-        pybullet.setJointMotorControlArray(
-            body, indices, pybullet.TORQUE_CONTROL, forces=torques, **self._call
+    def _prepare(self, joint: Joint) -> None:
+        """Set the limits, damping and start of a joint, and still its default motor."""
+        limits = {}
+        if math.isfinite(joint.lower):
+            limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
+        bullet.changeDynamics(
+            joint.body,
+            joint.index,
+            jointDamping=joint.damping,
+            physicsClientId=self.client,
+            **limits,
+        )
+        self.put(joint, joint.start, joint.start_velocity)
+        bullet.setJointMotorControl2(
+            joint.body,
+            joint.index,
+            bullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=joint.friction,
+            physicsClientId=self.client,
         )
 
-    @_translated
-    def drive_velocities(
-        self,
-        body: int,
-        indices: Sequence[int],
-        velocities: Sequence[float],
-        efforts: Sequence[float],
-    ) -> None:
-        """Hold velocities [rad/s] with at most the given torques [N·m], until told otherwise."""
-        pybullet.setJointMotorControlArray(
-            body,
-            indices,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocities=velocities,
-            forces=efforts,
-            **self._call,
+    def put(self, joint: Joint, position: float, velocity: float) -> None:
+        """Set position [rad] and velocity [rad/s] of a joint, without regard to forces."""
+        bullet.resetJointState(
+            joint.body, joint.index, position, velocity, physicsClientId=self.client
         )
 
-    @_translated
-    def drive_positions(
-        self,
-        body: int,
-        indices: Sequence[int],
-        positions: Sequence[float],
-        velocities: Sequence[float],
-        efforts: Sequence[float],
-    ) -> None:
-        """Follow positions [rad] with feed-forward velocities [rad/s] and limited torques [N·m]."""
-        pybullet.setJointMotorControlArray(
-            body,
-            indices,
-            pybullet.POSITION_CONTROL,
-            targetPositions=positions,
-            targetVelocities=velocities,
-            forces=efforts,
-            **self._call,
-        )
+    def read(self, body: int, indices: list[int]) -> Any:
+        """Return PyBullet's (position, velocity, reaction, applied torque) of joints of a body."""
+        return bullet.getJointStates(body, indices, self.client)
 
-    @_translated
-    def states(self, body: int, indices: Sequence[int]) -> tuple[Any, ...]:
-        """Return (position, velocity, reaction forces, motor torque) of each joint."""
-        rows: tuple[Any, ...] = pybullet.getJointStates(body, indices, **self._call)
-        return rows
-
-    @_translated
     def step(self) -> None:
-        """Advance by one substep."""
-        pybullet.stepSimulation(**self._call)
+        """Advance by one substep.
+
+        Raises PhysicsError when PyBullet does.
+        """
+        try:
+            bullet.stepSimulation(self.client)
+        except bullet.error as exc:
+            raise PhysicsError(f"the physics engine failed: {exc}") from exc
 
     def close(self) -> None:
-        """Give the client back; later calls raise PhysicsError."""
-        if pybullet.isConnected(**self._call):
-            pybullet.disconnect(**self._call)
-
-
-def _model_joint(row: Sequence[Any]) -> ModelJoint:
-    """Return a row of getJointInfo as ModelJoint; PyBullet marks "no limits" by lower > upper."""
-    name = row[1].decode()
-    if row[2] not in _TYPES:
-        raise WiringError(
-            f"joint {name!r} has several degrees of freedom; "
-            "only revolute, continuous and prismatic joints are supported"
-        )
-    limited = row[8] <= row[9]
-    return ModelJoint(
-        index=row[0],
-        name=name,
-        type=_TYPES[row[2]] if limited or row[2] == pybullet.JOINT_PRISMATIC else "continuous",
-        lower=row[8] if limited else -float("inf"),
-        upper=row[9] if limited else float("inf"),
-        effort=row[10],
-        velocity=row[11],
-    )
+        """Leave the physics engine; harmless when repeated."""
+        if self.client >= 0:
+            bullet.disconnect(physicsClientId=self.client)
+            self.client = -1

@@ -1,4 +1,4 @@
-"""The plant: a simulated world whose joints are sensed and commanded, without any bus."""
+"""The plant: a world that is sensed, commanded and advanced; it knows nothing of the bus."""
 
 from __future__ import annotations
 
@@ -6,150 +6,145 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from stepbus.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
 from .commander import Commander
+from .drives import make_drives
 from .errors import PhysicsError
-from .joints import Joint, describe, load_joints, pick
-from .params import Noise, Quantity, Resolution
+from .joints import Joint
+from .params import Params
 from .physics import Physics
-from .sensing import Sensing
-from .world import Actuation, World
-
-NO_NOISE = Noise()
-FINE = Resolution()
+from .sensing import Sensors, Values
+from .world import World
 
 
 class Plant:
-    """A world in motion: sense, command, advance, and again.
+    """A simulated world in steps of a fixed length.
 
-    step_ns: length of a communication step [ns]. seed: of the sensor noise. joints: names of those
-    that are sensed and can be commanded, in this order; none: all. actuation: how mode torque is
-    carried out, where the world does not say it. Raises WiringError when the world does not fit
-    its URDFs or the step.
+    Params choose which joints are sensed. Those that are not behave like the others: until a
+    command names them they swing freely in mode torque, and hold still in modes velocity and
+    position.
+
+    period_ns: length of a communication step [ns]. seed: of the sensors' noise.
+    Raises WiringError when the world or a parameter cannot work.
     """
 
-    def __init__(
-        self,
-        world: World,
-        *,
-        step_ns: int,
-        seed: int = 0,
-        joints: Sequence[str] | None = None,
-        actuation: Actuation = "direct",
-        sense: Sequence[Quantity] = ("position", "velocity", "effort"),
-        noise: Noise = NO_NOISE,
-        resolution: Resolution = FINE,
-    ) -> None:
-        self.t_ns = 0
-        self._step_ns = step_ns
-        physics_ns = world.physics_ns(step_ns)
-        self._substeps = range(step_ns // physics_ns)
-        self._sensing = Sensing(sense=sense, noise=noise, resolution=resolution, seed=seed)
-        self._commanders: list[Commander] = []
-        self._physics = Physics(world, physics_ns)
+    def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
+        step_ns = world.physics_ns(period_ns)
+        self._substeps = range(period_ns // step_ns)
+        self._physics = Physics(world, step_ns, params.actuation)
         try:
-            self.joints = _choose(load_joints(self._physics, world.bodies, actuation), joints)
-        except BaseException:
+            self._joints = _choose(params.joints, self._physics.joints)
+        except WiringError:
             self.close()
             raise
-        self._slots = {joint.name: slot for slot, joint in enumerate(self.joints)}
-        self._applied = [0.0] * len(self.joints)
-        self._direct = [slot for slot, joint in enumerate(self.joints) if not joint.reads_back]
-        self._groups = _by_body(self.joints)
-        self._order = _order(self.joints, self._groups)
-        self._commanded: dict[str, str] = {}
+        self.names = [joint.name for joint in self._joints]
+        self._sensors = Sensors(params, seed)
+        self._drives = make_drives(self._physics.client, self._physics.joints)
+        self._owners: dict[str, str] = {}
+        self._plan_reading()
+
+    def _plan_reading(self) -> None:
+        """Work out once what every step reads: one call per body, and where its results go."""
+        bodies = dict.fromkeys(joint.body for joint in self._joints)
+        rows = [[joint for joint in self._joints if joint.body == body] for body in bodies]
+        self._groups = [(row[0].body, [joint.index for joint in row]) for row in rows]
+        read = [joint.name for row in rows for joint in row]
+        self._order = None if read == self.names else [read.index(name) for name in self.names]
+        at = {joint.name: (d, i) for d in self._drives for i, joint in enumerate(d.joints)}
+        drives = [at[name] for name in self.names]
+        self._unread = [(n, d, i) for n, (d, i) in enumerate(drives) if d.torques() is not None]
+        self._targeted = drives if all(drive.targets() is not None for drive, _ in drives) else []
 
     def describe(self) -> Description:
-        """Return names, limits, types and modes of the joints."""
-        return describe(self.joints)
-
-    def commander(self, names: Sequence[str] = (), *, port: str = "command") -> Commander:
-        """Return what takes the commands for these joints.
-
-        names: in the order of the commands' vectors; none: all, in the plant's order. port: for
-        error sentences. Raises WiringError when a name is unknown or another's already.
-        """
-        joints = pick(self.joints, names, f"input {port!r}") if names else self.joints
-        problems = [
-            f"input {port!r}: joint {joint.name!r} is commanded by input "
-            f"{self._commanded[joint.name]!r} already"
-            for joint in joints
-            if joint.name in self._commanded
-        ]
-        if problems:
-            raise WiringError("\n".join(problems))
-        commander = Commander(
-            port=port,
-            joints=joints,
-            physics=self._physics,
-            applied=self._applied,
-            slots=[self._slots[joint.name] for joint in joints],
+        """Return who the vectors of a JointState belong to, and their limits."""
+        joints = self._joints
+        return Description(
+            names=self.names,
+            limits={
+                "lower": [joint.lower for joint in joints],
+                "upper": [joint.upper for joint in joints],
+                "velocity": [joint.max_velocity for joint in joints],
+                "effort": [joint.effort for joint in joints],
+            },
+            details={
+                "type": [joint.kind for joint in joints],
+                "mode": [joint.mode for joint in joints],
+            },
         )
-        self._commanded |= dict.fromkeys((joint.name for joint in joints), port)
-        self._commanders.append(commander)
-        return commander
+
+    def commander(self, port: str, names: Sequence[str]) -> Commander:
+        """Return what carries out commands whose vectors are in the order of `names`.
+
+        Raises CommandError when they do not fit this world's joints.
+        """
+        return Commander(
+            port, names, physics=self._physics, drives=self._drives, owners=self._owners
+        )
 
     def sense(self) -> JointState:
-        """Return what the sensors read now; effort is what the motors applied in the last step.
+        """Return what the sensors show now; `target` only where every sensed joint has one.
 
-        Raises PhysicsError when the state is not finite any more.
+        Raises PhysicsError when the simulation has diverged.
         """
-        rows = self._states()
-        position = [row[0] for row in rows]
-        velocity = [row[1] for row in rows]
+        states = self._read()
+        position: Values = [state[0] for state in states]
+        velocity: Values = [state[1] for state in states]
+        effort: Values = [state[3] for state in states]
         if not math.isfinite(sum(position) + sum(velocity)):
-            self._refuse_divergence(position, velocity)
-        effort = [row[3] for row in rows]
-        for slot in self._direct:
-            effort[slot] = self._applied[slot]
-        return self._sensing.measure(position, velocity, effort)
+            self._check_finite(position, velocity)
+        for number, drive, place in self._unread:
+            effort[number] = (drive.torques() or effort)[place]
+        return self._sensors.sense(position, velocity, effort, self._targets())
+
+    def _targets(self) -> Values | None:
+        if not self._targeted:
+            return None
+        return [(drive.targets() or [])[place] for drive, place in self._targeted]
+
+    def _read(self) -> Sequence[Any]:
+        """Return the engine's state of each sensed joint."""
+        if len(self._groups) == 1:
+            states: Sequence[Any] = self._physics.read(*self._groups[0])
+        else:
+            states = [state for group in self._groups for state in self._physics.read(*group)]
+        return states if self._order is None else [states[i] for i in self._order]
+
+    def _check_finite(self, position: Values, velocity: Values) -> None:
+        rows = zip(self.names, position, velocity, strict=True)
+        lost = [name for name, q, v in rows if not (math.isfinite(q) and math.isfinite(v))]
+        if lost:
+            raise PhysicsError(
+                f"the simulation has diverged (joints {', '.join(lost)}); use a shorter "
+                "physics_step or smaller gains"
+            )
 
     def advance(self) -> None:
-        """Carry out the commands during one communication step."""
-        commanders = self._commanders
+        """Advance by one communication step.
+
+        Raises PhysicsError when the physics engine fails.
+        """
         for _ in self._substeps:
-            for commander in commanders:
-                commander.drive()
+            for drive in self._drives:
+                drive.before_substep()
             self._physics.step()
-        self.t_ns += self._step_ns
 
     def close(self) -> None:
-        """Give the physics engine back; may be called again."""
+        """Leave the physics engine."""
         self._physics.close()
 
-    def _states(self) -> Sequence[Any]:
-        """Return PyBullet's state of each joint, in the plant's order."""
-        if len(self._groups) == 1:
-            return self._physics.states(*self._groups[0])
-        rows = [row for group in self._groups for row in self._physics.states(*group)]
-        return [rows[place] for place in self._order]
 
-    def _refuse_divergence(self, position: list[float], velocity: list[float]) -> None:
-        for joint, q, v in zip(self.joints, position, velocity, strict=True):
-            if not math.isfinite(q + v):
-                raise PhysicsError(
-                    f"t = {self.t_ns / 1e9:.3f} s: joint {joint.name!r} is at {q} rad, {v} rad/s: "
-                    "the simulation has diverged; check its commands or take a smaller physics_step"
-                )
-
-
-def _choose(joints: Sequence[Joint], names: Sequence[str] | None) -> list[Joint]:
-    chosen = list(joints) if names is None else pick(joints, names, "params.joints")
-    if not chosen:
-        raise WiringError("the plant has no movable joint to sense or command")
-    return chosen
-
-
-def _by_body(joints: Sequence[Joint]) -> list[tuple[int, list[int]]]:
-    """Return (body, indices of its joints) for each body, so that each is read in one call."""
-    groups: dict[int, list[int]] = {}
-    for joint in joints:
-        groups.setdefault(joint.body, []).append(joint.index)
-    return list(groups.items())
-
-
-def _order(joints: Sequence[Joint], groups: Sequence[tuple[int, list[int]]]) -> list[int]:
-    """Return where the state of each joint stands among the states of all groups."""
-    keys = [(body, index) for body, indices in groups for index in indices]
-    return [keys.index((joint.body, joint.index)) for joint in joints]
+def _choose(names: Sequence[str] | None, joints: Sequence[Joint]) -> list[Joint]:
+    """Return the joints that are sensed, in their order."""
+    if names is None:
+        return list(joints)
+    known = {joint.name: joint for joint in joints}
+    mistakes = [
+        f"params.joints: {name!r} is unknown; {nearest(name, known)}"
+        for name in names
+        if name not in known
+    ]
+    if mistakes:
+        raise WiringError("\n".join(mistakes))
+    return [known[name] for name in names]

@@ -1,84 +1,69 @@
-"""What the sensors make of the true state: noise first, then quantisation."""
+"""What the sensors show of the true state: chosen quantities, noise, quantisation."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from numpy.random import PCG64, Generator
+import numpy as np
 
 from stepbus_schemas import JointState
 
-from .params import Noise, Quantity, Resolution
+from .params import Params
 
-_QUANTITIES: tuple[Quantity, ...] = ("position", "velocity", "effort")
-Measure = Callable[[list[float]], list[float] | None]
+Values = list[float]
+"""One number per sensed joint."""
 
 
-class Sensor:
-    """One quantity of all joints, with Gaussian noise and finite resolution.
+class Sensors:
+    """Turns true joint states into what is sensed.
 
-    deviation: standard deviation of the noise; resolution: distance between two readings; both in
-    the quantity's unit. Each quantity draws from a generator of its own, so that noise on one
-    does not change that on another.
+    seed: of the noise; the same seed gives the same noise. Each quantity has a stream of its own,
+    so that noise on one does not change the noise on another.
     """
 
-    def __init__(self, deviation: float, resolution: float | None, seed: Sequence[int]) -> None:
-        self._deviation = deviation
-        self._resolution = resolution
-        self._random = Generator(PCG64(seed))
+    def __init__(self, params: Params, seed: int) -> None:
+        def make(number: int, quantity: str) -> Callable[[Values], Values | None]:
+            return _sensor(params, quantity, np.random.Generator(np.random.PCG64([seed, number])))
 
-    def measure(self, true: list[float]) -> list[float]:
-        """Return readings of the true values, shape (n,)."""
-        values = true
-        if self._deviation:
-            noise = self._random.normal(0.0, self._deviation, len(true)).tolist()
-            values = [value + error for value, error in zip(true, noise, strict=True)]
-        if self._resolution:
-            unit = self._resolution
-            values = [math.floor(value / unit + 0.5) * unit for value in values]
-        return values
+        self._position = make(0, "position")
+        self._velocity = make(1, "velocity")
+        self._effort = make(2, "effort")
 
-
-class Sensing:
-    """All sensors of a plant.
-
-    sense: quantities that are sensed; the others stay absent. seed: of the run, for this plant.
-    """
-
-    def __init__(
-        self, *, sense: Sequence[Quantity], noise: Noise, resolution: Resolution, seed: int
-    ) -> None:
-        measures = [
-            _measure(name in sense, getattr(noise, name), getattr(resolution, name), (seed, place))
-            for place, name in enumerate(_QUANTITIES)
-        ]
-        self._position, self._velocity, self._effort = measures
-
-    def measure(
-        self, position: list[float], velocity: list[float], effort: list[float]
+    def sense(
+        self, position: Values, velocity: Values, effort: Values, target: Values | None
     ) -> JointState:
-        """Return what the sensors read; each vector of shape (n,) [rad, rad/s, N·m]."""
+        """Return what is sensed of true positions, velocities and efforts; targets are known."""
         return JointState(
             position=self._position(position),
             velocity=self._velocity(velocity),
             effort=self._effort(effort),
+            target=target,
         )
 
 
-def _measure(
-    sensed: bool, deviation: float, resolution: float | None, seed: tuple[int, int]
-) -> Measure:
-    if not sensed:
+def _sensor(
+    params: Params, quantity: str, random: np.random.Generator
+) -> Callable[[Values], Values | None]:
+    """Return the function from true to sensed values of one quantity."""
+    noise: float = getattr(params.noise, quantity)
+    resolution: float | None = getattr(params.resolution, quantity)
+
+    def disturbed(values: Values) -> Values:
+        sensed = np.asarray(values)
+        if noise:
+            sensed = sensed + noise * random.standard_normal(len(values))
+        if resolution is not None:
+            sensed = resolution * np.round(sensed / resolution)
+        return [float(value) for value in sensed]
+
+    if quantity not in params.sense:
         return _nothing
-    if deviation or resolution:
-        return Sensor(deviation, resolution, seed).measure
-    return _all
+    return disturbed if noise or resolution is not None else _everything
 
 
-def _nothing(_true: list[float]) -> None:
+def _nothing(_: Values) -> None:
     return None
 
 
-def _all(true: list[float]) -> list[float]:
-    return true
+def _everything(values: Values) -> Values:
+    return values

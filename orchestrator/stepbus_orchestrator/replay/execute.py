@@ -1,0 +1,229 @@
+"""Replays one participant: the function behind `stepbus replay`, free of printing."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stepbus import Bus, BusError
+from stepbus.zenoh_bus import ZenohBus
+
+from ..compare import fields_of, in_order
+from ..endpoints import Mesh, make_mesh, new_token, private_folder
+from ..errors import BusFailed
+from ..launcher import Launcher
+from ..progress import Observer, Silent
+from ..reader import Recording
+from ..result import TIMING_FILE
+from ..roster import Member
+from ..scenario import Scenario, Schedule, command
+from ..supervise import supervise
+from ..timing import TimingRecorder
+from ..tolerance import Tolerance
+from .check import Check, recorded_descriptions
+from .conductor import Replayer
+from .inputs import inputs_of
+from .peers import Peer, Peers
+from .prepare import alone, prepare, shorten
+from .recorded import Recorded
+from .reference import Reference
+from .result import ReplayResult
+
+WINDOW = 256
+"""How many steps the peers are played ahead of the participant [steps]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is to be replayed, and how.
+
+    program: another program than the recorded one, started in the current folder. overrides:
+    settings such as `controller.params.kp=101`. update: where to write a new reference recording.
+    """
+
+    recording: Recording
+    participant: str
+    program: Sequence[str] | None = None
+    overrides: Sequence[str] = ()
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    update: Path | None = None
+    window: int = WINDOW
+
+
+def replay(
+    recording: Path,
+    participant: str,
+    *,
+    program: Sequence[str] | None = None,
+    overrides: Sequence[str] = (),
+    tolerance: Tolerance | None = None,
+    update: Path | None = None,
+    window: int = WINDOW,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> ReplayResult:
+    """Start one participant of a recording, feed it what its peers sent, and compare.
+
+    All arguments but the first two as in `Task`; observer, interrupt: as of `run`.
+
+    Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
+    RunFailure when the participant fails; then its log is kept.
+    """
+    task = Task(
+        recording=Recording.open(recording),
+        participant=participant,
+        program=program,
+        overrides=overrides,
+        tolerance=tolerance or Tolerance(),
+        update=update,
+        window=window,
+    )
+    task.tolerance.check({t: fields_of(port.type) for t, port in task.recording.ports.items()})
+    folder = Path(tempfile.mkdtemp(prefix="replay-stepbus-"))
+    run = _Replay(task, folder, observer or Silent(), interrupt or threading.Event())
+    try:
+        return run.execute()
+    finally:
+        if not run.keeps_log:
+            shutil.rmtree(folder)
+
+
+class _Replay:
+    """One replay. folder: gets the unpacked scenario and the participant's log.
+
+    keeps_log: whether the participant was started and has not ended well.
+    """
+
+    def __init__(
+        self, task: Task, folder: Path, observer: Observer, interrupt: threading.Event
+    ) -> None:
+        self.keeps_log = False
+        self._task = task
+        self._folder = folder
+        self._observer = observer
+        self._interrupt = interrupt
+        self._token = new_token()
+
+    def _make_reference(self, scenario: Scenario) -> Reference | None:
+        task = self._task
+        if task.update is None:
+            return None
+        changed = bool(task.overrides)
+        return Reference(task.update, task.recording, scenario, is_changed=changed)
+
+    def execute(self) -> ReplayResult:
+        """Replay, close whatever happens, and return the result."""
+        task = self._task
+        full = prepare(
+            task.recording,
+            task.participant,
+            self._folder / "source",
+            task.overrides,
+            own_program=task.program is not None,
+        )
+        spec = self._spec = full.participant(task.participant)
+        self._scenario = shorten(full, task.recording, task.participant, task.window)
+        reference = self._reference = self._make_reference(full)
+        check = Check(
+            task.recording,
+            spec,
+            task.tolerance,
+            step_ns=self._scenario.step_ns,
+            reference=None if reference is None else reference.recorder,
+        )
+        try:
+            wall_s, steps = self._inside_private_folder(check)
+            if reference is not None:
+                reference.keep()
+        finally:
+            if reference is not None:
+                reference.discard()
+        return self._result(check, wall_s, steps)
+
+    def _inside_private_folder(self, check: Check) -> tuple[float, int]:
+        """Return how long it took [s], and how many steps it were."""
+        run, folder, logs = new_token(), private_folder(), self._folder / "logs"
+        with contextlib.ExitStack() as stack:
+            launcher = Launcher(run=run, token=self._token, folder=folder, logs=logs)
+            stack.callback(launcher.end_all)
+            logs.mkdir()
+            timing = TimingRecorder(self._folder / TIMING_FILE)
+            stack.callback(timing.close)
+            mesh = make_mesh(alone(self._scenario, self._spec.name), folder, self._token)
+            bus = _open_bus(mesh, run)
+            stack.callback(bus.close)
+            replayer = self._replayer(bus, check, timing)
+            self.keeps_log = True
+            supervise(replayer, lambda: self._launch(replayer, launcher, mesh))
+            self.keeps_log = False
+        check.miss_below(self._expected_end())
+        return replayer.ended_at - replayer.started_at, replayer.steps
+
+    def _replayer(self, bus: Bus, check: Check, timing: TimingRecorder) -> Replayer:
+        recording, scenario = self._task.recording, self._scenario
+        heard = {item.source for item in self._spec.inputs.values()}
+        others = [spec for spec in scenario.participants if spec.name != self._spec.name]
+        reference = self._reference
+        peers = Peers(
+            [Peer(s, Recorded(recording, s), bus, is_heard=s.name in heard) for s in others],
+            token=self._token,
+            step_ns=scenario.step_ns,
+            take=None if reference is None else reference.recorder.offer,
+        )
+        return Replayer(
+            scenario=scenario,
+            bus=bus,
+            token=self._token,
+            recorder=check,
+            timing=timing,
+            observer=self._observer,
+            interrupt=self._interrupt,
+            peers=peers,
+            descriptions=recorded_descriptions(recording),
+        )
+
+    def _launch(self, replayer: Replayer, launcher: Launcher, mesh: Mesh) -> None:
+        spec, program = self._spec, self._task.program
+        own_folder = self._scenario.folder if program is None else Path.cwd()
+        words = command(program or spec.exec, own_folder)
+        child = launcher.start(spec, words, mesh.participants[spec.name], own_folder)
+        replayer.roster = {spec.name: Member(spec, child)}
+
+    def _expected_end(self) -> int:
+        """Return the first step at which nothing is expected of the participant."""
+        end = self._scenario.steps or 0
+        return end + Schedule.of(self._scenario).closing(self._spec.name, end)
+
+    def _result(self, check: Check, wall_s: float, steps: int) -> ReplayResult:
+        task, found = self._task, check.divergence
+        inputs = {}
+        if found is not None:
+            inputs = inputs_of(task.recording, self._scenario, self._spec, found.step)
+        return ReplayResult(
+            recording=str(task.recording.path),
+            participant=task.participant,
+            equal=found is None,
+            steps=steps,
+            divergence=found,
+            inputs=inputs,
+            ports=in_order(check.results()),
+            wall_s=wall_s,
+            updated=None if task.update is None else str(task.update),
+            notes=[*_damage(task.recording), *check.notes],
+        )
+
+
+def _open_bus(mesh: Mesh, run: str) -> ZenohBus:
+    try:
+        return ZenohBus(mesh.orchestrator, run)
+    except BusError as exc:
+        raise BusFailed(str(exc)) from exc
+
+
+def _damage(recording: Recording) -> list[str]:
+    return [f"the recording is damaged: {recording.damage}"] if recording.damage else []

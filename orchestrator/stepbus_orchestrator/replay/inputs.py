@@ -1,0 +1,30 @@
+"""What the inputs of a participant held at a step of a recording."""
+
+from __future__ import annotations
+
+from ..compare import PortComparison
+from ..reader import Recording
+from ..scenario import ParticipantSpec, Scenario, Schedule
+from ..tolerance import Tolerance
+from .result import InputValue
+
+
+def inputs_of(
+    recording: Recording, scenario: Scenario, spec: ParticipantSpec, step: int
+) -> dict[str, InputValue]:
+    """Return what a participant computed its outputs of a step from."""
+    # What it publishes first is the result of its step before.
+    step -= spec.every if spec.publishes == "first" else 0
+    schedule = Schedule.of(scenario)
+    return {
+        name: _held(recording, f"{item.source}/{item.port}", schedule.due_step(item, step))
+        for name, item in spec.inputs.items()
+    }
+
+
+def _held(recording: Recording, topic: str, due: int | None) -> InputValue:
+    entries = [e for e in recording.entries.get(topic, ()) if due is not None and e.step <= due]
+    if not entries:
+        return InputValue(topic=topic, step=-1, value=None)
+    plain = PortComparison(topic, recording.ports[topic].type, Tolerance()).plain
+    return InputValue(topic=topic, step=entries[-1].step, value=plain(entries[-1].data))

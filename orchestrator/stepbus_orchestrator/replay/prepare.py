@@ -1,0 +1,73 @@
+"""From a recording to the scenario of its replay."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from stepbus_schemas import WiringError
+
+from ..endpoints import low_latency
+from ..reader import Recording
+from ..rerun import origin_of, unpack
+from ..run import SCENARIO_ATTACHMENT
+from ..scenario import Scenario, load
+from ..scenario.document import parse_value
+from ..scenario.problems import hint
+from .recorded import replayable_steps
+
+_NO_PROGRAM = "[python]"
+
+
+def prepare(
+    recording: Recording,
+    participant: str,
+    folder: Path,
+    overrides: Sequence[str],
+    *,
+    own_program: bool,
+) -> Scenario:
+    """Unpack a recording's scenario into a new folder and return it, as it was recorded.
+
+    own_program: whether the participant's program is not the recorded one. Programs that the
+    replay does not start need not be there.
+
+    Raises RecordingFailed when there is no scenario in it, WiringError when it has no such
+    participant, ScenarioError when it cannot be replayed here.
+    """
+    path = unpack(origin_of(recording), folder)
+    programs = _programs(recording)
+    if participant not in programs:
+        known = hint(participant, programs)
+        raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
+    unused = [name for name in programs if own_program or name != participant]
+    scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
+    specs = [
+        dataclasses.replace(spec, exec=programs[spec.name]) if spec.name in unused else spec
+        for spec in scenario.participants
+    ]
+    return dataclasses.replace(scenario, participants=tuple(specs))
+
+
+def _programs(recording: Recording) -> dict[str, tuple[str, ...]]:
+    """Return the recorded `exec` of each participant."""
+    text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
+    content = parse_value(SCENARIO_ATTACHMENT, text)
+    try:
+        return {name: tuple(row["exec"]) for name, row in content["participants"].items()}
+    except (KeyError, TypeError, AttributeError) as exc:
+        raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is no scenario") from exc
+
+
+def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
+    """Return the scenario with the steps that can be replayed, and with another window."""
+    steps = replayable_steps(recording, scenario, participant)
+    return dataclasses.replace(scenario, steps=steps, window=window, batch=max(1, window // 2))
+
+
+def alone(scenario: Scenario, participant: str) -> Scenario:
+    """Return a scenario of one participant, for the links on the bus."""
+    bus = dataclasses.replace(scenario.bus, low_latency=low_latency(scenario))
+    specs = (scenario.participant(participant),)
+    return dataclasses.replace(scenario, participants=specs, bus=bus)

@@ -1,0 +1,63 @@
+"""What a replay came to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from ..compare import Divergence, PortResult, short
+from ..compare_text import port_lines
+
+
+class InputValue(msgspec.Struct, frozen=True, kw_only=True):
+    """What an input held: the message of a topic at a step; −1 and None while it was absent."""
+
+    topic: str
+    step: int
+    value: Any
+
+
+class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
+    """How one participant compares with its recording.
+
+    equal: whether all outputs are, within the tolerance. steps: how many were replayed.
+    divergence: the first one. inputs: what the participant's inputs held when it computed that.
+    ports: by the step of their first divergence. wall_s: from the first trigger to the end [s].
+    updated: the new reference recording, where one was asked for. notes: what else is different.
+    """
+
+    recording: str
+    participant: str
+    equal: bool
+    steps: int
+    divergence: Divergence | None
+    inputs: Mapping[str, InputValue]
+    ports: Sequence[PortResult]
+    wall_s: float
+    updated: str | None
+    notes: Sequence[str]
+
+    @property
+    def steps_per_s(self) -> float:
+        """Return how many steps were replayed per second of wall time; 0 without any."""
+        return self.steps / self.wall_s if self.wall_s else 0.0
+
+    def text(self) -> str:
+        """Return it in lines, the first divergence and its inputs first."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        if self.divergence is None:
+            yield f"{self.participant}: equal to the recording over {self.steps} steps"
+        else:
+            yield f"{self.participant} differs from the recording"
+            yield f"first divergence: {self.divergence.text('recording', 'replay')}"
+            for name, item in self.inputs.items():
+                origin = f"{item.topic}@{item.step}" if item.step >= 0 else f"{item.topic}, absent"
+                yield f"  input {name} ({origin}): {short(item.value)}"
+        for port in self.ports:
+            yield from port_lines(port, "recording", "replay", self.divergence)
+        for note in self.notes:
+            yield f"note: {note}"
