@@ -51,15 +51,15 @@ def fault(role: str, program: str, kind: str, step: int) -> str:
     return f"{role}.exec=[python, joints.py, {program}, {kind}, '{step}']"
 
 
-def leftovers() -> list[str]:
-    """Return the command lines of all participants and guardians that still run."""
+def leftovers(folder: Path) -> list[str]:
+    """Return the command lines of all participants below a folder that still run."""
     found = []
     for process in psutil.process_iter():
         try:
-            line = " ".join(process.cmdline())
-            ours = "guardian.py" in line or "STEPBUS_TICKET" in process.environ()
+            below = Path(process.cwd()).is_relative_to(folder)
+            ours = below and "STEPBUS_TICKET" in process.environ()
             if ours and process.status() != psutil.STATUS_ZOMBIE:
-                found.append(line)
+                found.append(" ".join(process.cmdline()))
         except (psutil.NoSuchProcess, psutil.AccessDenied):
             continue
     return found

@@ -71,7 +71,7 @@ def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, start):
     assert wait_until(lambda: recorded_bytes(tmp_path) > 100_000)
     process.kill()
     process.wait()
-    assert wait_until(lambda: not [line for line in leftovers() if "joints.py" in line])
+    assert wait_until(lambda: leftovers(tmp_path) == [])
     assert wait_until(lambda: private_folders() <= folders)
     recording = Recording.open(tmp_path / "out" / "run.mcap")
     assert len(recording.entries["plant/joint_state"]) > 100

@@ -11,7 +11,10 @@ from stepbus_schemas import StepbusError
 from ..errors import ExitCode, RunFailure
 from ..scenario import ScenarioError
 from . import (
+    describe_command,
     diff_command,
+    doctor_command,
+    new_command,
     recover_command,
     replay_command,
     rerun_command,
@@ -25,6 +28,9 @@ from .output import complain
 COMMANDS: tuple[Command, ...] = (
     run_command.COMMAND,
     validate_command.COMMAND,
+    describe_command.COMMAND,
+    new_command.COMMAND,
+    doctor_command.COMMAND,
     replay_command.COMMAND,
     diff_command.COMMAND,
     verify_command.COMMAND,

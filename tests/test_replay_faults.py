@@ -1,0 +1,110 @@
+"""A participant that fails in a replay is blamed in one sentence, and nothing is left of it."""
+
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+from run_support import fault, leftovers, private_folders, run_joints
+
+from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.replay import replay
+
+FAST = (
+    "controller.step_timeout=500ms",
+    "controller.stop_timeout=500ms",
+    "controller.ready_timeout=500ms",
+    "controller.spawn_timeout=500ms",
+)
+NEVER_JOINS = [sys.executable, "-c", "import time; time.sleep(100)"]
+
+
+@pytest.fixture(scope="module")
+def joints_recording(tmp_path_factory):
+    result = run_joints(tmp_path_factory.mktemp("joints"))
+    assert result.exit_code == 0, result.reason
+    return result.recording
+
+
+def kept_folders():
+    return set(Path(tempfile.gettempdir()).glob("replay-stepbus-*"))
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left():
+    folders, kept = private_folders(), kept_folders()
+    yield
+    assert [line for line in leftovers() if "joints.py" in line] == []
+    assert private_folders() <= folders
+    for folder in kept_folders() - kept:
+        shutil.rmtree(folder)
+
+
+def failure_of(recording, *overrides, **options):
+    with pytest.raises(RunFailure) as caught:
+        replay(recording, "controller", overrides=[*overrides, *FAST], **options)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("program", "kind", "code", "sentence"),
+    [
+        ("controller", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        ("controller", "exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        ("controller", "kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
+        ("controller", "hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 0\.\d s; inputs arrived; deadline 0\.5 s"),
+        ("controller", "deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        ("controller", "port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("nonsense", "message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: .*\$\.values"),
+        ("nonsense", "skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
+    ],
+)  # fmt: skip
+def test_a_fault_in_a_step_is_blamed_with_its_step(joints_recording, program, kind, code, sentence):
+    failure = failure_of(joints_recording, fault("controller", program, kind, 7))
+    assert (failure.code, failure.participant, failure.step) == (code, "controller", 7)
+    assert re.search(sentence, str(failure))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
+        ("hang", r"has joined and is not ready.*0\.5 s \(participants\.controller\.ready_timeout\)"),
+    ],
+)  # fmt: skip
+def test_a_fault_before_the_first_step_is_blamed(joints_recording, kind, sentence):
+    failure = failure_of(joints_recording, fault("controller", "controller", kind, -1))
+    assert (failure.code, failure.participant) == (ExitCode.START, "controller")
+    assert re.search(sentence, str(failure))
+
+
+def test_a_program_of_another_version_of_a_message_is_refused(joints_recording):
+    failure = failure_of(joints_recording, fault("controller", "future", "none", 0))
+    assert failure.code == ExitCode.START
+    assert "was refused: output controller.command: the program has JointCommand/2" in str(failure)
+
+
+def test_a_program_that_never_joins_is_blamed(joints_recording):
+    failure = failure_of(joints_recording, program=NEVER_JOINS)
+    assert failure.code == ExitCode.START
+    assert "has not reached the bus" in str(failure)
+
+
+def test_one_that_does_not_end_is_blamed_and_killed(joints_recording):
+    failure = failure_of(joints_recording, fault("controller", "controller", "hang-at-close", 0))
+    assert failure.code == ExitCode.STOP_TIMEOUT
+
+
+def test_the_log_of_one_that_failed_is_kept(joints_recording):
+    failure = failure_of(joints_recording, fault("controller", "controller", "raise", 7))
+    log = Path(re.search(r"its log: (\S+)", str(failure))[1])
+    assert "ValueError: the knee" in log.read_text()
+
+
+def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
+    failure_of(
+        joints_recording, fault("controller", "controller", "exit", 7), update=tmp_path / "new.mcap"
+    )
+    assert list(tmp_path.iterdir()) == []
