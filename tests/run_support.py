@@ -1,6 +1,5 @@
 """Runs small scenarios of our own participants with real processes, and finds what they leave."""
 
-import tempfile
 import textwrap
 from pathlib import Path
 
@@ -63,8 +62,3 @@ def leftovers(folder: Path) -> list[str]:
         except (psutil.NoSuchProcess, psutil.AccessDenied):
             continue
     return found
-
-
-def private_folders() -> set[Path]:
-    """Return the private folders of runs that are still there."""
-    return set(Path(tempfile.gettempdir()).glob("stepbus-*"))

@@ -116,7 +116,9 @@ def test_a_joint_is_driven_by_one_input_only(tmp_path):
     plant = make_plant(tmp_path)
     first, second = (plant.commander(port, plant.names) for port in ("first", "second"))
     first.apply(command(1.0, 1.0))
-    with pytest.raises(CommandError, match="'second': joint joint1 is already driven by .*'first'"):
+    with pytest.raises(
+        CommandError, match=r"'second': joint joint1 is already driven by .*'first'"
+    ):
         second.apply(command(1.0, 1.0))
 
 

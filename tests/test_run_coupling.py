@@ -1,10 +1,10 @@
 """Delayed, held and absent inputs, and content that is too large for a message."""
 
+import msgspec
 import pytest
 from mcap.reader import make_reader
 from run_support import write_scenario
 
-import msgspec
 from stepbus_orchestrator import Options, load, run
 
 ECHO = '''

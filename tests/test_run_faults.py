@@ -5,7 +5,7 @@ import socket
 
 import pytest
 from mcap.reader import make_reader
-from run_support import fault, leftovers, private_folders, run_joints
+from run_support import fault, leftovers, run_joints
 
 from stepbus_orchestrator.errors import ExitCode
 
@@ -13,11 +13,10 @@ FAST = ("controller.step_timeout=500ms", "controller.stop_timeout=500ms")
 
 
 @pytest.fixture(autouse=True)
-def nothing_is_left(tmp_path):
-    folders = private_folders()
+def nothing_is_left(tmp_path, own_temp):
     yield
     assert leftovers(tmp_path) == []
-    assert private_folders() <= folders
+    assert list(own_temp.iterdir()) == []
 
 
 def recorded_steps(result):

@@ -1,14 +1,13 @@
 """What ends an orchestrator from outside: Ctrl-C, kill -9, a full disk."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
-from run_support import leftovers, private_folders, write_scenario
+from run_support import leftovers, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.reader import Recording
@@ -19,15 +18,17 @@ def start(tmp_path):
     """Return a function that starts `stepbus run` and waits for the first steps."""
     processes = []
 
-    def begin(*options, limit=None):
+    def begin(*options, kilobytes=None):
         path = write_scenario(tmp_path / "source")
         command = [sys.executable, "-m", "stepbus_orchestrator", "run", path, "--no-report"]
+        # What a file may grow to; a write beyond it fails as it does on a full disk.
+        limit = f"ulimit -f {kilobytes}; trap '' XFSZ; " if kilobytes else ""
+        shell = ["bash", "-c", f'{limit}exec "$@"', "bash"]
         process = subprocess.Popen(
-            [*command, "--out", tmp_path / "out", *options],
+            [*shell, *command, "--out", tmp_path / "out", *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            preexec_fn=limit,
         )
         processes.append(process)
         return process
@@ -65,25 +66,19 @@ def test_ctrl_c_ends_the_run_cleanly_with_its_own_code(tmp_path, start):
     assert (recording.damage, len(recording.entries["plant/joint_state"]) > 100) == ("", True)
 
 
-def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, start):
-    folders = private_folders()
+def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_temp, start):
     process = start("--set", "duration=1000s")
     assert wait_until(lambda: recorded_bytes(tmp_path) > 100_000)
     process.kill()
     process.wait()
     assert wait_until(lambda: leftovers(tmp_path) == [])
-    assert wait_until(lambda: private_folders() <= folders)
+    assert wait_until(lambda: list(own_temp.iterdir()) == [])
     recording = Recording.open(tmp_path / "out" / "run.mcap")
     assert len(recording.entries["plant/joint_state"]) > 100
 
 
 def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_path, start):
-    def limit():
-        # What a file may grow to; a write beyond it fails as it does on a full disk.
-        resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-
-    process = start("--set", "duration=1000s", limit=limit)
+    process = start("--set", "duration=1000s", kilobytes=600)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == ExitCode.RECORDING
     assert "cannot be written: File too large; free some disk space" in errors

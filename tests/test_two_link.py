@@ -66,7 +66,7 @@ def test_the_recording_opens_with_the_reader_of_mcap(results):
 def test_every_message_is_valid_under_its_recorded_schema(results):
     with results["two_link"].recording.open("rb") as file:
         validators = {}
-        for schema, channel, message in make_reader(file).iter_messages():
+        for schema, _, message in make_reader(file).iter_messages():
             if message.sequence % 20:
                 continue
             if schema.id not in validators:

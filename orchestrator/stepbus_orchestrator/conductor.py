@@ -31,7 +31,7 @@ from .barrier import Barrier
 from .deadlines import at, check_start, check_step, death, skipped
 from .errors import Interrupted, ParticipantFault, RunFailure, StartFailed, StepTimeout
 from .progress import Observer, Progress
-from .reception import receive, welcome_of
+from .reception import max_message_bytes, receive, welcome_of
 from .roster import Descriptions, Member, Phase, Roster, input_descriptions
 from .scenario import Scenario, Schedule
 from .sink import Sink
@@ -150,6 +150,7 @@ class Conductor:
         )
         inputs = input_descriptions(self._scenario, self._descriptions())
         self._start_message = encode(Start(token=self._token, inputs=inputs))
+        self._check_size("the descriptions of all inputs", self._start_message)
         self._timing.event("start")
         self._phase = "stepping"
         self.started_at = time.monotonic()
@@ -207,9 +208,19 @@ class Conductor:
         self.stop(reason, at_step=end)
         while any(self.barrier.reported[name] < end for name in closing):
             self._turn(lambda elapsed_s: self._check_closing(closing, end, elapsed_s))
+        began = time.monotonic()
         while not self._recorder.bulk_complete():
-            self._turn(lambda elapsed_s: self._check_closing(closing, end, elapsed_s))
+            self._turn(lambda _elapsed_s: self._check_bulk(end, time.monotonic() - began))
         self._recorder.finish(end, closing)
+
+    def _check_bulk(self, end: int, waited_s: float) -> None:
+        deadline = max(spec.deadlines.stop_s for spec in self._scenario.participants)
+        if waited_s > deadline:
+            raise StepTimeout(
+                f"{at(end, self._scenario.step_ns)}: bulk content that was announced has not come "
+                f"for {waited_s:.1f} s; deadline {deadline:g} s (stop_timeout); was it published?",
+                step=end,
+            )
 
     def _check_closing(self, closing: list[str], end: int, elapsed_s: float) -> None:
         for name in closing:
@@ -349,11 +360,22 @@ class Conductor:
             request.reply(encode(answer), encoding_of("Refusal/1"))
             self._refused(hello, answer)
             return
-        request.reply(encode(answer), encoding_of("Welcome/1"))
+        welcome = encode(answer)
+        self._check_size(f"the params of {hello.name}", welcome)
+        request.reply(welcome, encoding_of("Welcome/1"))
         member = self.roster[hello.name]
         member.language = hello.language
         if member.advance(Phase.JOINED):
             self._timing.event("join", member.name, f"{hello.language} {hello.sdk}".strip())
+
+    def _check_size(self, what: str, data: bytes) -> None:
+        """Refuse what the low-latency transport would silently lose."""
+        limit = max_message_bytes(self._scenario)
+        if len(data) > limit:
+            raise StartFailed(
+                f"before the first step: {what} take {len(data)} bytes, over the {limit} that the "
+                "low-latency transport carries; set bus.low_latency: false"
+            )
 
     def _refused(self, hello: Hello, refusal: Refusal) -> None:
         """End the run when one of ours cannot join; a stranger is only counted."""
@@ -393,6 +415,9 @@ class Conductor:
         member = self._member(sample, log.token, log.name)
         if member is None:
             return
+        sources = [item.source for item in member.spec.inputs.values()]
+        if log.waiting is not None and any(name not in sources for name in log.waiting.sources):
+            raise self._broken(member, "says it waits for somebody who is no source of it")
         member.waiting, member.drops = log.waiting, log.drops
         for raw in log.outputs:
             self._take_outputs(member, raw)
@@ -409,9 +434,13 @@ class Conductor:
             raise self._broken(member, f"logged something that is {exc}") from exc
         if outputs.token != self._token or outputs.t_ns != outputs.step * step_ns:
             raise self._broken(member, f"sent a wrong token or time (t_ns = {outputs.t_ns})")
-        unknown = [port for port in outputs.ports if port not in member.spec.outputs]
+        published = (*outputs.ports, *outputs.bulk)
+        unknown = [port for port in published if port not in member.spec.outputs]
         if unknown:
             raise self._broken(member, f"published on {unknown[0]!r}, not a port of the scenario")
+        specs = member.spec.outputs
+        if any(specs[port].bulk != (port in outputs.bulk) for port in published):
+            raise self._broken(member, "published a port as bulk that is none, or the reverse")
         if not self.barrier.report(member.name, outputs.step):
             raise skipped(member, outputs.step, self.barrier, step_ns)
         self._recorder.offer(member.name, outputs)

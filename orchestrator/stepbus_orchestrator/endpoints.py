@@ -26,8 +26,17 @@ class Mesh:
 
 
 def private_folder() -> Path:
-    """Make the run's private folder, for sockets and tickets (mode 0700)."""
-    return Path(tempfile.mkdtemp(prefix="stepbus-"))
+    """Make the run's private folder, for sockets and tickets (mode 0700).
+
+    Raises BusFailed when the folder for temporary files cannot be written.
+    """
+    try:
+        return Path(tempfile.mkdtemp(prefix="stepbus-"))
+    except OSError as exc:
+        raise BusFailed(
+            f"cannot make a folder for sockets: {exc.strerror or exc}; set TMPDIR to one that "
+            "can be written"
+        ) from exc
 
 
 def make_mesh(scenario: Scenario, folder: Path, token: str) -> Mesh:

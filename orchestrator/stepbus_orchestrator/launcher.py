@@ -12,6 +12,7 @@ from pathlib import Path
 from stepbus.ticket import TICKET_VARIABLE, Endpoint, Ticket
 
 from .child import Child
+from .errors import StartFailed
 from .scenario import ParticipantSpec
 
 
@@ -54,7 +55,14 @@ class Launcher:
             join_timeout_s=spec.deadlines.join_s,
         )
         path = self._folder / f"{spec.name}.ticket"
-        ticket.save(path)
+        try:
+            ticket.save(path)
+        except OSError as exc:
+            raise StartFailed(
+                f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; "
+                "set TMPDIR to a folder with room",
+                participant=spec.name,
+            ) from exc
         child = Child(
             spec.name,
             command,

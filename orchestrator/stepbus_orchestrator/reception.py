@@ -14,6 +14,11 @@ _NO_LIMIT = 1 << 30
 _LOW_LATENCY_BYTES = 60_000
 
 
+def max_message_bytes(scenario: Scenario) -> int:
+    """Return the largest message that the scenario's transport carries [bytes]."""
+    return _LOW_LATENCY_BYTES if low_latency(scenario) else _NO_LIMIT
+
+
 def participant_seed(seed: int, name: str) -> int:
     """Return a participant's own seed: 53 bits of SHA-256 over the run's seed and its name."""
     digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
@@ -51,7 +56,7 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
         },
         params=dict(spec.params),
         folder=str(scenario.folder.resolve()),
-        max_outputs_bytes=_LOW_LATENCY_BYTES if low_latency(scenario) else _NO_LIMIT,
+        max_outputs_bytes=max_message_bytes(scenario),
     )
 
 

@@ -135,13 +135,25 @@ class _Lane:
         for port in self.ports:
             raw: Any = outputs.ports.get(port)
             if raw is None:
-                raw = self.bulk.pop((outputs.step, port), None)
+                raw = self._take_bulk(outputs, port)
             if raw is not None:
                 data = bytes(raw)
                 digest.update(port.encode())
                 digest.update(data)
                 content.append((port, data))
         self.chain = digest.digest()
+        return content
+
+    def _take_bulk(self, outputs: Outputs, port: str) -> bytes | None:
+        content = self.bulk.pop((outputs.step, port), None)
+        announced = outputs.bulk.get(port)
+        if content is not None and len(content) != announced:
+            raise ParticipantFault(
+                f"step {outputs.step}: {self.name} announced {announced} bytes on bulk port "
+                f"{port!r} and sent {len(content)}",
+                participant=self.name,
+                step=outputs.step,
+            )
         return content
 
 

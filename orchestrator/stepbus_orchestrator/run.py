@@ -119,9 +119,8 @@ class _Run:
     def _inside_private_folder(self) -> str:
         self._attach()
         folder = private_folder()
-        launcher = Launcher(
-            run=self._run, token=self._token, folder=folder, logs=self._options.out / "logs"
-        )
+        logs = self._options.out.resolve() / "logs"
+        launcher = Launcher(run=self._run, token=self._token, folder=folder, logs=logs)
         try:
             mesh = make_mesh(self._scenario, folder, self._token)
             with self._options.around(launcher.children):

@@ -65,7 +65,7 @@ def join(
     while time.monotonic() < deadline:
         answer = bus.query("join", encode(hello), encoding_of("Hello/1"), ticket.join_timeout_s)
         if answer is not None:
-            return _read_answer(answer)
+            return _read_answer(answer, ticket)
         time.sleep(_RETRY_S)
     raise RunError(
         f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
@@ -73,7 +73,7 @@ def join(
     )
 
 
-def _read_answer(answer: bytes) -> Welcome:
+def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
     try:
         welcome = _decode_welcome(answer)
     except MessageError as exc:
@@ -85,6 +85,8 @@ def _read_answer(answer: bytes) -> Welcome:
         raise Refused(
             f"the orchestrator speaks protocol {welcome.protocol}, this program {PROTOCOL_VERSION}"
         )
+    if (welcome.token, welcome.name) != (ticket.token, ticket.name):
+        raise Refused(f"the answer to our Hello is for {welcome.name!r} or for another run")
     return welcome
 
 

@@ -128,6 +128,11 @@ class Session:
             outputs=dict(participant.describe()),
             versions=dict(participant.versions()),
         )
+        if len(encode(ready)) > self._welcome.max_outputs_bytes:
+            raise OutputError(
+                f"descriptions of {len(encode(ready))} bytes are over the bus's limit of "
+                f"{self._welcome.max_outputs_bytes}; set bus.low_latency: false"
+            )
         descriptions = become_ready(self._bus, ready, self._sources, self._outbox, self._control)
         participant.start(descriptions)
         loop = StepLoop(
@@ -151,7 +156,7 @@ class Session:
             token=self._welcome.token,
             step=self._step,
             kind=_kind(exc),
-            message=f"{type(exc).__name__}: {exc}" if _kind(exc) == "raised" else str(exc),
+            message=f"{type(exc).__name__}: {exc}" if _kind(exc) == "raised" else str(exc)[:2000],
             traceback=traceback.format_exc()[-20_000:],
             blames=exc.blames if isinstance(exc, PeerFault) else None,
         )

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from stepbus.config import Config
 from stepbus.participant import Participant
 from stepbus.step import Step
-from stepbus_schemas import Description, JointCommand, JointState, Message, RunError, WiringError
+from stepbus_schemas import Description, JointCommand, JointState, Message, WiringError
 
 from .commander import Commander
 from .params import read_params
@@ -68,10 +68,7 @@ class PlantParticipant(Participant):
         """Obey the new commands and advance the world by one step."""
         for port, commander in self._commanders.items():
             if step.is_new(port):
-                try:
-                    commander.apply(step.read(port, JointCommand))
-                except RunError as exc:
-                    raise type(exc)(f"step {step.index}: {exc}") from exc
+                commander.apply(step.read(port, JointCommand))
         self.plant.advance()
 
     def versions(self) -> Mapping[str, str]:
