@@ -5,7 +5,7 @@ import pytest
 from plant_support import body, digest, make_plant, swing, torques
 
 from stepbus_plant.errors import CommandError
-from stepbus_schemas import JointCommand
+from stepbus_schemas import JointCommand, WiringError
 
 
 def command(*values, mode="torque", **more):
@@ -74,7 +74,7 @@ def test_huge_values_are_no_mistake(tmp_path):
 
 
 def test_all_unknown_and_double_names_are_listed(tmp_path):
-    with pytest.raises(CommandError) as caught:
+    with pytest.raises(WiringError) as caught:
         make_plant(tmp_path).commander("command", ["joint1", "joint3", "elbow", "joint1"])
     assert [line.split(";")[0] for line in str(caught.value).splitlines()] == [
         "input 'command': joint 'joint3' is unknown",
@@ -142,6 +142,12 @@ def test_joints_of_two_bodies_are_commanded_and_sensed_in_any_order(tmp_path):
     plant.advance()
     assert plant.sense().effort == [2.0, 1.0]
     assert plant.sense().velocity == pytest.approx([2.0 / 0.5 * 0.005, 1.0 / 0.5 * 0.005])
+
+
+def test_joints_of_two_bodies_may_be_sensed_alternately(tmp_path):
+    bodies = [body("a", "two_link", "{position: 0.1}"), body("b", "wheel", "{position: 0.2}")]
+    joints = {"joint1": 0.1, "axle": 0.2, "joint2": 0.1}
+    assert make_plant(tmp_path, *bodies, joints=list(joints)).sense().position == [*joints.values()]
 
 
 def test_joints_of_one_body_may_have_different_modes(tmp_path):

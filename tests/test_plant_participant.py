@@ -7,14 +7,14 @@ from stepbus_plant.errors import CommandError
 from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError
 
 
-def config(inputs=("command",), takes="JointCommand/1", gives="JointState/1", every=1, **params):
+def config(takes="JointCommand/1", gives="JointState/1", every=1, **params):
     return Config(
         name="plant",
         step_ns=5_000_000,
         every=every,
         seed=0,
         folder=TWO_LINK,
-        inputs={port: InputConfig(source="c", port=port, type=takes) for port in inputs},
+        inputs={"command": InputConfig(source="controller", port="command", type=takes)},
         outputs={"joint_state": OutputConfig(type=gives), "copy": OutputConfig(type=gives)},
         params={"world": "world.yaml", **params},
     )
@@ -79,12 +79,12 @@ def test_a_plant_that_fires_every_second_step_advances_by_two():
 
 
 def test_a_command_that_cannot_be_carried_out_names_its_input():
-    with pytest.raises(CommandError, match="^input 'command': values has 1 values for 2 joints"):
+    with pytest.raises(CommandError, match=r"^input 'command': values has 1 values for 2 joints"):
         started().update(0, command=torque(1.0))
 
 
 def test_a_sender_of_unknown_joints_is_refused_before_the_clock_starts():
-    with pytest.raises(CommandError, match="joint 'jiont1' is unknown; did you mean 'joint1'"):
+    with pytest.raises(WiringError, match="joint 'jiont1' is unknown; did you mean 'joint1'"):
         started(["jiont1", "joint2"])
 
 

@@ -1,7 +1,10 @@
+from pathlib import Path
+
 import pytest
 from plant_support import MS, body, make_plant, write_world
 
-from stepbus_plant import load_world
+from stepbus_plant import Params, load_world
+from stepbus_plant.world import Body, Friction, JointSettings, WorldFile
 from stepbus_schemas import WiringError
 
 FIVE_MISTAKES = """gravity: [0, 0]
@@ -163,3 +166,9 @@ def test_a_body_without_joints_is_part_of_the_world(tmp_path):
     floor = "  floor: {urdf: 'package://pybullet_data/plane.urdf', friction: {lateral: 0.7}}\n"
     plant = make_plant(tmp_path, floor, body("arm", "two_link"))
     assert plant.names == ["joint1", "joint2"]
+
+
+@pytest.mark.parametrize("rows", [WorldFile, Body, JointSettings, Friction, Params])
+def test_every_key_is_documented(rows):
+    text = (Path(__file__).parents[1] / "docs" / "world.md").read_text(encoding="utf-8")
+    assert [key for key in rows.__struct_fields__ if f"`{key}`" not in text] == []

@@ -7,7 +7,9 @@ from recording_support import rewrite
 from run_support import PROGRAM, SCENARIO, fault, run_joints, write_scenario
 
 from stepbus_orchestrator import Options, load, run
+from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.scenario import ScenarioError
 
 SELDOM = """
 name: seldom
@@ -134,11 +136,20 @@ def test_another_program_that_computes_something_else_is_found(joints, tmp_path,
     assert (found.step, found.field, found.first, found.second) == (0, "values[1]", -0.5, -0.505)
 
 
-def test_programs_of_the_peers_need_not_be_there(tmp_path):
-    recording = recorded(tmp_path, "duration=50ms")
-    changed = tmp_path / "changed.mcap"
-    data = recording.read_bytes().replace(
-        b"[python, joints.py, plant]", b"[pythoff, joints.py, plant]"[:26]
-    )
-    changed.write_bytes(data)
-    assert replay(recording, "controller").equal
+def test_the_command_takes_another_program_at_its_end(joints, tmp_path, monkeypatch):
+    shutil.copy(PROGRAM, tmp_path / "mine.py")
+    monkeypatch.chdir(tmp_path)
+    words = ["replay", str(joints), "--participant", "mission", "--json"]
+    assert main([*words, "--exec", "python", "mine.py", "mission"]) == 0
+
+
+def test_programs_of_the_peers_need_not_be_there(joints):
+    missing = ["plant.exec=[no-such-program]"]
+    assert replay(joints, "controller", overrides=missing).equal
+    with pytest.raises(ScenarioError, match="no program 'no-such-program'"):
+        replay(joints, "plant", overrides=missing)
+
+
+def test_an_end_asked_for_too_early_is_noted(joints):
+    result = replay(joints, "controller", overrides=[fault("controller", "controller", "end", 9)])
+    assert result.notes == ["controller ended the run after step 9: the goal is reached"]

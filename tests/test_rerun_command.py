@@ -30,7 +30,8 @@ def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
     assert code == ExitCode.DIFFERENT
     assert "note: the scenario is not the recorded one: --set controller.exec" in said
     assert (
-        "first divergence: step 5: controller/command: first has a message, second has none" in said
+        "first divergence: step 5: controller/command: the first has a message, the second has none"
+        in said
     )
 
 

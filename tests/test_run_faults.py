@@ -9,7 +9,7 @@ from run_support import fault, leftovers, run_joints
 
 from stepbus_orchestrator.errors import ExitCode
 
-FAST = ("controller.step_timeout=500ms", "controller.stop_timeout=500ms")
+FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +31,7 @@ def recorded_steps(result):
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 0\.\d s; inputs arrived; deadline 0\.5 s \(participants\.controller\.step_timeout\)"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 1\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
         ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
@@ -64,7 +64,7 @@ def test_a_broken_message_ends_the_run_and_blames_its_sender(tmp_path, kind, sen
 
 
 def test_garbage_in_place_of_outputs_is_named_when_the_step_times_out(tmp_path):
-    slow = "plant.step_timeout=500ms"
+    slow = "plant.step_timeout=1s"
     result = run_joints(tmp_path, fault("controller", "nonsense", "garbage", 7), slow, *FAST)
     assert result.exit_code in {ExitCode.FAULT, ExitCode.STEP_TIMEOUT}
     assert "controller" in result.reason

@@ -62,7 +62,8 @@ def owed_step(name: str, roster: Roster, barrier: Barrier) -> int:
     Its own reports lag behind by up to a log batch; whoever waits for it knows better.
     """
     every = roster[name].spec.every
-    owed = barrier.next_step(name)
+    newest = roster[name].newest()
+    owed = max(barrier.next_step(name), newest + every if newest >= 0 else 0)
     for member in roster.values():
         if member.waiting is not None and name in member.waiting.sources:
             delays = [i.delay for i in member.spec.inputs.values() if i.source == name]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -24,16 +24,22 @@ class Phase(IntEnum):
 PHASE_DEADLINES = {Phase.SPAWNED: "spawn", Phase.ALIVE: "join", Phase.JOINED: "ready"}
 
 
+def _unseen() -> int:
+    return -1
+
+
 @dataclass
 class Member:
     """One participant of a run, as the orchestrator sees it.
 
     in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. waiting: what
-    it said it waits for when it last flushed its log.
+    it said it waits for when it last flushed its log. newest: returns the newest step it was seen
+    to publish, where somebody looks.
     """
 
     spec: ParticipantSpec
     child: Child
+    newest: Callable[[], int] = _unseen
     phase: Phase = Phase.SPAWNED
     in_phase_s: float = 0.0
     holds_s: float = 0.0

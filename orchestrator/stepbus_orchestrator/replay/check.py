@@ -53,6 +53,8 @@ class Check:
             for port, output in spec.outputs.items()
         }
         self._step = -spec.every
+        # It works ahead of the run's end, which it has asked for itself; that is not recorded.
+        self._is_over = False
         self._announced: set[tuple[str, int]] = set()
         self._early: dict[tuple[str, int], bytes] = {}
 
@@ -74,6 +76,8 @@ class Check:
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Compare the outputs of the next step."""
+        if self._is_over:
+            return
         step = self._step = outputs.step
         for port, found in self._ports.items():
             if port in outputs.bulk:
@@ -83,6 +87,9 @@ class Check:
             self._compare(found, port, step, None if raw is None else bytes(raw))
         if self._reference is not None:
             self._reference.offer(name, outputs)
+        if outputs.end is not None:
+            self._is_over = True
+            self.notes.append(f"{name} ended the run after step {step}: {outputs.end}")
 
     def _compare(self, found: _Port, port: str, step: int, data: bytes | None) -> None:
         if found.comparison.take(step, found.track.take(step), data) or data is None:

@@ -6,6 +6,7 @@ import threading
 from typing import Any
 
 from stepbus import Bus
+from stepbus_schemas import Decoder, MessageError, Outputs
 
 from ..conductor import Conductor
 from ..deadlines import check_start
@@ -16,17 +17,20 @@ from ..sink import Sink
 from ..timing import TimingRecorder
 from .peers import Peers
 
+_decode_outputs = Decoder(Outputs)
+
 
 class Replayer(Conductor):
     """A conductor that plays the peers too.
 
-    scenario: the recorded one, with as many steps as can be replayed. descriptions: of all
-    outputs, as recorded.
+    participant: the one that is replayed. scenario: the recorded one, with as many steps as can
+    be replayed. descriptions: of all outputs, as recorded.
     """
 
     def __init__(
         self,
         *,
+        participant: str,
         scenario: Scenario,
         bus: Bus,
         token: str,
@@ -48,6 +52,19 @@ class Replayer(Conductor):
         )
         self._peers = peers
         self._recorded = descriptions
+        self._newest: Any = None
+        # Nobody waits for it, so that only its outputs themselves tell how far it came.
+        bus.subscribe(f"out/{participant}", self._see)
+
+    def _see(self, sample: Any) -> None:
+        self._newest = sample
+
+    def newest_step(self) -> int:
+        """Return the newest step the participant was seen to publish; −1 before the first."""
+        try:
+            return _decode_outputs(self._bus.payload(self._newest)).step if self._newest else -1
+        except MessageError:
+            return -1
 
     def _meet(self) -> None:
         """Greet the participant until it is ready."""

@@ -176,6 +176,7 @@ class _Replay:
             take=None if reference is None else reference.recorder.offer,
         )
         return Replayer(
+            participant=self._spec.name,
             scenario=scenario,
             bus=bus,
             token=self._token,
@@ -192,7 +193,7 @@ class _Replay:
         own_folder = self._scenario.folder if program is None else Path.cwd()
         words = command(program or spec.exec, own_folder)
         child = launcher.start(spec, words, mesh.participants[spec.name], own_folder)
-        replayer.roster = {spec.name: Member(spec, child)}
+        replayer.roster = {spec.name: Member(spec, child, replayer.newest_step)}
 
     def _expected_end(self) -> int:
         """Return the first step at which nothing is expected of the participant."""

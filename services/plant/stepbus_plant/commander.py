@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from stepbus.settings import nearest
-from stepbus_schemas import JointCommand
+from stepbus_schemas import JointCommand, WiringError
 from stepbus_schemas.messages import JointMode
 
 from .drives import Drive
@@ -29,7 +29,7 @@ class Commander:
 
     port: its name, for messages. names: whose values its vectors hold, in their order. owners:
     joint → the input that drives it; shared by all commanders of a plant.
-    Raises CommandError when names are unknown or stand there twice.
+    Raises WiringError when names are unknown or stand there twice.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Commander:
             f"joint {n!r} stands there twice" for n in dict.fromkeys(names) if names.count(n) > 1
         ]
         if mistakes:
-            raise CommandError("\n".join(f"input {self._port!r}: {text}" for text in mistakes))
+            raise WiringError("\n".join(f"input {self._port!r}: {text}" for text in mistakes))
 
     def apply(self, command: JointCommand) -> None:
         """Carry out a command from now on; nothing of it is done when any of it is refused.

@@ -77,7 +77,7 @@ class Plant:
     def commander(self, port: str, names: Sequence[str]) -> Commander:
         """Return what carries out commands whose vectors are in the order of `names`.
 
-        Raises CommandError when they do not fit this world's joints.
+        Raises WiringError when they do not fit this world's joints.
         """
         return Commander(
             port, names, physics=self._physics, drives=self._drives, owners=self._owners
