@@ -7,8 +7,6 @@ import pytest
 
 from stepbus_orchestrator import Options, load, run
 
-pytest_plugins = ["stepbus_pytest"]
-
 
 @pytest.fixture(scope="session")
 def two_link_recording(tmp_path_factory):

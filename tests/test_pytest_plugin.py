@@ -7,7 +7,7 @@ import pytest
 
 pytest_plugins = ["pytester"]
 
-PLUGIN = ("-p", "stepbus_pytest", "-p", "no:cacheprovider")
+PLUGIN = ("-p", "no:cacheprovider")
 
 EQUAL = """
     import pytest
