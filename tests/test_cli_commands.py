@@ -1,16 +1,12 @@
 """The command line as a user meets it."""
 
-import json
 import re
 import shlex
-from pathlib import Path
 
 import pytest
 
-from stepbus_orchestrator.cli import COMMANDS, main, make_parser
+from stepbus_orchestrator.cli import COMMANDS, main, make_parser, new_command
 from stepbus_orchestrator.errors import ExitCode
-
-DOCS = Path(__file__).parent.parent / "docs"
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
@@ -57,20 +53,6 @@ def test_a_scenario_with_five_mistakes_lists_all_and_starts_nothing(tmp_path, ca
     assert not (tmp_path / "out").exists()
 
 
-def test_describe_names_joints_and_limits_without_a_step(capsys):
-    assert main(["describe", "two_link", "--json"]) == 0
-    ports = {row["port"]: row for row in json.loads(capsys.readouterr().out)}
-    said = ports["joint_state"]["description"]
-    assert said["names"] == ["joint1", "joint2"]
-    assert said["limits"]["effort"] == [50, 50]
-    assert ports["joint_state"]["taken_by"] == ["controller.joint_state"]
-
-
-def test_describe_of_a_scenario_that_cannot_start_has_the_code_of_the_run(capsys):
-    code = main(["describe", "two_link", "--set", "controller.params.law=no_such_law"])
-    assert (code, "no_such_law" in capsys.readouterr().err) == (ExitCode.START, True)
-
-
 def test_a_new_scenario_runs_as_it_is(tmp_path, capsys):
     folder = tmp_path / "mine"
     assert main(["new", str(folder)]) == 0
@@ -87,16 +69,19 @@ def test_the_new_controller_has_at_most_15_lines(tmp_path):
     assert len(code) <= 15
 
 
+def test_new_copies_files_only(tmp_path, monkeypatch):
+    templates = tmp_path / "templates"
+    (templates / "__pycache__").mkdir(parents=True)
+    (templates / "controller.py").touch()
+    monkeypatch.setattr(new_command, "_TEMPLATES", templates)
+    assert main(["new", str(tmp_path / "mine")]) == 0
+    assert not (tmp_path / "mine" / "__pycache__").exists()
+
+
 def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):
     (tmp_path / "mine.txt").touch()
     assert main(["new", str(tmp_path)]) == ExitCode.SCENARIO
     assert "holds something already" in capsys.readouterr().err
-
-
-def test_doctor_passes_a_message_over_both_transports(capsys):
-    assert main(["doctor", "--json"]) == 0
-    findings = {row["what"]: row["verdict"] for row in json.loads(capsys.readouterr().out)}
-    assert (findings["bus, unix"], findings["bus, tcp"]) == ("ok", "ok")
 
 
 @pytest.mark.parametrize(
@@ -108,6 +93,8 @@ def test_doctor_passes_a_message_over_both_transports(capsys):
         (["run", "two_link", "--out", "/proc/no/such"], "cannot make the folder"),
         (["validate", "/no/such/file.yaml"], "/no/such/file.yaml"),
         (["describe", "/dev/null"], "/dev/null"),
+        (["new", "/proc/no/such"], "cannot be written"),
+        (["diff", "/dev/null", "/dev/null"], "/dev/null"),
     ],
     ids=str,
 )
@@ -118,6 +105,15 @@ def test_an_error_is_sentences_and_never_a_traceback(arguments, sentence, capsys
     assert "Traceback" not in said
 
 
-def test_the_page_of_exit_codes_has_every_code():
-    rows = re.findall(r"^\| (\d+) \| (\w+) \|", (DOCS / "exit-codes.md").read_text(), re.MULTILINE)
-    assert [(int(code), name) for code, name in rows] == [(int(c), c.name) for c in ExitCode]
+def test_a_current_folder_that_is_gone_is_a_sentence(tmp_path, capsys, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert main(["validate", "my.yaml"]) == ExitCode.INTERNAL
+    assert capsys.readouterr().err == "stepbus: the current folder: No such file or directory\n"
+
+
+def test_a_negative_number_of_steps_is_refused(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["validate", "two_link", "--steps", "-3"])
+    assert "'-3' is not a number of steps" in capsys.readouterr().err

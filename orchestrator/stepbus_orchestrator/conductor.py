@@ -29,6 +29,8 @@ from stepbus_schemas import (
 
 from .barrier import Barrier
 from .deadlines import at, check_start, check_step, death, skipped
+from .descriptions import check_descriptions
+from .endpoints import ORCHESTRATOR
 from .errors import Interrupted, ParticipantFault, RunFailure, StartFailed, StepTimeout
 from .progress import Observer, Progress
 from .reception import max_message_bytes, receive, welcome_of
@@ -143,12 +145,13 @@ class Conductor:
 
     def _start(self) -> None:
         """Tell everybody about their inputs; the clock stands at zero."""
+        inputs = input_descriptions(self._scenario, self._descriptions())
+        check_descriptions(self.roster, inputs)
         ready = {name: member.ready for name, member in self.roster.items()}
         self._recorder.open_channels(
             {name: dict(item.outputs) for name, item in ready.items() if item is not None},
             {name: dict(item.versions) for name, item in ready.items() if item is not None},
         )
-        inputs = input_descriptions(self._scenario, self._descriptions())
         self._start_message = encode(Start(token=self._token, inputs=inputs))
         self._check_size("the descriptions of all inputs", self._start_message)
         self._timing.event("start")
@@ -300,7 +303,8 @@ class Conductor:
         except Empty:
             return
         take(item)
-        while not self._inbox.empty():
+        # Not until it is empty: somebody who floods the bus must not keep us from the clock.
+        for _ in range(self._inbox.qsize()):
             take, item = self._inbox.get()
             take(item)
 
@@ -340,8 +344,10 @@ class Conductor:
 
     def _take_alive(self, item: tuple[str, bool]) -> None:
         key, alive = item
-        member = self.roster.get(key.removeprefix("alive/"))
+        name = key.removeprefix("alive/")
+        member = self.roster.get(name)
         if member is None:
+            self.foreign += alive and name != ORCHESTRATOR
             return
         if alive and member.advance(Phase.ALIVE):
             self._timing.event("alive", member.name)
@@ -355,7 +361,9 @@ class Conductor:
             self.foreign += 1
             request.reply(encode(Refusal(reason=str(exc))), encoding_of("Refusal/1"))
             return
-        answer = receive(hello, self._welcomes, self._token)
+        # Nobody of ours can ask before its process is started.
+        welcomes = {name: self._welcomes[name] for name in self.roster}
+        answer = receive(hello, welcomes, self._token)
         if isinstance(answer, Refusal):
             request.reply(encode(answer), encoding_of("Refusal/1"))
             self._refused(hello, answer)
@@ -415,19 +423,27 @@ class Conductor:
         member = self._member(sample, log.token, log.name)
         if member is None:
             return
-        sources = [item.source for item in member.spec.inputs.values()]
-        if log.waiting is not None and any(name not in sources for name in log.waiting.sources):
-            raise self._broken(member, "says it waits for somebody who is no source of it")
+        self._check_waiting(member, log)
         member.waiting, member.drops = log.waiting, log.drops
+        completed = self.barrier.completed
         for raw in log.outputs:
             self._take_outputs(member, raw)
+        if self._phase == "stepping" and self.barrier.completed > completed:
+            self._release()
         if log.timing:
             self._note_timing(log)
-        if self._phase == "stepping":
-            self._release()
+
+    def _check_waiting(self, member: Member, log: Log) -> None:
+        if log.waiting is None:
+            return
+        sources = [item.source for item in member.spec.inputs.values()]
+        if any(name not in sources for name in log.waiting.sources):
+            raise self._broken(member, "says it waits for somebody who is no source of it")
 
     def _take_outputs(self, member: Member, raw: Any) -> None:
         step_ns = self._scenario.step_ns
+        if not self.started_at:
+            raise self._broken(member, "logged outputs before the start")
         try:
             outputs = _decode_outputs(raw)
         except MessageError as exc:
@@ -464,11 +480,13 @@ class Conductor:
 
     def _take_bulk(self, sample: Any) -> None:
         step = read_stamp(self._bus.attachment(sample), self._token)
-        parts = self._bus.key(sample).split("/")
-        if step is None or parts[1] not in self.roster:
+        _, name, port = self._bus.key(sample).split("/")
+        member = self.roster.get(name)
+        output = member.spec.outputs.get(port) if member is not None else None
+        if step is None or output is None or not output.bulk:
             self.foreign += 1
         elif step >= 0:
-            self._recorder.offer_bulk(parts[1], parts[2], step, self._bus.payload(sample))
+            self._recorder.offer_bulk(name, port, step, self._bus.payload(sample))
 
     def _take_fault(self, sample: Any) -> None:
         try:

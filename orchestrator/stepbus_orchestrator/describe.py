@@ -1,9 +1,11 @@
-"""What the participants of a scenario say of their ports, before any step."""
+"""What the participants of a scenario say of themselves, before any step."""
 
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import tempfile
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,63 +13,123 @@ import msgspec
 
 from stepbus_schemas import Description
 
-from .errors import RunFailure
+from .errors import ExitCode, RunFailure
 from .reader import Recording
+from .roster import Descriptions, input_descriptions
 from .run import Options, run
-from .scenario import Scenario
+from .scenario import ParticipantSpec, Scenario, Schedule
 
 
-class PortDescription(msgspec.Struct, frozen=True, kw_only=True):
-    """One output: its type, who takes it, and what its participant says of it."""
+class InputPort(msgspec.Struct, frozen=True, kw_only=True):
+    """One input. source: `participant.output`. delay: how old it is at least [steps]."""
 
-    participant: str
+    port: str
+    type: str
+    source: str
+    delay: int
+
+
+class OutputPort(msgspec.Struct, frozen=True, kw_only=True):
+    """One output. taken_by: inputs that read it, as `participant.input`."""
+
     port: str
     type: str
     taken_by: list[str]
     description: Description
 
 
+class Portrait(msgspec.Struct, frozen=True, kw_only=True):
+    """One participant: its ports, and what it says of each output."""
+
+    participant: str
+    inputs: list[InputPort]
+    outputs: list[OutputPort]
+
+
 class DescribeFailed(RunFailure):
-    """The participants did not get as far as describing themselves."""
+    """The participants did not get as far as describing themselves; `code` is that of the run."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = ExitCode(code)
 
 
-def describe(scenario: Scenario) -> list[PortDescription]:
-    """Return a description of every output, in schedule order.
+def describe(scenario: Scenario, interrupt: threading.Event | None = None) -> list[Portrait]:
+    """Return a portrait of every participant, in schedule order.
 
-    It is a run of no steps: every participant is started, loads its model, describes its outputs
-    and is ended; what it has recorded is read and removed.
+    It is a run of no steps in a temporary folder: every participant is started, loads its model,
+    describes its outputs and is ended. interrupt: as of `run`. Names of an output that is `like`
+    an input are those of the input; an infinite limit is one that does not exist.
 
-    Raises DescribeFailed, with the exit code of the run, when that fails.
+    Raises DescribeFailed when that fails; the logs, which its sentence names, are then kept.
     """
-    with tempfile.TemporaryDirectory(prefix="describe-") as folder:
-        result = run(dataclasses.replace(scenario, steps=0), Options(out=Path(folder) / "run"))
+    folder = Path(tempfile.mkdtemp(prefix="describe-stepbus-"))
+    options = Options(out=folder / "run")
+    result = run(dataclasses.replace(scenario, steps=0), options, interrupt=interrupt)
+    if result.exit_code not in {ExitCode.FINISHED, ExitCode.INTERRUPTED}:
+        raise DescribeFailed(result.reason, result.exit_code)
+    try:
         if result.exit_code:
-            raise _failure(result.exit_code, result.reason)
-        recording = Recording.open(result.recording)
-    taken = _taken_by(scenario)
+            raise DescribeFailed(result.reason, result.exit_code)
+        said = _said(scenario, Recording.open(result.recording))
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return _portraits(scenario, said)
+
+
+def _said(scenario: Scenario, recording: Recording) -> Descriptions:
+    """Return the description of every output: participant → output → description."""
+    return {
+        spec.name: {
+            name: recording.ports[f"{spec.name}/{name}"].description for name in spec.outputs
+        }
+        for spec in scenario.participants
+    }
+
+
+def _portraits(scenario: Scenario, said: Descriptions) -> list[Portrait]:
+    heard = input_descriptions(scenario, said)
     return [
-        PortDescription(
-            participant=port.participant,
-            port=port.name,
-            type=port.type,
-            taken_by=taken.get((port.participant, port.name), []),
-            description=port.description,
+        Portrait(
+            participant=name,
+            inputs=_inputs(scenario, scenario.participant(name)),
+            outputs=[
+                OutputPort(
+                    port=port,
+                    type=output.type,
+                    taken_by=_taken_by(scenario, name, port),
+                    description=_with_names(said[name][port], heard[name]),
+                )
+                for port, output in scenario.participant(name).outputs.items()
+            ],
         )
-        for port in recording.ports.values()
-        if port.participant in {spec.name for spec in scenario.participants}
+        for name in Schedule.of(scenario).order
     ]
 
 
-def _failure(code: int, reason: str) -> DescribeFailed:
-    failure = DescribeFailed(reason)
-    failure.code = type(failure.code)(code)
-    return failure
+def _inputs(scenario: Scenario, spec: ParticipantSpec) -> list[InputPort]:
+    return [
+        InputPort(
+            port=name,
+            type=scenario.participant(item.source).outputs[item.port].type,
+            source=f"{item.source}.{item.port}",
+            delay=item.delay,
+        )
+        for name, item in spec.inputs.items()
+    ]
 
 
-def _taken_by(scenario: Scenario) -> Mapping[tuple[str, str], list[str]]:
-    """Return who takes each output: (participant, port) → `participant.input`."""
-    taken: dict[tuple[str, str], list[str]] = {}
-    for spec in scenario.participants:
-        for name, source in spec.inputs.items():
-            taken.setdefault((source.source, source.port), []).append(f"{spec.name}.{name}")
-    return taken
+def _taken_by(scenario: Scenario, participant: str, port: str) -> list[str]:
+    return [
+        f"{spec.name}.{name}"
+        for spec in scenario.participants
+        for name, item in spec.inputs.items()
+        if (item.source, item.port) == (participant, port)
+    ]
+
+
+def _with_names(said: Description, heard: Mapping[str, Description]) -> Description:
+    """Return a description with the names of the input it is `like`."""
+    if said.like is None or said.like not in heard:
+        return said
+    return msgspec.structs.replace(said, names=heard[said.like].names)

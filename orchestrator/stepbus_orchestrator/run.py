@@ -90,9 +90,11 @@ class _Run:
     def _make_folder(self) -> None:
         out = self._options.out
         try:
+            if out.exists() and any(out.iterdir()):
+                raise FileExistsError
             (out / "logs").mkdir(parents=True)
         except FileExistsError as exc:
-            raise RecordingFailed(f"{out} holds a run already; choose another --out") from exc
+            raise RecordingFailed(f"{out} holds something already; choose another --out") from exc
         except OSError as exc:
             raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
 

@@ -13,6 +13,9 @@ import msgspec
 from .errors import RecordingFailed
 from .recorder import McapFile
 
+# In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
+_ROWS = 256
+
 _encode = msgspec.msgpack.Encoder().encode
 
 
@@ -25,17 +28,20 @@ class TimingEvent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StepTiming(msgspec.Struct, frozen=True, kw_only=True):
-    """How long a participant waited and computed in the steps of one log batch."""
+    """How long a participant waited and computed in its steps."""
 
     participant: str
     rows: list[tuple[int, int, int]]
     """(step, waited [ns], computed [ns])."""
+    arrivals: list[tuple[int, int]]
+    """When log batches arrived: (newest step, time since the epoch [ns])."""
 
 
 class TriggerTiming(msgspec.Struct, frozen=True, kw_only=True):
-    """A trigger was sent."""
+    """When triggers were sent."""
 
-    upto: int
+    rows: list[tuple[int, int]]
+    """(upto, time since the epoch [ns])."""
 
 
 _TYPES: Mapping[str, type[msgspec.Struct]] = {
@@ -69,18 +75,36 @@ class TimingRecorder:
             )
         }
         self._sequence = 0
+        self._rows: dict[str, list[tuple[int, int, int]]] = {}
+        self._arrivals: dict[str, list[tuple[int, int]]] = {}
+        self._triggers: list[tuple[int, int]] = []
 
     def event(self, kind: str, participant: str = "", text: str = "") -> None:
         """Note that something happened now."""
         self._add("TimingEvent/1", TimingEvent(kind=kind, participant=participant, text=text))
 
     def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
-        """Note when a log batch arrived, and how long its steps took."""
-        self._add("StepTiming/1", StepTiming(participant=participant, rows=rows))
+        """Note that a log batch arrived now, and how long its steps took."""
+        held = self._rows.setdefault(participant, [])
+        held.extend(rows)
+        self._arrivals.setdefault(participant, []).append((rows[-1][0], time.time_ns()))
+        if len(held) >= _ROWS:
+            self._write_steps(participant)
 
     def trigger(self, upto: int) -> None:
         """Note that a trigger was sent now."""
-        self._add("TriggerTiming/1", TriggerTiming(upto=upto))
+        self._triggers.append((upto, time.time_ns()))
+        if len(self._triggers) >= _ROWS:
+            self._write_triggers()
+
+    def _write_steps(self, participant: str) -> None:
+        rows, arrivals = self._rows.pop(participant), self._arrivals.pop(participant)
+        record = StepTiming(participant=participant, rows=rows, arrivals=arrivals)
+        self._add("StepTiming/1", record)
+
+    def _write_triggers(self) -> None:
+        self._add("TriggerTiming/1", TriggerTiming(rows=self._triggers))
+        self._triggers = []
 
     def _add(self, name: str, record: msgspec.Struct) -> None:
         self._sequence += 1
@@ -88,6 +112,10 @@ class TimingRecorder:
             self._file.add(self._channels[name], time.time_ns(), _encode(record), self._sequence)
 
     def close(self) -> None:
-        """Finish the file as far as the disk allows."""
+        """Write what is held back and finish the file, as far as the disk allows."""
+        for participant in list(self._rows):
+            self._write_steps(participant)
+        if self._triggers:
+            self._write_triggers()
         with contextlib.suppress(RecordingFailed):
             self._file.close()

@@ -92,8 +92,8 @@ class Control:
         return True
 
     def poll(self) -> None:
-        """Take in all words that have come; raises as `wait` does."""
-        while not self._queue.empty():
+        """Take in the words that have come so far; raises as `wait` does."""
+        for _ in range(self._queue.qsize()):
             self._take(*self._queue.get())
 
     def _take(self, key: str, data: bytes) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 from collections.abc import Sequence
 
 from stepbus_schemas import StepbusError
 
 from ..errors import ExitCode, RunFailure
-from ..scenario import ScenarioError
 from . import (
     describe_command,
     diff_command,
@@ -24,6 +24,8 @@ from . import (
 )
 from .command import Command
 from .output import complain
+
+_COLUMNS = 79
 
 COMMANDS: tuple[Command, ...] = (
     run_command.COMMAND,
@@ -52,7 +54,7 @@ def make_parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(
             command.name,
             help=command.summary,
-            description=command.description,
+            description=textwrap.fill(command.description, _COLUMNS),
             epilog="examples:\n" + "\n".join(f"  {line}" for line in command.examples),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
@@ -66,9 +68,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = make_parser().parse_args(sys.argv[1:] if arguments is None else arguments)
     try:
         code: int = args.execute(args)
-    except ScenarioError as exc:
-        complain(str(exc))
-        return ExitCode.SCENARIO
     except RunFailure as exc:
         complain(str(exc))
         return exc.code
@@ -81,4 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # Whoever read our output has gone, as `head` does; nobody is left to tell.
         return ExitCode.FINISHED
+    except OSError as exc:
+        # What no command expects of a file or folder, e.g. that the current one is gone.
+        complain(f"{exc.filename or 'the current folder'}: {exc.strerror or exc}")
+        return ExitCode.INTERNAL
     return code

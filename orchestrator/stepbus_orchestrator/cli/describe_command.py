@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 
 from rich.console import Console
 from rich.table import Table
 
-from ..describe import PortDescription, describe
+from stepbus_schemas import Description
+
+from ..describe import OutputPort, Portrait, describe
 from ..scenario import load
 from .command import Command, add_scenario_arguments
+from .interrupt import interruptible
 from .output import say, say_json
 
-_LIMITS = ("lower", "upper", "velocity", "effort")
+_NUMERIC = ("index", "lower", "upper", "velocity", "effort")
+_UNLIMITED = "-"
+_PLAIN_COLUMNS = 200
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,45 +28,67 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    ports = describe(load(args.scenario, args.set))
+    scenario = load(args.scenario, args.set)
+    with interruptible() as interrupt:
+        portraits = describe(scenario, interrupt)
     if args.json:
-        say_json(ports)
-        return 0
-    console = Console()
-    for port in ports:
-        taken = ", ".join(port.taken_by) or "nobody"
-        say(f"{port.participant}.{port.port}: {port.type}, taken by {taken}")
-        if port.description.names:
-            console.print(_table(port))
-        elif port.description.like:
-            say(f"  in the order of its input {port.description.like}")
+        say_json(portraits)
+    else:
+        _show(portraits)
     return 0
 
 
-def _table(port: PortDescription) -> Table:
-    """Return one row per name: index, name, what else is told, limits."""
-    said = port.description
-    limits = [name for name in _LIMITS if name in said.limits]
-    table = Table()
-    for column in ("#", "name", *said.details, *limits):
-        table.add_column(column, justify="right" if column in {"#", *_LIMITS} else "left")
+def _show(portraits: list[Portrait]) -> None:
+    # Where nobody looks at it, a table is not folded to the width of a terminal.
+    console = Console(width=None if sys.stdout.isatty() else _PLAIN_COLUMNS)
+    for portrait in portraits:
+        say(portrait.participant)
+        for item in portrait.inputs:
+            delay = f", {item.delay} steps old" if item.delay else ""
+            say(f"  input   {item.port}: {item.type} from {item.source}{delay}")
+        for output in portrait.outputs:
+            say(_headline(output))
+            if output.description.names:
+                console.print(_table(output.description))
+
+
+def _headline(output: OutputPort) -> str:
+    said = output.description
+    facts = [f"taken by {', '.join(output.taken_by) or 'nobody'}"]
+    if said.shape:
+        facts.append(f"shape {' × '.join(map(str, said.shape))}")
+    facts += [f"{field} in {unit}" for field, unit in said.units.items()]
+    return f"  output  {output.port}: {output.type}, {'; '.join(facts)}"
+
+
+def _table(said: Description) -> Table:
+    """Return one row per name: index, name, details, limits."""
+    columns = ["index", "name", *said.details, *said.limits]
+    table = Table(*columns)
+    for column in table.columns:
+        column.justify = "right" if column.header in _NUMERIC else "left"
     for index, name in enumerate(said.names):
-        details = [said.details[key][index] for key in said.details]
-        numbers = [_number(said.limits[key][index]) for key in limits]
+        details = [values[index] for values in said.details.values()]
+        numbers = [_number(values[index]) for values in said.limits.values()]
         table.add_row(str(index), name, *details, *numbers)
     return table
 
 
 def _number(value: float) -> str:
-    return f"{value:g}" if math.isfinite(value) else "-"
+    return f"{value:g}" if math.isfinite(value) else _UNLIMITED
 
 
 COMMAND = Command(
     name="describe",
     summary="list ports, joints and limits without a step",
-    description="Starts every participant, lets it load its model, and prints what it says of "
-    "its outputs: names, types, modes, limits (rad, rad/s, N·m). No step is made.",
-    examples=("stepbus describe two_link", "stepbus describe two_link --json"),
+    description="Starts every participant, lets it load its model, and prints its inputs and "
+    "what it says of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none). "
+    "No step is made and nothing is recorded. Exit codes are those of run.",
+    examples=(
+        "stepbus describe two_link",
+        "stepbus describe two_link/pd --set plant.params.world=world.yaml",
+        "stepbus describe two_link --json",
+    ),
     add_arguments=_add_arguments,
     execute=_execute,
 )

@@ -21,7 +21,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _execute(args: argparse.Namespace) -> int:
     folder: Path = args.folder
-    sources = [*sorted(_TEMPLATES.iterdir()), *_model_files()]
+    # pip compiles what it installs, so that a folder may stand beside the templates.
+    templates = sorted(file for file in _TEMPLATES.iterdir() if file.is_file())
+    sources = [*templates, *_model_files()]
     try:
         if folder.exists() and any(folder.iterdir()):
             raise WiringError(f"{folder} holds something already; choose a new folder")

@@ -14,9 +14,18 @@ _SHOWN_STEPS = 5
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument(
-        "--steps", type=int, default=_SHOWN_STEPS, help="how many steps of the schedule to show"
+        "--steps",
+        type=_count,
+        default=_SHOWN_STEPS,
+        help=f"how many steps of the schedule to show (default: {_SHOWN_STEPS})",
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of steps, from 0 on")
+    return int(text)
 
 
 def _execute(args: argparse.Namespace) -> int:

@@ -1,0 +1,132 @@
+"""Packages: whether they are there, recent enough, and can be loaded."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, requires, version
+
+import msgspec
+
+from .finding import Finding
+
+EXTRAS = {
+    "robots": "models of Baxter, UR5 and others, for scenarios with them",
+    "dev": "the tests, the type checker and the linter",
+}
+"""Extra of stepbus → what it is for."""
+
+_NATIVE = {"pin": "pinocchio", "pybullet": "pybullet"}
+"""Package → its module, of those that only participants load."""
+
+_OLDEST_PYTHON = (3, 11)
+_LOAD_DEADLINE_S = 30.0
+_REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
+
+
+class Requirement(msgspec.Struct, frozen=True):
+    """A package and its oldest version that will do; none: any."""
+
+    name: str
+    oldest: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}>={self.oldest}" if self.oldest else self.name
+
+
+def needed(extra: str = "") -> list[Requirement]:
+    """Return what stepbus, or one of its extras, needs.
+
+    Raises PackageNotFoundError when stepbus itself is not installed.
+    """
+    rows = [row.partition(";") for row in requires("stepbus") or []]
+    of_extra = {row: marker.replace("'", '"').strip() for row, _, marker in rows}
+    wanted = f'extra == "{extra}"' if extra else ""
+    return [parse(row) for row, marker in of_extra.items() if marker == wanted]
+
+
+def parse(row: str) -> Requirement:
+    """Return the requirement that a row such as `numpy>=2.2` stands for."""
+    found = _REQUIREMENT.match(row)
+    return Requirement(found[1], found[2] or "") if found else Requirement(row)
+
+
+def versions() -> Iterator[Finding]:
+    """Look at Python, stepbus, and what that needs."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    if sys.version_info < _OLDEST_PYTHON:
+        yield Finding(what="python", verdict="fail", text=f"{python}; stepbus needs 3.11 or newer")
+    else:
+        yield Finding(what="python", verdict="ok", text=python)
+    try:
+        requirements = [Requirement("stepbus"), *needed()]
+    except PackageNotFoundError:
+        text = "is not installed, only found; run `pip install stepbus`"
+        yield Finding(what="stepbus", verdict="fail", text=text)
+        return
+    for requirement in requirements:
+        yield _package(requirement)
+
+
+def _package(requirement: Requirement) -> Finding:
+    try:
+        have = version(requirement.name)
+    except PackageNotFoundError:
+        text = f"is not installed; run `pip install '{requirement}'`"
+        return Finding(what=requirement.name, verdict="fail", text=text)
+    if _numbers(have) < _numbers(requirement.oldest):
+        text = f"{have} is too old; run `pip install '{requirement}'`"
+        return Finding(what=requirement.name, verdict="fail", text=text)
+    return Finding(what=requirement.name, verdict="ok", text=have)
+
+
+def _numbers(text: str) -> list[int]:
+    """Return the leading numbers of a version: `3.2.7rc1` is 3, 2, 7."""
+    return [int(part) for part in re.findall(r"(?:^|\.)(\d+)", text)]
+
+
+def loads() -> Iterator[Finding]:
+    """Load what is compiled in processes of its own, since that may end them."""
+    children = {
+        name: subprocess.Popen(
+            [sys.executable, "-c", f"import {module}"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for name, module in _NATIVE.items()
+    }
+    for name, child in children.items():
+        yield _load(name, child)
+
+
+def _load(name: str, child: subprocess.Popen[str]) -> Finding:
+    what = f"load {name}"
+    try:
+        _, said = child.communicate(timeout=_LOAD_DEADLINE_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.communicate()
+        text = f"takes over {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
+        return Finding(what=what, verdict="fail", text=text)
+    if child.returncode:
+        last = (said.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
+        text = f"{last}; run `pip install --force-reinstall {name}`"
+        return Finding(what=what, verdict="fail", text=text)
+    return Finding(what=what, verdict="ok", text="works")
+
+
+def extras() -> Iterator[Finding]:
+    """Say which extras are missing, what they are for, and how to get them."""
+    try:
+        required = {extra: needed(extra) for extra in EXTRAS}
+    except PackageNotFoundError:
+        return
+    for extra, requirements in required.items():
+        lacking = [r.name for r in requirements if _package(r).verdict != "ok"]
+        text = EXTRAS[extra]
+        if lacking:
+            text = f"{text}; missing {', '.join(lacking)}: `pip install 'stepbus[{extra}]'`"
+        yield Finding(what=f"extra {extra}", verdict="warn" if lacking else "ok", text=text)
