@@ -90,13 +90,13 @@ class _Run:
     def _make_folder(self) -> None:
         out = self._options.out
         try:
-            if out.exists() and any(out.iterdir()):
-                raise FileExistsError
-            (out / "logs").mkdir(parents=True)
-        except FileExistsError as exc:
-            raise RecordingFailed(f"{out} holds something already; choose another --out") from exc
+            is_used = out.exists() and any(out.iterdir())
+            if not is_used:
+                (out / "logs").mkdir(parents=True)
         except OSError as exc:
             raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
+        if is_used:
+            raise RecordingFailed(f"{out} holds something already; choose another --out")
 
     def execute(self) -> Result:
         """Run, close whatever happens, and return the result."""
