@@ -19,8 +19,7 @@ class _Edge:
 class Barrier:
     """Counts the outputs of every participant; pure logic, no clock and no bus.
 
-    reported: newest step each participant has reported; negative before its first. completed: how
-    many steps are complete, every output due in them having been reported.
+    reported: newest step each participant has reported; negative before its first.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -33,20 +32,19 @@ class Barrier:
             for spec in scenario.participants
         }
         self.reported = {name: -every for name, every in self._every.items()}
-        self._owed = dict.fromkeys(self._every, 0)
-        self.completed = 0
 
     def report(self, name: str, step: int) -> bool:
         """Take in that a participant has published a step; return whether it was the next one."""
-        owed = self._owed[name]
-        if step != owed:
+        if step != self.reported[name] + self._every[name]:
             return False
         self.reported[name] = step
-        self._owed[name] = step + self._every[name]
-        if owed == self.completed:
-            done = min(self._owed.values())
-            self.completed = done if self._steps is None else min(done, self._steps)
         return True
+
+    @property
+    def completed(self) -> int:
+        """Return how many steps are complete: every output due in them has been reported."""
+        done = min(self.reported[name] + every for name, every in self._every.items())
+        return done if self._steps is None else min(done, self._steps)
 
     @property
     def upto(self) -> int:
@@ -61,7 +59,7 @@ class Barrier:
 
     def next_step(self, name: str) -> int:
         """Return the step whose output a participant owes next."""
-        return self._owed[name]
+        return self.reported[name] + self._every[name]
 
     def holders(self) -> list[str]:
         """Return those who hold the oldest incomplete step.

@@ -90,13 +90,13 @@ class _Run:
     def _make_folder(self) -> None:
         out = self._options.out
         try:
-            is_used = out.exists() and any(out.iterdir())
+            is_used = any((out / name).exists() for name in (RUN_FILE, TIMING_FILE, "logs"))
             if not is_used:
                 (out / "logs").mkdir(parents=True)
         except OSError as exc:
             raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
         if is_used:
-            raise RecordingFailed(f"{out} holds something already; choose another --out")
+            raise RecordingFailed(f"{out} holds a run already; choose another --out")
 
     def execute(self) -> Result:
         """Run, close whatever happens, and return the result."""

@@ -42,6 +42,9 @@ def _settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
         # Gossip with the low-latency transport lost links for good in 6 to 9 of 30 starts.
         "scouting/gossip/enabled": False,
     }
+    # Shared memory is for bulk content, which the low-latency transport does not carry. Without
+    # need it costs every link locked memory, and segments that a killed process leaves behind.
+    settings["transport/shared_memory/enabled"] = not endpoint.low_latency
     if endpoint.low_latency:
         settings["transport/unicast/qos/enabled"] = False
         settings["transport/unicast/lowlatency"] = True

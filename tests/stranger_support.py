@@ -1,0 +1,98 @@
+"""Somebody who has found the sockets of a run, and talks while one participant is frozen."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+from run_support import run_joints
+
+from stepbus import Endpoint, load_ticket
+from stepbus.zenoh_bus import ZenohBus
+from stepbus_schemas import encode, encoding_of
+
+PATIENT = ("duration=2s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for who in ("plant", "controller", "mission")))  # fmt: skip
+WAIT_S = 30.0
+
+
+class Stranger:
+    """Acts once, while the controller is frozen: so it is in the middle of the run.
+
+    act: is given the stranger and the run's token.
+    """
+
+    def __init__(self, temp, act):
+        self.temp, self.act = temp, act
+        self.acted = False
+        self.over = threading.Event()
+        self.publishers = {}
+
+    @contextmanager
+    def around(self, children):
+        with ThreadPoolExecutor() as pool:
+            future = pool.submit(self.come_in, children)
+            try:
+                yield
+            finally:
+                self.over.set()
+            future.result()
+
+    def come_in(self, children):
+        while len(children) < 3 and not self.over.wait(0.01):
+            continue
+        (folder,) = self.temp.glob("stepbus-*/")
+        tickets = [load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("*.ticket")]
+        links = {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
+        self.bus = ZenohBus(Endpoint(listen=[], connect=sorted(links)), tickets[0].run)
+        try:
+            self.hear_everybody()
+            os.kill(children["controller"].pid, signal.SIGSTOP)
+            self.act(self, tickets[0].token)
+            # An answer proves that the orchestrator has all that went before, on the same link.
+            self.ask(b"")
+            self.acted = True
+        finally:
+            os.kill(children["controller"].pid, signal.SIGCONT)
+            self.over.wait(WAIT_S)
+            self.bus.close()
+
+    def hear_everybody(self):
+        """Wait until outputs of all have come: so all links are up, with what is listened to."""
+        heard = {name: threading.Event() for name in ("plant", "controller", "mission")}
+        for name, event in heard.items():
+            self.bus.subscribe(f"out/{name}", lambda _sample, event=event: event.set())
+        if not all(event.wait(WAIT_S) for event in heard.values()):
+            raise TimeoutError("the stranger does not hear everybody")
+        self.await_step(20)
+
+    def await_step(self, count):
+        """Wait until the plant has published some more steps."""
+        there, seen = threading.Event(), []
+        self.bus.subscribe("out/plant", lambda _sample: (seen.append(1), len(seen) > count and there.set()))  # fmt: skip
+        if not there.wait(WAIT_S):
+            raise TimeoutError("the run does not go on")
+
+    def say(self, key, data, attachment=b""):
+        if key not in self.publishers:
+            self.publishers[key] = self.bus.publisher(key, encoding_of("Outputs/1"))
+        self.publishers[key](data, **({"attachment": attachment} if attachment else {}))
+
+    def say_message(self, key, message):
+        if key == "join":
+            return self.ask(encode(message))
+        return self.say(key, encode(message))
+
+    def ask(self, data):
+        """Return the orchestrator's answer to a query on `join`."""
+        return self.bus.query("join", data, encoding_of("Hello/1"), WAIT_S)
+
+
+def disturbed(folder, temp, act):
+    """Return the result of a run that a stranger has disturbed."""
+    stranger = Stranger(temp, act)
+    result = run_joints(folder, *PATIENT, around=stranger.around)
+    assert stranger.acted, result.reason
+    return result
