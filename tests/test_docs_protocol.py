@@ -1,5 +1,6 @@
 """The worked example of docs/protocol.md, against the codec and against our own participant."""
 
+import json
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from run_support import run_joints
 import stepbus.joining
 import stepbus.loop
 from stepbus import Description, Endpoint, JointCommand, JointState, Participant, Ticket, take_part
+from stepbus.zenoh_bus import _settings
 from stepbus_schemas import ENVELOPE_TYPES, Decoder, encode, encoding_of
 
 PAGE = (Path(__file__).parents[1] / "docs/protocol.md").read_text(encoding="utf-8")
@@ -116,6 +118,27 @@ def test_our_participant_given_what_is_received_sends_what_is_sent(monkeypatch):
     endpoint = Endpoint(listen=[], connect=[])
     take_part(Spring, Ticket(run="r", name="controller", token=TOKEN, endpoint=endpoint), bus)
     assert bus.sent == taken("sent")
+
+
+def settings_of_the_page(column):
+    """Return path → value, as written in the tables of P2."""
+    section = PAGE[PAGE.index("## P2 ") : PAGE.index("## P3 ")]
+    lines = [line for line in section.splitlines() if line.startswith("| `")]
+    rows = [[cell.strip(" `") for cell in line.strip("|").split(" | ")] for line in lines]
+    values = {row[0]: row[min(column, len(row) - 1)] for row in rows}
+    return {path: value for path, value in values.items() if value != "not set"}
+
+
+@pytest.mark.parametrize(("low_latency", "column"), [(True, 1), (False, 2)])
+def test_the_settings_of_a_session_are_those_of_the_page(low_latency, column):
+    people = {"user": "me", "password": "secret"}
+    endpoint = Endpoint(listen=["a"], connect=["b"], low_latency=low_latency, **people)
+    page, ours = settings_of_the_page(column), _settings(endpoint, "file")
+    assert page.keys() == ours.keys()
+    from_ticket = {path for path in page if "endpoints" in path or "usrpwd" in path}
+    assert {path: json.loads(page[path]) for path in page.keys() - from_ticket} == {
+        path: ours[path] for path in ours.keys() - from_ticket
+    }
 
 
 def test_every_clause_has_a_number_of_its_own():

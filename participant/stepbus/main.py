@@ -156,7 +156,7 @@ class Session:
             token=self._welcome.token,
             step=self._step,
             kind=_kind(exc),
-            message=f"{type(exc).__name__}: {exc}" if _kind(exc) == "raised" else str(exc)[:2000],
+            message=_sentence(exc)[:2000],
             traceback=traceback.format_exc()[-20_000:],
             blames=exc.blames if isinstance(exc, PeerFault) else None,
         )
@@ -168,6 +168,10 @@ class Session:
                 continue
         except (Stopped, OrchestratorLost):
             return
+
+
+def _sentence(exc: Exception) -> str:
+    return f"{type(exc).__name__}: {exc}" if _kind(exc) == "raised" else str(exc)
 
 
 def _kind(exc: Exception) -> str:

@@ -23,6 +23,7 @@ def settings(endpoint):
     yield "connect/retry", retry
     yield "scouting/multicast/enabled", False
     yield "scouting/gossip/enabled", False
+    yield "transport/shared_memory/enabled", not endpoint["low_latency"]
     if endpoint["low_latency"]:
         yield "transport/unicast/qos/enabled", False
         yield "transport/unicast/lowlatency", True
