@@ -92,7 +92,8 @@ class HandBus:
 
     def hand(self, sample: Sample) -> None:
         first, *rest = sample.name.split("/")
-        self.sinks["/".join([first, *("*" for _ in rest)])](sample)
+        wild = "/".join([first, *("*" for _ in rest)])
+        self.sinks.get(sample.name, self.sinks.get(wild))(sample)
 
 
 class Mutator:

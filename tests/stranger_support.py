@@ -14,7 +14,7 @@ from stepbus import Endpoint, load_ticket
 from stepbus.zenoh_bus import ZenohBus
 from stepbus_schemas import encode, encoding_of
 
-PATIENT = ("duration=2s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for who in ("plant", "controller", "mission")))  # fmt: skip
+PATIENT = ("duration=10s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for who in ("plant", "controller", "mission")))  # fmt: skip
 WAIT_S = 30.0
 
 

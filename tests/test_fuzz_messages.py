@@ -54,7 +54,7 @@ class Stand:
             scenario=scenario, bus=self.bus, token=TOKEN, recorder=self.recorder, timing=self.timing,
             observer=Silent(), interrupt=threading.Event(),
         )  # fmt: skip
-        self.conductor.roster = {spec.name: Member(spec, Child()) for spec in specs}
+        self.conductor.state.roster = {spec.name: Member(spec, Child()) for spec in specs}
 
     def take(self, sample):
         self.bus.hand(sample)
@@ -63,12 +63,12 @@ class Stand:
     def start(self):
         """Let the clock of the run begin."""
         self.recorder.open_channels({}, {})
-        self.conductor.started_at = 1.0
+        self.conductor.state.started_at = 1.0
 
     def state(self):
-        members = self.conductor.roster.values()
+        members = self.conductor.state.roster.values()
         phases = [(m.phase, m.ready, m.waiting, dict(m.drops), m.language) for m in members]
-        return phases, dict(self.conductor.barrier.reported), self.conductor._end
+        return phases, dict(self.conductor.state.barrier.reported), self.conductor.state.end
 
     def close(self):
         self.recorder.abort()
@@ -87,7 +87,7 @@ def test_the_orchestrator_counts_every_mutant_and_takes_none(stand, key):
     mutator, before = Mutator(1), stand.state()
     for _ in range(PER_KEY):
         stand.take(Sample(key, mutator.broken(envelopes()[key])))
-    assert (stand.conductor.foreign, stand.state()) == (PER_KEY, before)
+    assert (stand.conductor.state.foreign, stand.state()) == (PER_KEY, before)
 
 
 @pytest.mark.parametrize("key", TO_ORCHESTRATOR)
@@ -99,14 +99,14 @@ def test_the_orchestrator_takes_the_message_that_was_not_mutated(stand, key):
     except RunFailure as exc:
         failure = exc
     assert failure is not None or stand.state() != before
-    assert stand.conductor.foreign == 0
+    assert stand.conductor.state.foreign == 0
 
 
 @pytest.mark.parametrize("key", TO_ORCHESTRATOR)
 def test_a_mutant_that_still_has_the_token_ends_in_at_most_one_sentence(tmp_path, key):
     mutator, stand, sentences = Mutator(2), Stand(tmp_path), []
     stand.start()
-    for member in stand.conductor.roster.values():
+    for member in stand.conductor.state.roster.values():
         member.phase = Phase.READY
     for _ in range(PER_KEY):
         try:
@@ -123,9 +123,9 @@ def test_outputs_before_the_start_are_a_fault(stand):
 
 
 def test_a_join_before_its_process_is_started_is_a_strangers(stand):
-    stand.conductor.roster = {}
+    stand.conductor.state.roster = {}
     stand.take(Sample("join", encode(envelopes()["join"])))
-    assert stand.conductor.foreign == 1
+    assert stand.conductor.state.foreign == 1
 
 
 def test_every_query_is_answered_with_a_refusal(stand):
@@ -142,7 +142,7 @@ def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
     for _ in range(PER_KEY):
         stand.take(Sample("bulk/controller/image", b"pixels", mutator.broken_stamp()))
     stand.close()
-    assert stand.conductor.foreign == PER_KEY
+    assert stand.conductor.state.foreign == PER_KEY
 
 
 def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
@@ -150,7 +150,7 @@ def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
     stand.take(Sample("bulk/controller/imago", b"pixels", stamp(0, TOKEN)))
     stand.take(Sample("bulk/controller/command", b"pixels", stamp(0, TOKEN)))
     stand.close()
-    assert stand.conductor.foreign == 2
+    assert stand.conductor.state.foreign == 2
 
 
 @pytest.mark.parametrize("name", ["stranger", "Plant"])
@@ -158,13 +158,13 @@ def test_somebody_alive_who_is_not_in_the_run_is_counted(stand, name):
     before = stand.state()
     stand.bus.sinks["alive/*"](f"alive/{name}", True)
     stand.conductor._drain(0)
-    assert (stand.conductor.foreign, stand.state()) == (1, before)
+    assert (stand.conductor.state.foreign, stand.state()) == (1, before)
 
 
 def test_the_orchestrators_own_life_is_not_counted(stand):
     stand.bus.sinks["alive/*"]("alive/orchestrator", True)
     stand.conductor._drain(0)
-    assert stand.conductor.foreign == 0
+    assert stand.conductor.state.foreign == 0
 
 
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)

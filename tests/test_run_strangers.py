@@ -40,14 +40,14 @@ def test_messages_of_an_old_run_change_nothing_and_are_counted(tmp_path, own_tem
 
 def test_messages_without_a_token_change_nothing_and_are_counted(tmp_path, own_temp, reference):
     def act(stranger, _token):
-        for key in (*envelopes(), "ready/nobody", "log/x", "fault/plant"):
+        for key in (*envelopes(), "ready/nobody", "fault/plant"):
             if key != "join":
                 stranger.say(key, b"\x80")
         stranger.ask(b"\x80")
 
     result = disturbed(tmp_path, own_temp, act)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
-    assert result.foreign == len(TO_ORCHESTRATOR) + 3 + LAST_QUERY
+    assert result.foreign == len(TO_ORCHESTRATOR) + 2 + LAST_QUERY
     assert result.drops == {"plant": 4, "controller": 3, "mission": 3}
 
 

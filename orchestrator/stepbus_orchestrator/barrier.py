@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import add
 
 from .scenario import Scenario
 
@@ -43,7 +44,7 @@ class Barrier:
     @property
     def completed(self) -> int:
         """Return how many steps are complete: every output due in them has been reported."""
-        done = min(self.reported[name] + every for name, every in self._every.items())
+        done: int = min(map(add, self.reported.values(), self._every.values()))
         return done if self._steps is None else min(done, self._steps)
 
     @property

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 
 from stepbus_schemas import Decoder, Description, MessageError, Outputs, encode, message_class
 from stepbus_schemas.protocol import CHAIN_EVERY, Chain
 from stepbus_schemas.schema import json_schema
 
 from .errors import ParticipantFault, RecordingFailed
+from .message_writer import MessageWriter
 from .recording_file import SteadyFile
 from .scenario import ParticipantSpec
 
@@ -38,7 +39,7 @@ class McapFile:
         try:
             self._file = SteadyFile(path)
             sink: Any = self._file
-            self._writer: Any = Writer(
+            self._writer: Any = MessageWriter(
                 sink,
                 chunk_size=CHUNK_BYTES,
                 compression=CompressionType.ZSTD,

@@ -169,13 +169,13 @@ class _Run:
             child = launcher.start(
                 spec, command(spec.exec, scenario.folder), mesh.participants[name], scenario.folder
             )
-            conductor.roster = {**conductor.roster, name: Member(spec, child)}
+            conductor.state.roster = {**conductor.state.roster, name: Member(spec, child)}
             self._timing.event("spawn", name, f"pid {child.pid}")
 
     def _result(self, reason: str, failure: RunFailure | None) -> Result:
         conductor = self._conductor
         steps = conductor.steps if conductor else 0
-        started = conductor.started_at if conductor and conductor.started_at else None
+        started = conductor.state.started_at if conductor and conductor.state.started_at else None
         wall_s = conductor.ended_at - started if conductor and started else 0.0
         simulated_s = steps * self._scenario.step_ns * 1e-9
         return Result(
@@ -195,7 +195,7 @@ class _Run:
             real_time_factor=simulated_s / wall_s if wall_s else 0.0,
             sha256=file_sha256(self._options.out / RUN_FILE),
             folder=str(self._options.out),
-            foreign=conductor.foreign if conductor else 0,
+            foreign=conductor.state.foreign if conductor else 0,
             drops=conductor.progress().drops if conductor else {},
             versions=own_versions(),
         )

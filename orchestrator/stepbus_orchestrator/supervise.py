@@ -43,7 +43,7 @@ def _check_ends(conductor: Conductor, late: list[Member]) -> None:
             participant=late[0].name,
             step=conductor.steps,
         )
-    for member in conductor.roster.values():
+    for member in conductor.state.roster.values():
         if member.child.exit_code() != 0:
             raise ParticipantDied(
                 f"after the last step: {member.who()} {member.child.how_it_ended()} while "

@@ -67,6 +67,7 @@ class StepLoop:
             self._await_trigger(step.index)
         if self._first:
             self._outbox.publish(step.index, self._participant.output(step))
+            self._outbox.flush_full()
         for source in self._sources:
             due = source.due(step.index)
             while source.step < due:

@@ -133,8 +133,16 @@ class Outbox:
         """Note how long a finished step took, and send the batch when it is full."""
         self._timing.append((step, waited_ns, computed_ns))
         self._age_ns += waited_ns + computed_ns
-        if len(self._outputs) >= self._welcome.batch or self._age_ns > BATCH_AGE_NS:
+        if self._is_full() or self._age_ns > BATCH_AGE_NS:
             self.flush()
+
+    def flush_full(self) -> None:
+        """Send the batch if it is full; worth it in the middle of a step, before waiting."""
+        if self._is_full():
+            self.flush()
+
+    def _is_full(self) -> bool:
+        return len(self._outputs) >= self._welcome.batch
 
     def flush(self, waiting: Waiting | None = None) -> None:
         """Send the batch, and what is being waited for."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,18 @@ os.environ.setdefault(
 )
 
 import zenoh  # reads ZENOH_RUNTIME when it is loaded
+
+_kept = threading.local()
+
+
+def _keep_thread_state() -> None:
+    """Keep Python's state of the calling thread of Zenoh from one callback to the next.
+
+    Otherwise each callback makes one and throws it away: with the memory for its frames, that is
+    a mmap, a page fault and a munmap for every message.
+    """
+    if not hasattr(_kept, "state"):
+        _kept.state = ctypes.pythonapi.PyGILState_Ensure()
 
 
 def _settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
@@ -116,8 +130,13 @@ class ZenohBus:
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample, on Zenoh's own receiving thread."""
+
+        def on_sample(sample: Any) -> None:
+            _keep_thread_state()
+            sink(sample)
+
         # The default, indirect callback adds a thread to every message.
-        handler: Any = zenoh.handlers.Callback(sink, indirect=False)
+        handler: Any = zenoh.handlers.Callback(on_sample, indirect=False)
         self._held.append(self._session.declare_subscriber(self._prefix + key, handler))
 
     def payload(self, sample: Any) -> bytes:

@@ -68,9 +68,9 @@ class Replayer(Conductor):
 
     def _meet(self) -> None:
         """Greet the participant until it is ready."""
-        while any(member.phase != Phase.READY for member in self.roster.values()):
+        while any(member.phase != Phase.READY for member in self.state.roster.values()):
             self._peers.greet()
-            self._turn(lambda elapsed_s: check_start(self.roster, elapsed_s))
+            self._turn(lambda elapsed_s: check_start(self.state.roster, elapsed_s))
 
     def _descriptions(self) -> Descriptions:
         """Return what everybody said of its outputs when it was recorded."""
@@ -78,14 +78,14 @@ class Replayer(Conductor):
 
     def _release(self) -> None:
         """Play the peers ahead of the participant, then let it follow."""
-        self._peers.publish_below(self.barrier.upto, self.barrier.reported)
+        self._peers.publish_below(self.state.barrier.upto, self.state.barrier.reported)
         super()._release()
 
     def _close(self) -> None:
         """Let the peers close too."""
         end = self._last_step()
         closing = (name for name in self._peers.names if self._schedule.closing(name, end))
-        self._peers.close(end, closing, self.barrier.reported)
+        self._peers.close(end, closing, self.state.barrier.reported)
         super()._close()
 
     @property

@@ -162,7 +162,7 @@ class _Replay:
             supervise(replayer, lambda: self._launch(replayer, launcher, mesh))
             self.keeps_log = False
         check.miss_below(self._expected_end())
-        return replayer.ended_at - replayer.started_at, replayer.steps
+        return replayer.ended_at - replayer.state.started_at, replayer.steps
 
     def _replayer(self, bus: Bus, check: Check, timing: TimingRecorder) -> Replayer:
         recording, scenario = self._task.recording, self._scenario
@@ -193,7 +193,7 @@ class _Replay:
         own_folder = self._scenario.folder if program is None else Path.cwd()
         words = command(program or spec.exec, own_folder)
         child = launcher.start(spec, words, mesh.participants[spec.name], own_folder)
-        replayer.roster = {spec.name: Member(spec, child, replayer.newest_step)}
+        replayer.state.roster = {spec.name: Member(spec, child, replayer.newest_step)}
 
     def _expected_end(self) -> int:
         """Return the first step at which nothing is expected of the participant."""
