@@ -17,7 +17,8 @@ _TERM_GRACE_S = 1.0
 class Child:
     """A process in a session of its own, so that Ctrl-C in the terminal does not reach it.
 
-    name: the participant. log: where its stdout and stderr go. pid: its process id and group.
+    name: the participant. log: where its stdout and stderr go. has_terminal: they go where ours
+    go instead, and its stdin is ours. pid: its process id and group.
     """
 
     def __init__(
@@ -28,18 +29,21 @@ class Child:
         cwd: Path,
         log: Path,
         environment: Mapping[str, str],
+        has_terminal: bool = False,
     ) -> None:
         self.name = name
         self.log = log
         try:
             with log.open("ab") as file:
+                if has_terminal:
+                    file.write(b"its output went to the terminal (--debug)\n")
                 self._process = subprocess.Popen(
                     command,
                     cwd=cwd,
                     env=environment,
-                    stdin=subprocess.DEVNULL,
-                    stdout=file,
-                    stderr=subprocess.STDOUT,
+                    stdin=None if has_terminal else subprocess.DEVNULL,
+                    stdout=None if has_terminal else file,
+                    stderr=None if has_terminal else subprocess.STDOUT,
                     start_new_session=True,
                 )
         except OSError as exc:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import threading
 import time
 from collections.abc import Callable
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, NoReturn
 
 from stepbus import Bus
 from stepbus_schemas import Start, Stop, Trigger, encode, encoding_of
@@ -16,11 +17,14 @@ from stepbus_schemas import Start, Stop, Trigger, encode, encoding_of
 from .barrier import Barrier
 from .deadlines import check_start, check_step, death
 from .descriptions import check_descriptions
+from .emergency import Emergency
 from .errors import Interrupted, RunFailure, StepTimeout
+from .injector import Injector
 from .intake import Intake, RunState
+from .pace import Gate, Pace
 from .progress import Observer, Progress
 from .roster import Descriptions, Member, Phase, input_descriptions
-from .scenario import Scenario, Schedule
+from .scenario import Deadlines, Scenario, Schedule
 from .sink import Sink
 from .timing import TimingRecorder
 
@@ -38,8 +42,9 @@ class Conductor:
     """One run, from the first join to the last output.
 
     state: fill in its roster before `conduct`. ended_at: when the stop was sent, by the monotonic
-    clock [s]. Methods run on the caller's thread; callbacks of the bus only put what they get into
-    the inbox.
+    clock [s]. injector: of faults on purpose. pace: as the user wants it.
+
+    Methods run on the caller's thread; callbacks of the bus only put what they get into the inbox.
     """
 
     def __init__(
@@ -52,6 +57,8 @@ class Conductor:
         timing: TimingRecorder,
         observer: Observer,
         interrupt: threading.Event,
+        injector: Injector | None = None,
+        pace: Pace | None = None,
     ) -> None:
         self.state = RunState(scenario, Barrier(scenario))
         self.ended_at = 0.0
@@ -71,6 +78,10 @@ class Conductor:
             timing=timing,
             died=self._check_processes,
         )
+        self._emergency = Emergency(self.state, bus, token, self._intake)
+        self._injector = injector
+        self._pace = pace
+        self._gates: list[Gate] = [gate for gate in (injector, pace) if gate is not None]
         self._released = 0
         self._completed = 0
         self._began = time.monotonic()
@@ -91,6 +102,8 @@ class Conductor:
         for spec in self._scenario.participants:
             # One key each: to ask every sample for its key takes longer than to decode it.
             bus.subscribe(f"log/{spec.name}", self._to(partial(intake.take_log, spec.name)))
+        for name in self._emergency.names:
+            bus.subscribe(f"out/{name}", self._to(partial(self._emergency.hear, name)))
         if any(out.bulk for spec in self._scenario.participants for out in spec.outputs.values()):
             bus.subscribe("bulk/*/*", self._to(self._take_bulk))
         alive = self._to(intake.take_alive)
@@ -113,9 +126,43 @@ class Conductor:
         """
         self._meet()
         self._start()
-        reason = self._step()
+        try:
+            reason = self._step()
+        except RunFailure as failure:
+            if self._emergency.can_handle(failure):
+                self._bring_to_rest(failure)
+            raise
         self._close()
         return reason
+
+    def _bring_to_rest(self, failure: RunFailure) -> NoReturn:
+        """Go on without the participant that failed for as long as the scenario says, then raise.
+
+        The failure that is raised says what came of it.
+        """
+        member = self.state.roster[failure.participant or ""]
+        member.child.signal(signal.SIGKILL)
+        member.child.wait(_LONGEST_TICK_S)
+        kind, said = type(failure), str(failure)
+        self.state.replaced = member.name
+        try:
+            self._hear_last_words()
+            first, until = self._emergency.begin(member.name, self._descriptions())
+            self.state.end = (until, f"{member.name} has failed; the run was held")
+            self._recorder.note(
+                "on_fault",
+                {"participant": member.name, "first": str(first), "until": str(until)},
+            )
+            self._timing.event("hold", member.name, f"steps {first} to {until - 1}")
+            self._observer.event("error", member.name, first, f"{said}; holding until {until}")
+            self._follow(always=True)
+            self._step()
+            self._close()
+        except RunFailure as other:
+            text = f"{said}; while its commands were held: {other}"
+            raise kind(text, participant=member.name, step=failure.step) from other
+        text = f"{said}; its commands were held from step {first} to {until} and brought to rest"
+        raise kind(text, participant=member.name, step=failure.step) from failure
 
     @property
     def steps(self) -> int:
@@ -139,11 +186,13 @@ class Conductor:
         )
         self._start_message = encode(Start(token=self._token, inputs=inputs))
         self.state.check_size("the descriptions of all inputs", self._start_message)
+        if self._injector is not None:
+            self._injector.check(self.state.roster)
         self._timing.event("start")
         self.state.phase = "stepping"
         self.state.started_at = time.monotonic()
         self._put_start(self._start_message)
-        self._release()
+        self._follow(always=True)
 
     def _descriptions(self) -> Descriptions:
         """Return what everybody says of its outputs."""
@@ -160,8 +209,16 @@ class Conductor:
         return self.state.end[1] if self.state.end is not None else "finished"
 
     def _check_step(self, elapsed_s: float) -> None:
+        self._follow(always=True)
         state = self.state
+        if self.held:
+            return
         check_step(state.roster, state.barrier, elapsed_s, self._scenario.step_ns)
+
+    @property
+    def held(self) -> bool:
+        """Return whether all that may be worked on is done, and somebody holds the run."""
+        return self.state.barrier.completed >= self._released
 
     def _is_complete(self) -> bool:
         return self.state.barrier.completed >= self._last_step()
@@ -181,17 +238,22 @@ class Conductor:
     def _release(self) -> None:
         """Send the trigger on when the barrier has moved, then record what is complete."""
         upto = self.state.barrier.upto
+        for gate in self._gates:
+            upto = min(upto, gate.limit(self._released))
         if upto > self._released:
             self._released = upto
             self._put_trigger(encode(Trigger(token=self._token, upto=upto)))
             self._timing.trigger(upto)
+        self._emergency.follow(self._released)
         self._recorder.write_below(min(self.state.barrier.completed, self._last_step()))
 
-    def _follow(self) -> None:
-        """Release what the outputs that came in allow."""
+    def _follow(self, *, always: bool = False) -> None:
+        """Release what the outputs that came in allow; always: though none did."""
         completed = self.state.barrier.completed
-        if self.state.phase == "stepping" and completed > self._completed:
+        if self.state.phase == "stepping" and (completed > self._completed or always):
             self._completed = completed
+            if self._injector is not None:
+                self._injector.act(completed, self.state.roster)
             self._release()
 
     def _close(self) -> None:
@@ -259,10 +321,15 @@ class Conductor:
         while True:
             left = [m for m in members if m.child.exit_code() is None]
             waited_s = time.monotonic() - began
-            if not any(waited_s < m.spec.deadlines.stop_s for m in left):
+            if not any(waited_s < self._patience_s(m) for m in left):
                 return left
             self._put_stop(self._stop_message)
             self._salvage(TICK_S / 5)
+
+    def _patience_s(self, member: Member) -> float:
+        """Return how long a participant may take to end [s]; not long when the user wants out."""
+        stop_s = member.spec.deadlines.stop_s
+        return min(stop_s, Deadlines.stop_s) if self._interrupt.is_set() else stop_s
 
     def _salvage(self, timeout_s: float) -> None:
         """Take in what comes; the run has failed already, a further failure changes nothing."""
@@ -306,21 +373,25 @@ class Conductor:
         if self.state.phase == "stopping":
             return
         for member in self.state.roster.values():
-            if member.child.exit_code() is not None:
+            if member.child.exit_code() is not None and member.name != self.state.replaced:
                 self._mourn(member)
 
-    def _mourn(self, member: Member) -> None:
-        """Raise for a process that has ended, after hearing what it and the others have to say."""
+    def _hear_last_words(self) -> None:
         deadline = time.monotonic() + _LAST_WORDS_S
         while time.monotonic() < deadline:
             self._drain(TICK_S / 5)
+
+    def _mourn(self, member: Member) -> None:
+        """Raise for a process that has ended, after hearing what it and the others have to say."""
+        self._hear_last_words()
         raise death(member, self.state.roster, self.state.barrier, self._scenario.step_ns)
 
     def progress(self) -> Progress:
         """Return how far the run is."""
         roster = self.state.roster.values()
+        is_paused = self.state.phase == "stepping" and self.held
         return Progress(
-            phase=self.state.phase,
+            phase="paused" if is_paused else self.state.phase,
             step=self.steps,
             steps=self._scenario.steps,
             step_ns=self._scenario.step_ns,

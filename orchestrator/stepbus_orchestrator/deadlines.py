@@ -81,11 +81,27 @@ def check_step(roster: Roster, barrier: Barrier, elapsed_s: float, step_ns: int)
         roster[name].hold(owed_step(name, roster, barrier), elapsed_s)
     late = [m for m in map(roster.__getitem__, holders) if m.holds_s > seconds(m.spec, "step")]
     if late:
-        step = late[0].held_step
+        step = _stuck_at(late[0])
         sentences = [_holds(member, barrier) for member in late]
         raise StepTimeout(
             f"{at(step, step_ns)}: {'; '.join(sentences)}", participant=late[0].name, step=step
         )
+
+
+def _stuck_at(member: Member) -> int:
+    """Return the step a participant does not get done.
+
+    One that publishes first owes the outputs of the next step when it waits for inputs of this.
+    """
+    waiting = member.waiting
+    if waiting is not None and waiting.sources and _waits_in_held_step(member):
+        return waiting.step
+    return member.held_step
+
+
+def _waits_in_held_step(member: Member) -> bool:
+    ahead = member.spec.every if member.spec.publishes == "first" else 0
+    return member.waiting is not None and member.waiting.step + ahead == member.held_step
 
 
 def _holds(member: Member, barrier: Barrier) -> str:
@@ -95,7 +111,7 @@ def _holds(member: Member, barrier: Barrier) -> str:
     waiting = member.waiting
     if missing:
         return f"{member.who()} still waits for {', '.join(missing)}; {limit}"
-    if waiting is not None and waiting.step == member.held_step and waiting.sources:
+    if waiting is not None and waiting.sources and _waits_in_held_step(member):
         dropped = sum(member.drops.values())
         return (
             f"{member.who()} has been waiting for {', '.join(waiting.sources)} for "

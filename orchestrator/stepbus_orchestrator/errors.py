@@ -57,9 +57,13 @@ class StartFailed(RunFailure):
 
 
 class ParticipantFault(RunFailure):
-    """A participant raised, or broke the protocol."""
+    """A participant raised, or broke the protocol.
+
+    witness: who found it, where that was another one, which has then ended too.
+    """
 
     code = ExitCode.FAULT
+    witness: str | None = None
 
 
 class ParticipantDied(RunFailure):

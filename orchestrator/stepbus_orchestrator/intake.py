@@ -45,7 +45,7 @@ class RunState:
     phase: `starting`, `stepping` or `stopping`. foreign: messages that were not taken. end: the
     step before which the run ends, and why, once somebody has asked for it. compute: participant
     → total computing time [ns] and number of steps. started_at: when the first trigger was sent,
-    by the monotonic clock [s].
+    by the monotonic clock [s]. replaced: who has failed and is stood in for.
     """
 
     scenario: Scenario
@@ -56,6 +56,7 @@ class RunState:
     end: tuple[int, str] | None = None
     compute: dict[str, tuple[int, int]] = field(default_factory=dict)
     started_at: float = 0.0
+    replaced: str | None = None
 
     def at(self, step: int) -> str:
         """Return `step 1042 (t = 5.210 s)`."""
@@ -110,7 +111,12 @@ class Intake:
             return
         if alive and member.advance(Phase.ALIVE):
             self._timing.event("alive", member.name)
-        if not alive and state.phase != "stopping" and member.child.wait(_GONE_S):
+        if (
+            not alive
+            and name != state.replaced
+            and state.phase != "stopping"
+            and member.child.wait(_GONE_S)
+        ):
             self._died()
 
     def take_join(self, request: Any) -> None:
@@ -153,7 +159,8 @@ class Intake:
         if token != self._token or member is None or name != key_name:
             self._state.foreign += 1
             return None
-        return member
+        # What comes late from one that is stood in for is published already.
+        return None if name == self._state.replaced else member
 
     def _name_in_key(self, sample: Any) -> str:
         return self._bus.key(sample).rpartition("/")[2]
@@ -193,6 +200,10 @@ class Intake:
         sources = [item.source for item in member.spec.inputs.values()]
         if any(name not in sources for name in log.waiting.sources):
             raise self._broken(member, "says it waits for somebody who is no source of it")
+
+    def take_outputs(self, name: str, data: bytes) -> None:
+        """Take in outputs that the orchestrator publishes in a participant's stead."""
+        self._take_outputs(self._state.roster[name], data)
 
     def _take_outputs(self, member: Member, raw: Any) -> None:
         state = self._state
@@ -253,12 +264,15 @@ class Intake:
         blamed = self._state.roster.get(fault.blames or fault.name, member)
         seen = "" if blamed is member else f" (seen by {member.who()})"
         kind = StartFailed if member.phase < Phase.READY else ParticipantFault
-        raise kind(
+        failure = kind(
             f"{self._state.at(fault.step)}: {blamed.who()}: {fault.message}{seen}; "
             f"its log: {blamed.child.log}",
             participant=blamed.name,
             step=fault.step,
         )
+        if isinstance(failure, ParticipantFault) and blamed is not member:
+            failure.witness = member.name
+        raise failure
 
 
 # Its process may take this long to end after it has left the bus [s].

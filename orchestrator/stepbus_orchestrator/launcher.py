@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stepbus.ticket import TICKET_VARIABLE, Endpoint, Ticket
+from stepbus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
 
 from .child import Child
 from .errors import StartFailed
@@ -42,8 +42,13 @@ class Launcher:
         command: Sequence[str],
         endpoint: Endpoint,
         scenario_folder: Path,
+        *,
+        faults: Sequence[MessageFault] = (),
+        has_terminal: bool = False,
     ) -> Child:
         """Start one participant.
+
+        faults: on its messages. has_terminal: it gets our terminal, to be debugged.
 
         Raises StartFailed when its program cannot be executed.
         """
@@ -53,6 +58,7 @@ class Launcher:
             token=self._token,
             endpoint=endpoint,
             join_timeout_s=spec.deadlines.join_s,
+            faults=list(faults),
         )
         path = self._folder / f"{spec.name}.ticket"
         try:
@@ -69,6 +75,7 @@ class Launcher:
             cwd=scenario_folder,
             log=self._logs / f"{spec.name}.log",
             environment=_environment(path),
+            has_terminal=has_terminal,
         )
         self._tell_guardian(f"+{child.pid}")
         self.children[spec.name] = child

@@ -11,8 +11,8 @@ from typing import Protocol
 class Progress:
     """A moment of a run.
 
-    phase: `starting`, `stepping` or `stopping`. step, steps: completed and in all (None: open
-    end). phases: how far each participant has come. compute_us: mean computing time of each
+    phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed and in all (None:
+    open end). phases: how far each participant has come. compute_us: mean computing time of each
     participant's step [µs]. drops: messages each participant has dropped.
     """
 

@@ -201,6 +201,10 @@ class Recorder:
                 )
         self._chain_channel = self._file.add_channel(CHAIN_TOPIC, "Chain/1", {})
 
+    def note(self, name: str, content: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        self._file.add_metadata(name, content)
+
     def offer(self, name: str, outputs: Outputs) -> None:
         """Keep the outputs of one participant until their turn comes."""
         self._lanes[name].waiting.append(outputs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -24,6 +24,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     steps: complete ones. wall_s: from the first trigger to the end [s]. start_s: from the call
     to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
     foreign: messages of strangers that were not let in. drops: messages each participant dropped.
+    faults: those that were injected on purpose.
     """
 
     scenario: str
@@ -44,6 +45,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     folder: str
     foreign: int = 0
     drops: Mapping[str, int] = {}
+    faults: Sequence[str] = ()
     versions: Mapping[str, str] = {}
 
     @property

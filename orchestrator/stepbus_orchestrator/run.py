@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,23 +13,49 @@ from datetime import datetime
 from pathlib import Path
 
 from stepbus import BusError
+from stepbus.ticket import MessageFault
 from stepbus.zenoh_bus import ZenohBus
+from stepbus_schemas import WiringError
 
 from .child import Child
 from .conductor import Conductor
 from .endpoints import Mesh, make_mesh, new_token, private_folder
 from .errors import BusFailed, RecordingFailed, RunFailure
+from .injector import Injector
 from .launcher import Launcher
+from .pace import Pace
 from .progress import Observer, Silent
 from .recorder import McapFile, Recorder
 from .result import RUN_FILE, TIMING_FILE, Result, file_sha256, own_versions
 from .roster import Member
-from .scenario import Scenario, Schedule, command, files, resolved
+from .scenario import (
+    MESSAGE_KINDS,
+    Deadlines,
+    FaultSpec,
+    Scenario,
+    Schedule,
+    command,
+    files,
+    format_fault,
+    resolved,
+)
+from .scenario.problems import hint
 from .supervise import supervise
 from .timing import TimingRecorder
 
 SCENARIO_ATTACHMENT = "scenario.yaml"
 ENVIRONMENT_METADATA = "versions/orchestrator"
+FAULTS_METADATA = "faults"
+
+# Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
+_SUSPENDED_S = 1e6
+_NO_DEADLINES = Deadlines(
+    spawn_s=_SUSPENDED_S,
+    join_s=_SUSPENDED_S,
+    ready_s=_SUSPENDED_S,
+    step_s=_SUSPENDED_S,
+    stop_s=_SUSPENDED_S,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +65,15 @@ class Options:
     out: folder of the run's files; made, must be empty. start_order: names of the participants
     in the order they are started; none: that of the scenario. around: is entered before the first
     participant is started and left after the last has ended; it gets them by name as they come.
+    pace: holds the run when it is told to. debug: names of participants that have our terminal
+    and no deadline, to be run in a debugger.
     """
 
     out: Path
     start_order: Sequence[str] | None = None
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
+    pace: Pace | None = None
+    debug: Sequence[str] = ()
 
 
 def default_folder(scenario: Scenario, parent: Path) -> Path:
@@ -62,8 +93,9 @@ def run(
 
     observer: is told how it goes. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
-    to.
+    to, WiringError when there is nobody of a name that shall be debugged.
     """
+    scenario = without_deadlines(scenario, options.debug)
     return _Run(scenario, options, observer or Silent(), interrupt or threading.Event()).execute()
 
 
@@ -86,6 +118,14 @@ class _Run:
         self._timing = TimingRecorder(options.out / TIMING_FILE)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._recorder = Recorder(self._file, order, scenario.step_ns)
+        self._injected: list[str] = []
+        self._injector = Injector(scenario.faults, self._note_fault) if scenario.faults else None
+
+    def _note_fault(self, fault: FaultSpec) -> None:
+        text = format_fault(fault)
+        self._injected.append(text)
+        self._timing.event("fault injected", fault.participant, text)
+        self._observer.event("warning", fault.participant, fault.step, f"fault injected: {text}")
 
     def _make_folder(self) -> None:
         out = self._options.out
@@ -141,6 +181,10 @@ class _Run:
                 raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
             self._file.attach(f"files/{name}", "application/octet-stream", content)
         self._file.add_metadata(ENVIRONMENT_METADATA, own_versions())
+        faults = self._scenario.faults
+        if faults:
+            rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(faults)}
+            self._file.add_metadata(FAULTS_METADATA, rows)
 
     def _on_the_bus(self, launcher: Launcher, mesh: Mesh) -> str:
         try:
@@ -156,10 +200,14 @@ class _Run:
                 timing=self._timing,
                 observer=self._observer,
                 interrupt=self._interrupt,
+                injector=self._injector,
+                pace=self._options.pace,
             )
             conductor = self._conductor
             return supervise(conductor, lambda: self._launch(conductor, launcher, mesh))
         finally:
+            if self._injector is not None and self._conductor is not None:
+                self._injector.close(self._conductor.steps)
             bus.close()
 
     def _launch(self, conductor: Conductor, launcher: Launcher, mesh: Mesh) -> None:
@@ -167,7 +215,12 @@ class _Run:
         for name in self._options.start_order or [s.name for s in scenario.participants]:
             spec = scenario.participant(name)
             child = launcher.start(
-                spec, command(spec.exec, scenario.folder), mesh.participants[name], scenario.folder
+                spec,
+                command(spec.exec, scenario.folder),
+                mesh.participants[name],
+                scenario.folder,
+                faults=_message_faults(scenario, name),
+                has_terminal=name in self._options.debug,
             )
             conductor.state.roster = {**conductor.state.roster, name: Member(spec, child)}
             self._timing.event("spawn", name, f"pid {child.pid}")
@@ -197,5 +250,30 @@ class _Run:
             folder=str(self._options.out),
             foreign=conductor.state.foreign if conductor else 0,
             drops=conductor.progress().drops if conductor else {},
+            faults=self._injected,
             versions=own_versions(),
         )
+
+
+def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
+    """Return a scenario in which nobody waits for some participants with a watch in hand.
+
+    Raises WiringError when there is none of a name.
+    """
+    known = [spec.name for spec in scenario.participants]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no participant {name!r} to debug{hint(name, known)}")
+    specs = (
+        dataclasses.replace(s, deadlines=_NO_DEADLINES) if s.name in names else s
+        for s in scenario.participants
+    )
+    return dataclasses.replace(scenario, participants=tuple(specs))
+
+
+def _message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
+    return [
+        MessageFault(kind=fault.kind, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
+        for fault in scenario.faults
+        if fault.participant == name and fault.kind in MESSAGE_KINDS
+    ]

@@ -18,6 +18,9 @@ class Sink(Protocol):
     ) -> None:
         """Learn what the participants say of their outputs, and what they run on."""
 
+    def note(self, name: str, content: Mapping[str, str]) -> None:
+        """Learn something about the run that is no message."""
+
     def offer(self, name: str, outputs: Outputs) -> None:
         """Take the outputs of one participant, which come in the order of their steps."""
 

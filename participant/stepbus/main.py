@@ -22,6 +22,7 @@ from stepbus_schemas import (
 from .bus import Bus, BusError
 from .config import Config
 from .control import Control, OrchestratorLost, Stopped
+from .faults import FaultyBus
 from .inputs import PeerFault, make_inputs, make_sources
 from .joining import become_ready, join
 from .loop import StepLoop
@@ -51,7 +52,7 @@ def main(factory: Factory) -> int:
         return _complain(str(exc), 2)
     signal.signal(signal.SIGTERM, _terminate)
     try:
-        bus = ZenohBus(ticket.endpoint, ticket.run)
+        bus = _open_bus(ticket)
     except BusError as exc:
         return _complain(f"{ticket.name}: {exc}", 1)
     try:
@@ -61,6 +62,12 @@ def main(factory: Factory) -> int:
     finally:
         bus.close()
     return 0
+
+
+def _open_bus(ticket: Ticket) -> ZenohBus:
+    if ticket.faults:
+        return FaultyBus(ticket.endpoint, ticket.run, ticket.name, ticket.faults)
+    return ZenohBus(ticket.endpoint, ticket.run)
 
 
 def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:

@@ -29,6 +29,18 @@ class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
     """User → password this process lets in, on TCP."""
 
 
+class MessageFault(msgspec.Struct, frozen=True, kw_only=True):
+    """What is done on purpose to the outputs of one step.
+
+    kind: `drop`, `delay`, `duplicate`, `reorder`, `corrupt` or `oversize`. duration_s: how long a
+    delay is [s].
+    """
+
+    kind: str
+    step: int
+    duration_s: float = 0.0
+
+
 class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     """Who a process is in which run."""
 
@@ -37,6 +49,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     token: str
     endpoint: Endpoint
     join_timeout_s: float = 10.0
+    faults: list[MessageFault] = []
 
     def save(self, path: Path) -> None:
         """Write the ticket as JSON, readable by its owner only."""

@@ -30,7 +30,7 @@ class JointState(Message, frozen=True):
     target: Annotated[list[float] | None, _vector("newest position targets", "rad")] = None
 
 
-JointMode = Literal["torque", "velocity", "position", "teleport"]
+JointMode = Literal["torque", "velocity", "position", "teleport", "brake"]
 
 
 class JointCommand(Message, frozen=True):
@@ -39,10 +39,14 @@ class JointCommand(Message, frozen=True):
     mode: Annotated[JointMode, msgspec.Meta(description="what `values` mean")]
     values: Annotated[
         list[float],
-        _vector("torque, velocity, position or position to jump to", "N·m, rad/s, rad, rad"),
+        _vector(
+            "torque, velocity, position, position to jump to; mode brake does not read them",
+            "N·m, rad/s, rad, rad, -",
+        ),
     ]
     velocity: Annotated[
-        list[float] | None, _vector("feed-forward velocity of mode position", "rad/s")
+        list[float] | None,
+        _vector("feed-forward of mode position; start velocity of mode teleport", "rad/s"),
     ] = None
     effort_limit: Annotated[
         list[float] | None, _vector("largest torque of modes velocity and position", "N·m")

@@ -7,6 +7,7 @@ from rich.live import Live
 from rich.table import Table
 
 from ..progress import Progress
+from .keys import HELP
 
 _PLAIN_EVERY_S = 2.0
 
@@ -55,10 +56,12 @@ class PlainLines:
         """Nothing is left to do."""
 
 
-def make_display(title: str) -> LiveTable | PlainLines:
-    """Return the display that fits where stdout goes."""
+def make_display(title: str, *, plain: bool = False) -> LiveTable | PlainLines:
+    """Return the display that fits where stdout goes; plain: others print there too."""
     console = Console()
-    return LiveTable(title, console) if console.is_terminal else PlainLines(title, console)
+    if plain or not console.is_terminal:
+        return PlainLines(title, console)
+    return LiveTable(title, console)
 
 
 def _headline(progress: Progress) -> str:
@@ -67,12 +70,19 @@ def _headline(progress: Progress) -> str:
         return f"starting, waiting for {', '.join(late)}"
     simulated_s = progress.step * progress.step_ns * 1e-9
     total = "" if progress.steps is None else f" of {progress.steps}"
+    if progress.phase == "paused":
+        return f"paused before step {progress.step}{total}, t = {simulated_s:.3f} s"
     factor = simulated_s / progress.elapsed_s if progress.elapsed_s else 0.0
     return f"step {progress.step}{total}, t = {simulated_s:.2f} s, {factor:.1f} × real time"
 
 
 def _table(title: str, progress: Progress) -> Table:
-    table = Table(title=f"{title}: {_headline(progress)}", title_justify="left")
+    table = Table(
+        title=f"{title}: {_headline(progress)}",
+        title_justify="left",
+        caption=HELP,
+        caption_justify="left",
+    )
     for column in ("participant", "state", "µs per step", "dropped"):
         table.add_column(column, justify="left" if column in {"participant", "state"} else "right")
     for name, phase in progress.phases.items():

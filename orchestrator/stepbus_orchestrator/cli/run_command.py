@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
 
+from stepbus_schemas import WiringError
+
+from ..pace import Pace
 from ..report import write_report
 from ..result import Result
 from ..run import Options, default_folder, run
 from ..scenario import Scenario, load
 from .command import Command, add_scenario_arguments
 from .interrupt import interruptible
+from .keys import has_terminal, steered
 from .live import make_display
 from .output import complain, say, say_json
 
@@ -20,6 +25,24 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, help="folder of this run (default: runs/<name>-<time>)")
     parser.add_argument("--window", type=int, help="steps in flight; 1: synchronous mode")
     parser.add_argument("--transport", choices=("unix", "tcp"), help="how processes are linked")
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="FAULT",
+        help="inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or "
+        "'random 3 seed 1'; may be repeated (docs/faults.md)",
+    )
+    parser.add_argument(
+        "--debug",
+        action="append",
+        default=[],
+        metavar="PARTICIPANT",
+        help="give a participant this terminal and no deadline, so that it can run in a debugger",
+    )
+    parser.add_argument(
+        "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
+    )
     parser.add_argument("--no-report", action="store_true", help="make no report.png")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
 
@@ -35,9 +58,16 @@ def _overrides(args: argparse.Namespace) -> list[str]:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    scenario = load(args.scenario, _overrides(args))
+    scenario = load(args.scenario, _overrides(args), args.fault)
+    if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
+        raise WiringError(
+            "--pause-at needs a terminal whose keys let the run go on; it goes with neither "
+            "--json nor --debug"
+        )
     out = args.out or default_folder(scenario, Path("runs"))
-    result = _run(scenario, out, quiet=args.json)
+    pace = Pace(args.pause_at)
+    options = Options(out=out, pace=pace, debug=args.debug)
+    result = _run(scenario, options, pace, quiet=args.json)
     lines = [] if args.no_report else _report(result)
     if args.json:
         say_json(result)
@@ -46,12 +76,15 @@ def _execute(args: argparse.Namespace) -> int:
     return result.exit_code
 
 
-def _run(scenario: Scenario, out: Path, *, quiet: bool) -> Result:
-    """Run with a display; Ctrl-C and SIGTERM end the run cleanly."""
-    display = None if quiet else make_display(scenario.name)
+def _run(scenario: Scenario, options: Options, pace: Pace, *, quiet: bool) -> Result:
+    """Run with a display; Ctrl-C and SIGTERM end the run cleanly, keys steer it."""
+    display = None if quiet else make_display(scenario.name, plain=bool(options.debug))
     try:
         with interruptible() as interrupt:
-            return run(scenario, Options(out=out), display, interrupt)
+            # Whoever is debugged reads the keys.
+            keys = nullcontext() if quiet or options.debug else steered(pace, interrupt)
+            with keys:
+                return run(scenario, options, display, interrupt)
     finally:
         if display is not None:
             display.close()
@@ -82,6 +115,8 @@ def _summarise(result: Result, lines: list[str]) -> None:
     dropped = {name: count for name, count in result.drops.items() if count}
     if dropped or result.foreign:
         say(f"messages dropped: {dropped or 'none'}; from strangers: {result.foreign}")
+    if result.faults:
+        say(f"faults injected: {', '.join(result.faults)}")
     if result.sha256:
         say(f"recording {result.recording}\nsha256    {result.sha256}")
 
@@ -90,12 +125,15 @@ COMMAND = Command(
     name="run",
     summary="run a scenario and record it",
     description="Starts every participant of a scenario, drives them in lockstep, and records "
-    "everything to run.mcap. Ctrl-C ends the run cleanly. The exit code tells the cause of a "
-    "failure (docs/exit-codes.md).",
+    "everything to run.mcap. Ctrl-C ends the run cleanly; on a terminal, p pauses it and goes on, "
+    "s does one step, q stops it, without any effect on the result. The exit code tells the cause "
+    "of a failure (docs/exit-codes.md).",
     examples=(
         "stepbus run two_link",
         "stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s",
         "stepbus run my/scenario.yaml --window 1 --out /tmp/run1",
+        "stepbus run two_link --fault 'freeze controller at 500 for 200ms'",
+        "stepbus run my/scenario.yaml --debug controller",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

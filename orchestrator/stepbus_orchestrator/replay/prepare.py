@@ -44,10 +44,13 @@ def prepare(
     unused = [name for name in programs if own_program or name != participant]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
-        dataclasses.replace(spec, exec=programs[spec.name]) if spec.name in unused else spec
+        dataclasses.replace(
+            spec, exec=programs[spec.name] if spec.name in unused else spec.exec, on_fault=None
+        )
         for spec in scenario.participants
     ]
-    return dataclasses.replace(scenario, participants=tuple(specs))
+    # What was recorded is what came of the faults; they are not injected once more.
+    return dataclasses.replace(scenario, participants=tuple(specs), faults=())
 
 
 def _programs(recording: Recording) -> dict[str, tuple[str, ...]]:

@@ -1,16 +1,31 @@
 """Scenarios: what takes part in a run, how it is coupled, and whether that can work."""
 
+from .faults import KINDS, MESSAGE_KINDS, PROCESS_KINDS, faults_of, format_fault
 from .load import load
 from .locate import builtin_names
-from .model import BusSpec, Deadlines, InputSpec, OutputSpec, ParticipantSpec, Scenario
+from .model import (
+    BusSpec,
+    Deadlines,
+    FaultSpec,
+    HoldSpec,
+    InputSpec,
+    OutputSpec,
+    ParticipantSpec,
+    Scenario,
+)
 from .problems import Problem, ScenarioError
 from .program import command
 from .resolve import files, resolved
 from .schedule import Schedule
 
 __all__ = [
+    "KINDS",
+    "MESSAGE_KINDS",
+    "PROCESS_KINDS",
     "BusSpec",
     "Deadlines",
+    "FaultSpec",
+    "HoldSpec",
     "InputSpec",
     "OutputSpec",
     "ParticipantSpec",
@@ -20,7 +35,9 @@ __all__ = [
     "Schedule",
     "builtin_names",
     "command",
+    "faults_of",
     "files",
+    "format_fault",
     "load",
     "resolved",
 ]

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
+
+import msgspec
 
 from stepbus.durations import LONGEST_NS, format_duration
 from stepbus_schemas import WiringError, message_class
 
+from .faults import Setting, parse_fault
 from .fields import Field
 from .model import (
     BusSpec,
     Deadlines,
+    FaultSpec,
+    HoldSpec,
     InputSpec,
     OutputSpec,
     ParticipantSpec,
@@ -21,6 +27,7 @@ from .model import (
     Transport,
 )
 from .override import TOP_KEYS
+from .problems import hint
 
 _PHASES = ("spawn", "join", "ready", "step", "stop")
 PARTICIPANT_KEYS = (
@@ -31,6 +38,7 @@ PARTICIPANT_KEYS = (
     "outputs",
     "params",
     *(f"{phase}_timeout" for phase in _PHASES),
+    "on_fault",
 )
 _RESERVED = ("orchestrator", *TOP_KEYS)
 _LAST_PORT = 65535
@@ -47,15 +55,18 @@ def build(root: Field, file: Path) -> Scenario:
     if root["participants"].value == {}:
         root["participants"].wrong("is empty; a scenario needs at least one participant")
     window = root["window"].integer(64, least=1)
+    steps = _steps(root["duration"], step_ns)
+    seed = root["seed"].integer(0)
     return Scenario(
         name=root["name"].title(),
         step_ns=step_ns or 1,
-        steps=_steps(root["duration"], step_ns),
-        seed=root["seed"].integer(0),
+        steps=steps,
+        seed=seed,
         participants=participants,
         bus=_bus(root["bus"], len(participants)),
         window=window,
         batch=_batch(root["batch"], window),
+        faults=_faults(root["faults"], Setting(participants, steps, seed)),
         folder=file.parent,
         file=file,
     )
@@ -95,6 +106,16 @@ def _bus(field: Field, participants: int) -> BusSpec:
     return BusSpec(transport=cast("Transport", transport), port=port, low_latency=low_latency)
 
 
+def _faults(field: Field, setting: Setting) -> tuple[FaultSpec, ...]:
+    found: list[FaultSpec] = []
+    for item in field.items():
+        try:
+            found += parse_fault(item.text(), setting)
+        except WiringError as exc:
+            item.wrong(str(exc))
+    return tuple(found)
+
+
 def _participant(field: Field, step_ns: int | None) -> ParticipantSpec:
     field.check_name()
     if field.name in _RESERVED:
@@ -119,7 +140,47 @@ def _participant(field: Field, step_ns: int | None) -> ParticipantSpec:
         outputs={item.name: _output(item) for item in field["outputs"].children()},
         params=field["params"].value if isinstance(field["params"].value, dict) else {},
         deadlines=_deadlines(field),
+        on_fault=_on_fault(field["on_fault"], field),
     )
+
+
+def _on_fault(field: Field, participant: Field) -> HoldSpec | None:
+    """Return `on_fault: hold`, or `{hold: 500ms, keep: 20ms, safe: {port: message}}`."""
+    if not isinstance(field.value, dict):
+        return HoldSpec() if field.choice(("stop", "hold")) == "hold" else None
+    field.check_keys(("hold", "keep", "safe"))
+    outputs = participant["outputs"].value
+    known = outputs if isinstance(outputs, dict) else {}
+    safe = {item.name: _safe(item, known) for item in field["safe"].children()}
+    default = HoldSpec()
+    return HoldSpec(
+        keep_ns=_keep_ns(field["keep"], default.keep_ns),
+        hold_ns=field["hold"].duration_ns() or default.hold_ns,
+        safe=safe,
+    )
+
+
+def _keep_ns(field: Field, default: int) -> int:
+    """Return a duration that, other than most, may be `0s`."""
+    if field.value in ("0s", "0ms"):
+        return 0
+    given = field.duration_ns()
+    return default if given is None else given
+
+
+def _safe(field: Field, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a message for a port; noted when it is not of the port's type."""
+    declared = outputs.get(field.name)
+    if declared is None:
+        field.wrong(f"no output {field.name!r}{hint(field.name, outputs)}")
+        return {}
+    type_name = declared.get("type") if isinstance(declared, dict) else declared
+    try:
+        msgspec.convert(field.value, message_class(str(type_name)))
+    except (WiringError, msgspec.ValidationError) as exc:
+        field.wrong(f"is no {type_name}: {exc}")
+        return {}
+    return cast("Mapping[str, Any]", field.value)
 
 
 def _exec(field: Field) -> tuple[str, ...]:

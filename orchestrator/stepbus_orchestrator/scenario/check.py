@@ -21,6 +21,10 @@ def check(scenario: Scenario, problems: Problems) -> None:
                 problems.add(("participants", spec.name, "inputs", name), message)
     _check_loops(scenario, specs, problems)
     _check_programs(scenario, problems)
+    for spec in scenario.participants:
+        mistake = _holding_mistake(spec)
+        if mistake is not None:
+            problems.add(("participants", spec.name, "on_fault"), mistake)
     for keys, message in search_files(scenario).mistakes:
         problems.add(keys, message)
 
@@ -59,6 +63,18 @@ def _check_loops(scenario: Scenario, specs: dict[str, ParticipantSpec], problems
             "step; give one of these inputs `delay: 1`, or set `publishes: first` for one that "
             "publishes its state before it reads its inputs, as a plant does",
         )
+
+
+def _holding_mistake(spec: ParticipantSpec) -> str | None:
+    """Return why nobody can stand in for a participant, or None."""
+    if spec.on_fault is None:
+        return None
+    if spec.publishes == "first":
+        return "hold is for those who command; a participant that publishes first cannot be held"
+    if not spec.outputs:
+        return "hold needs an output to hold"
+    bulk = [port for port, output in spec.outputs.items() if output.bulk]
+    return f"hold cannot publish the bulk output {bulk[0]!r}" if bulk else None
 
 
 def _check_programs(scenario: Scenario, problems: Problems) -> None:

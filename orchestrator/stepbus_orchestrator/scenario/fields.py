@@ -93,11 +93,19 @@ class Field:
             if not self.absent:
                 self.wrong(f"must be a list, e.g. [python, main.py], not {show(self.value)}")
             return ()
-        items = [Field(item, (*self.keys, i), self.problems) for i, item in enumerate(self.value)]
+        items = self.items()
         for item in items:
             if not isinstance(item.value, str) or "\0" in item.value:
                 item.wrong(f"must be text, not {show(item.value)}{_quotes(item.value)}")
         return tuple(str(item.value) for item in items)
+
+    def items(self) -> list[Field]:
+        """Return the values of a list."""
+        if isinstance(self.value, list):
+            return [Field(v, (*self.keys, i), self.problems) for i, v in enumerate(self.value)]
+        if not self.absent:
+            self.wrong(f"must be a list, not {show(self.value)}")
+        return []
 
     def integer(self, default: int, *, least: int = 0, most: int = 2**63 - 1) -> int:
         """Return an integer."""

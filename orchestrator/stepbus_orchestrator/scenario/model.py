@@ -44,12 +44,35 @@ class Deadlines:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HoldSpec:
+    """What is published in the stead of a participant that has failed.
+
+    keep_ns: for how long its last messages [ns]. hold_ns: for how long after that the safe ones
+    [ns]. safe: port → message, where it is not the default of the port's type.
+    """
+
+    keep_ns: int = 20_000_000
+    hold_ns: int = 500_000_000
+    safe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultSpec:
+    """A fault on purpose: what happens to whom at which step; duration_ns: for how long [ns]."""
+
+    kind: str
+    participant: str
+    step: int
+    duration_ns: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class ParticipantSpec:
     """One participant.
 
     exec: the command as written in the scenario; `program.command` makes it one that can be run.
     every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
-    it reads its inputs.
+    it reads its inputs. on_fault: how the run goes on when it fails; None: it ends.
     """
 
     name: str
@@ -60,6 +83,7 @@ class ParticipantSpec:
     outputs: Mapping[str, OutputSpec] = field(default_factory=dict)
     params: Mapping[str, Any] = field(default_factory=dict)
     deadlines: Deadlines = Deadlines()
+    on_fault: HoldSpec | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +105,9 @@ class Scenario:
 
     step_ns: length of a communication step [ns]. steps: how many; none: until somebody ends the
     run. participants: in the order of the file. window: steps that may be in flight. batch:
-    outputs of a participant per log message. folder: what relative file names are relative to.
-    file: where it was read from. Two scenarios are equal when all but `folder` and `file` is.
+    outputs of a participant per log message. faults: what is done to it on purpose. folder: what
+    relative file names are relative to. file: where it was read from. Two scenarios are equal when
+    all but `folder` and `file` is.
     """
 
     name: str
@@ -93,6 +118,7 @@ class Scenario:
     bus: BusSpec = BusSpec()
     window: int = 64
     batch: int = 32
+    faults: tuple[FaultSpec, ...] = ()
     folder: Path = field(compare=False)
     file: Path = field(compare=False)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +12,17 @@ from stepbus_schemas import WiringError
 from .document import Document, parse_value
 from .problems import Keys, Place, Problem, ScenarioError, hint, show
 
-TOP_KEYS = ("name", "step", "duration", "seed", "window", "batch", "bus", "participants")
+TOP_KEYS = (
+    "name",
+    "step",
+    "duration",
+    "seed",
+    "window",
+    "batch",
+    "bus",
+    "faults",
+    "participants",
+)
 _MAY_BE_NEW = ("inputs", "outputs", "params")
 
 
@@ -34,6 +45,20 @@ def override(document: Document, settings: Sequence[str]) -> Document:
         except WiringError as exc:
             problems.append(Problem(file=file, line=0, path="", message=str(exc)))
     return Document(file=document.file, data=data, places=places, problems=tuple(problems))
+
+
+def add_faults(document: Document, faults: Sequence[str]) -> Document:
+    """Return a scenario with the faults of `--fault` behind its own."""
+    own = document.data.get("faults")
+    first = len(own) if isinstance(own, list) else 0
+    if not faults or not (own is None or isinstance(own, list)):
+        return document
+    places: dict[Keys, Place] = {
+        ("faults", first + i): Place(file=f"--fault {text}", line=0)
+        for i, text in enumerate(faults)
+    }
+    data = {**document.data, "faults": [*(own or []), *faults]}
+    return dataclasses.replace(document, data=data, places={**document.places, **places})
 
 
 def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:

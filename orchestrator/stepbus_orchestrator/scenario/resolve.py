@@ -15,8 +15,9 @@ from ruamel.yaml.representer import SafeRepresenter
 
 from stepbus.durations import format_duration
 
+from .faults import format_fault
 from .find_files import search_files
-from .model import InputSpec, OutputSpec, ParticipantSpec, Scenario
+from .model import HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Scenario
 
 _HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")
 
@@ -74,6 +75,8 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
     if scenario.steps is not None:
         content["duration"] = format_duration(scenario.steps * scenario.step_ns)
     content["seed"] = scenario.seed
+    if scenario.faults:
+        content["faults"] = [format_fault(fault) for fault in scenario.faults]
     content["participants"] = {spec.name: _participant(spec) for spec in scenario.participants}
     return content
 
@@ -86,8 +89,18 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "inputs": {name: _input(item) for name, item in spec.inputs.items()},
         "outputs": {name: _output(item) for name, item in spec.outputs.items()},
         "params": dict(spec.params),
+        "on_fault": {} if spec.on_fault is None else _on_fault(spec.on_fault),
     }
     return {key: value for key, value in content.items() if value != {}}
+
+
+def _on_fault(hold: HoldSpec) -> dict[str, Any]:
+    safe = {"safe": {port: dict(message) for port, message in hold.safe.items()}}
+    return {
+        "hold": format_duration(hold.hold_ns),
+        "keep": format_duration(hold.keep_ns),
+        **(safe if hold.safe else {}),
+    }
 
 
 def _input(item: InputSpec) -> Any:

@@ -20,6 +20,7 @@ _EXTRAS = {
     "velocity": ("effort_limit",),
     "position": ("velocity", "effort_limit"),
     "teleport": ("velocity",),
+    "brake": (),
 }
 """The vectors that a mode takes beside `values`."""
 
@@ -68,11 +69,14 @@ class Commander:
 
         Raises CommandError for a vector of the wrong length or one that the mode does not take, a
         value that is no number, a mode that a joint does not take, a teleport beyond a stop, and a
-        joint that another input drives.
+        joint that another input drives. Every joint takes mode brake, whatever its own.
         """
         self._check_vectors(command)
         if command.mode == "teleport":
             self._teleport(command)
+            return
+        if command.mode == "brake":
+            self._brake()
             return
         if command.mode != self._mode:
             self._own(command.mode)
@@ -115,6 +119,14 @@ class Commander:
             if owner != self._port:
                 self._refuse(f"joint {joint.name} is already driven by input {owner!r}")
         self._mode = mode
+
+    def _brake(self) -> None:
+        """Hold every joint where it is; what is held already is not moved on."""
+        if self._mode == "brake":
+            return
+        for joint, (drive, place) in zip(self._joints, self._at, strict=True):
+            drive.brake(place, self._physics.read(joint.body, [joint.index])[0][0])
+        self._mode = "brake"
 
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)

@@ -39,6 +39,9 @@ class Drive:
     def jumped(self, place: int, position: float) -> None:
         """Take in that the joint at a place was teleported to a position [rad]."""
 
+    def brake(self, place: int, position: float) -> None:
+        """Hold the joint at a place where it is, at `position` [rad], until the next command."""
+
     def before_substep(self) -> None:
         """Hand to the physics engine what it does not know yet."""
 
@@ -58,14 +61,36 @@ class DirectTorque(Drive):
         super().__init__(client, joints)
         self._wanted = [0.0] * len(joints)
         self._applied = self._wanted
+        self._braked: set[int] = set()
 
     def take(self, command: JointCommand, rows: Rows) -> None:
-        """Take in torques, cut at the joints' limits."""
+        """Take in torques, cut at the joints' limits; a joint that is driven has its brake off."""
         values, efforts = command.values, self._efforts
         wanted = self._wanted.copy()
         for place, source in rows:
             wanted[place] = _clip(values[source], efforts[place])
+            if place in self._braked:
+                self._braked.remove(place)
+                self._still(place, self.joints[place].friction)
         self._wanted = wanted
+
+    def brake(self, place: int, position: float) -> None:
+        """Hold the joint by the engine's motor; its torque is not among those applied."""
+        self._wanted = self._wanted.copy()
+        self._wanted[place] = 0.0
+        self._braked.add(place)
+        self._still(place, self._efforts[place])
+
+    def _still(self, place: int, force: float) -> None:
+        """Let the engine resist all motion of a joint with a torque [N·m]."""
+        bullet.setJointMotorControl2(
+            self._body,
+            self._indices[place],
+            bullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=force,
+            physicsClientId=self._client,
+        )
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""
@@ -99,6 +124,11 @@ class _Motors(Drive):
         own = self._efforts[place]
         limit = command.effort_limit
         self._forces[place] = own if limit is None else min(limit[source], own)
+
+    def brake(self, place: int, position: float) -> None:
+        """Hold the joint with all the torque it has."""
+        self._velocities[place], self._forces[place] = 0.0, self._efforts[place]
+        self._changed = True
 
     def before_substep(self) -> None:
         """Set the motors, where a command has changed them."""
@@ -169,6 +199,11 @@ class PositionMotor(_Motors):
         """Hold the new position, instead of pulling the joint back."""
         self._targets[place], self._velocities[place] = position, 0.0
         self._changed = True
+
+    def brake(self, place: int, position: float) -> None:
+        """Hold the joint where it is."""
+        super().brake(place, position)
+        self._targets[place] = position
 
     def targets(self) -> list[float] | None:
         """Return the newest targets, cut at the joints' stops [rad]."""

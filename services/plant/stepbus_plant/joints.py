@@ -11,9 +11,7 @@ from typing import Any
 
 import pybullet as bullet
 
-from stepbus_schemas.messages import JointMode
-
-from .world import Actuation, JointSettings
+from .world import Actuation, JointSettings, OwnMode
 
 _KINDS = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
 _UNSUPPORTED = {bullet.JOINT_SPHERICAL: "spherical", bullet.JOINT_PLANAR: "planar"}
@@ -25,8 +23,8 @@ class Joint:
 
     name: unique in the world; `body/joint` where two bodies share it. body, index: PyBullet's
     numbers of it. kind: revolute, continuous or prismatic. lower, upper: stops [rad]. effort:
-    largest torque [N·m]. max_velocity: largest commanded velocity [rad/s]; 0: any. damping:
-    [N·m·s/rad]. friction: Coulomb friction [N·m]. start, start_velocity: at t = 0 [rad, rad/s].
+    largest torque [N·m]. max_velocity: largest commanded velocity [rad/s]; 0: any. motor: whether
+    it has one; without, it swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m]. start, start_velocity: at t = 0 [rad, rad/s].
     Prismatic joints have [m] and [N] in place of [rad] and [N·m].
     """
 
@@ -38,12 +36,23 @@ class Joint:
     upper: float
     effort: float
     max_velocity: float
-    mode: JointMode
+    mode: OwnMode
+    motor: bool
     actuation: Actuation
     damping: float
     friction: float
     start: float
     start_velocity: float
+
+    @property
+    def told_mode(self) -> str:
+        """Return what a description calls its mode: `passive` where it has no motor."""
+        return self.mode if self.motor else "passive"
+
+    @property
+    def is_rotary(self) -> bool:
+        """Return whether its position is an angle."""
+        return self.kind != "prismatic"
 
     def mistakes(self) -> list[str]:
         """Return what cannot work, now that the URDF's part is known."""
@@ -57,7 +66,8 @@ class Joint:
                 f"position {self.start} at the start is outside of its limits "
                 f"[{self.lower}, {self.upper}]"
             )
-        if self.friction and (self.mode, self.actuation) != ("torque", "direct"):
+        has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
+        if self.friction and has_motor:
             actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
             found.append(
                 "friction needs mode torque with actuation direct, it has mode "
@@ -69,6 +79,11 @@ class Joint:
 def is_movable(info: Sequence[Any]) -> bool:
     """Return whether PyBullet's joint info is that of a joint with one degree of freedom."""
     return info[2] in _KINDS
+
+
+def is_fixed(info: Sequence[Any]) -> bool:
+    """Return whether PyBullet's joint info is that of a joint that never moves."""
+    return bool(info[2] == bullet.JOINT_FIXED)
 
 
 def unsupported_kind(info: Sequence[Any]) -> str | None:
@@ -97,6 +112,7 @@ def make_joint(
         effort=_first(settings.effort, info[10]),
         max_velocity=_first(settings.max_velocity, info[11]),
         mode=settings.mode or "torque",
+        motor=settings.motor is not False,
         actuation=settings.actuation or actuation,
         damping=settings.damping or 0.0,
         friction=settings.friction or 0.0,

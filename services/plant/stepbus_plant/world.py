@@ -15,11 +15,11 @@ import msgspec
 from stepbus.config import package_path
 from stepbus.durations import parse_duration
 from stepbus_schemas import WiringError
-from stepbus_schemas.messages import JointMode
 
 from .checked import Finite, NonNegative, Problem, Source, Vector3, find_problems
 
 Actuation = Literal["direct", "velocity_force"]
+OwnMode = Literal["torque", "velocity", "position", "teleport"]
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -29,8 +29,10 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 class JointSettings(_Row, frozen=True):
     """What the world says about a joint, over what its URDF says; absent: the URDF holds."""
 
-    mode: JointMode | None = None
+    mode: OwnMode | None = None
     """What commands mean to it: the only mode it takes. Default: torque."""
+    motor: bool | None = None
+    """Whether it has a motor; a joint without one swings freely. Default: true."""
     actuation: Actuation | None = None
     """How mode torque is carried out. Default: the plant's `actuation`, or direct."""
     position: Finite | None = None
@@ -69,6 +71,11 @@ class Body(_Row, frozen=True):
 
     urdf: str
     """Beside the world file, absolute, or `package://<package>/<path>`."""
+    srdf: str | None = None
+    """File that names the pairs of links that never collide; the other pairs then do. It is found
+    like `urdf`. Absent: the links of this body pass through one another."""
+    visuals: bool = True
+    """Whether to load the shapes that only cameras see."""
     position: Vector3 = (0.0, 0.0, 0.0)
     """Position of the base in the world [m]."""
     orientation_rpy: Vector3 = (0.0, 0.0, 0.0)
@@ -95,7 +102,7 @@ class WorldFile(_Row, frozen=True):
 
 
 class World(WorldFile, frozen=True, kw_only=True):
-    """Everything that is simulated; `urdf` of each body is an absolute path.
+    """Everything that is simulated; `urdf` and `srdf` of each body are absolute paths.
 
     source: the file it was read from, which knows the line of each mistake.
     """
@@ -129,18 +136,17 @@ def load_world(path: Path) -> World:
     """
     source = Source(path)
     problems = [*find_problems(source.data, WorldFile), *_step_problems(source.data)]
-    found: dict[str, str] = {}
-    for name, urdf in _urdfs(source.data):
+    found: dict[str, dict[str, str]] = {}
+    for name, key, file in _models(source.data):
         try:
-            found[name] = str(_find(urdf, path.parent))
+            found.setdefault(name, {})[key] = str(_find(file, path.parent))
         except WiringError as exc:
-            problems.append((("bodies", name, "urdf"), str(exc)))
+            problems.append((("bodies", name, key), str(exc)))
     source.refuse(problems)
     content = msgspec.convert(source.data, WorldFile)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
     fields["bodies"] = {
-        name: msgspec.structs.replace(body, urdf=found[name])
-        for name, body in content.bodies.items()
+        name: msgspec.structs.replace(body, **found[name]) for name, body in content.bodies.items()
     }
     return World(**fields, source=source)
 
@@ -158,17 +164,18 @@ def _step_problems(data: Mapping[str, object]) -> Iterator[Problem]:
             yield ("physics_step",), str(exc)
 
 
-def _urdfs(data: Mapping[str, object]) -> Iterator[tuple[str, str]]:
-    """Return body and URDF, for as much of a file as makes sense."""
+def _models(data: Mapping[str, object]) -> Iterator[tuple[str, str, str]]:
+    """Return body, key and the file it names, for as much of a world file as makes sense."""
     bodies = data.get("bodies")
     for name, body in bodies.items() if isinstance(bodies, Mapping) else ():
-        urdf = body.get("urdf") if isinstance(body, Mapping) else None
-        if isinstance(urdf, str):
-            yield str(name), urdf
+        for key in ("urdf", "srdf"):
+            file = body.get(key) if isinstance(body, Mapping) else None
+            if isinstance(file, str):
+                yield str(name), key, file
 
 
-def _find(urdf: str, folder: Path) -> Path:
-    path = package_path(urdf) if urdf.startswith("package://") else folder / urdf
+def _find(name: str, folder: Path) -> Path:
+    path = package_path(name) if name.startswith("package://") else folder / name
     if not path.is_file():
-        raise WiringError(f"no file {urdf!r} ({path})")
+        raise WiringError(f"no file {name!r} ({path})")
     return path.resolve()

@@ -1,0 +1,86 @@
+"""Faults on purpose, on the way from a participant to its consumers (docs/faults.md)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from stepbus_schemas import Decoder, Outputs
+
+from .ticket import Endpoint, MessageFault
+from .zenoh_bus import ZenohBus
+
+_decode_outputs = Decoder(Outputs)
+
+_PADDING = b"\xa7padding\xc6" + (1 << 20).to_bytes(4, "big") + bytes(1 << 20)
+"""An unknown field of 1 MiB, far over what the low-latency transport carries."""
+
+
+class FaultyBus(ZenohBus):
+    """A bus that treats some of the outputs of one participant badly.
+
+    name: the participant. faults: what to do to which step. Its log to the orchestrator stays as
+    it is: it says what was published, not what arrived.
+    """
+
+    def __init__(
+        self, endpoint: Endpoint, run: str, name: str, faults: Sequence[MessageFault]
+    ) -> None:
+        super().__init__(endpoint, run)
+        self._key = f"out/{name}"
+        self._faults = list(faults)
+
+    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+        """Return a function that publishes bytes, or mistreats them."""
+        put = super().publisher(key, encoding)
+        return FaultyPublisher(put, self._faults) if key == self._key else put
+
+
+class FaultyPublisher:
+    """Publishes outputs, and does to those of some steps what their faults say.
+
+    Several faults of one step act one after the other, in their order.
+    """
+
+    def __init__(self, put: Callable[..., None], faults: Sequence[MessageFault]) -> None:
+        self._put = put
+        self._faults: dict[int, list[MessageFault]] = {}
+        for fault in faults:
+            self._faults.setdefault(fault.step, []).append(fault)
+        self._held: list[bytes] = []
+
+    def __call__(self, data: bytes, **more: Any) -> None:
+        """Publish the outputs of a step; `more` is handed on."""
+        held, self._held = self._held, []
+        messages = [data]
+        for fault in self._faults.get(_decode_outputs(data).step, ()):
+            messages = self._apply(fault, messages)
+        for message in (*messages, *held):
+            self._put(message, **more)
+
+    def _apply(self, fault: MessageFault, messages: list[bytes]) -> list[bytes]:
+        """Return what is published now instead of some messages."""
+        if fault.kind == "drop":
+            return []
+        if fault.kind == "reorder":
+            self._held = messages
+            return []
+        if fault.kind == "delay":
+            time.sleep(fault.duration_s)
+            return messages
+        if fault.kind == "duplicate":
+            return messages * 2
+        if fault.kind == "corrupt":
+            return [_corrupt(message) for message in messages]
+        return [_oversize(message) for message in messages]
+
+
+def _corrupt(message: bytes) -> bytes:
+    """Return a message that begins with 0xc1, which stands for nothing in MessagePack."""
+    return b"\xc1" + message[1:]
+
+
+def _oversize(message: bytes) -> bytes:
+    """Return a message with one more field, which every reader ignores, of 1 MiB."""
+    return bytes((message[0] + 1,)) + message[1:] + _PADDING
