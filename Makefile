@@ -1,4 +1,4 @@
-.PHONY: help demo test test-slow check bench clean setup
+.PHONY: help demo test test-slow chaos check bench clean setup
 
 PYTHON := .venv/bin/python
 
@@ -6,6 +6,7 @@ help:
 	@echo "make demo       run the two-link arm for 10 s and plot it"
 	@echo "make test       run the tests that are quick"
 	@echo "make test-slow  run the others"
+	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
 	@echo "make bench      measure steps per second"
 	@echo "make clean      remove .venv and caches; runs/ stays"
@@ -19,6 +20,9 @@ test: setup
 # pytest exits with 5 where there are no such tests.
 test-slow: setup
 	@$(PYTHON) -m pytest -m slow || [ $$? -eq 5 ]
+
+chaos: setup
+	@$(PYTHON) -m pytest -m slow tests/test_chaos.py
 
 check: setup
 	@$(PYTHON) -m ruff format --check .

@@ -51,13 +51,15 @@ def fault(role: str, program: str, kind: str, step: int) -> str:
 
 
 def leftovers(folder: Path) -> list[str]:
-    """Return the command lines of all participants below a folder that still run."""
+    """Return the command lines of all participants that still run, with their ticket or folder below `folder`."""
     found = []
     for process in psutil.process_iter():
         try:
-            below = Path(process.cwd()).is_relative_to(folder)
-            ours = below and "STEPBUS_TICKET" in process.environ()
-            if ours and process.status() != psutil.STATUS_ZOMBIE:
+            ticket = process.environ().get("STEPBUS_TICKET")
+            below = any(
+                Path(path).is_relative_to(folder) for path in (process.cwd(), ticket or "/")
+            )
+            if ticket and below and process.status() != psutil.STATUS_ZOMBIE:
                 found.append(" ".join(process.cmdline()))
         except (psutil.NoSuchProcess, psutil.AccessDenied):
             continue

@@ -87,7 +87,7 @@ class Stranger:
 
     def ask(self, data):
         """Return the orchestrator's answer to a query on `join`."""
-        return self.bus.query("join", data, encoding_of("Hello/1"), WAIT_S)
+        return next(iter(self.bus.query("join", data, encoding_of("Hello/1"), WAIT_S)), None)
 
 
 def disturbed(folder, temp, act):

@@ -70,7 +70,7 @@ class ScriptedBus:
 
     def query(self, key, data, encoding, timeout_s):
         self.sent.append((key, encoding, data))
-        return self.received.pop(0)[2]
+        return [self.received.pop(0)[2]]
 
     def publisher(self, key, encoding):
         return lambda data: self.take(key, encoding, data)

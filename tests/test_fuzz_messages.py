@@ -22,7 +22,7 @@ from stepbus_orchestrator.progress import Silent
 from stepbus_orchestrator.recorder import McapFile, Recorder
 from stepbus_orchestrator.roster import Member, Phase
 from stepbus_orchestrator.timing import TimingRecorder
-from stepbus_schemas import InputConfig, MessageError, RunError, Welcome, encode
+from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
 
 TO_ORCHESTRATOR = ["join", "ready/controller", "log/controller", "fault/controller"]
 TO_PARTICIPANTS = ["start", "trigger", "stop"]
@@ -231,4 +231,17 @@ def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
         with pytest.raises(
             (RunError, MessageError), match=r"our Hello|the orchestrator speaks protocol"
         ):
-            join(SimpleNamespace(query=lambda *_, reply=answer: reply), ticket)
+            join(SimpleNamespace(query=lambda *_, reply=answer: [reply]), ticket)
+
+
+def test_whoever_else_answers_a_hello_keeps_nobody_out():
+    welcome = Welcome(
+        protocol=1, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
+        batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
+    )  # fmt: skip
+    foreign = msgspec.structs.replace(welcome, token=OLD_TOKEN)
+    answers = [encode(Refusal(reason="go away")), b"\xc1", encode(foreign), encode(welcome)]
+    ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
+    assert join(SimpleNamespace(query=lambda *_: answers), ticket) == welcome
+    with pytest.raises(RunError, match="go away"):
+        join(SimpleNamespace(query=lambda *_: answers[:3]), ticket)

@@ -12,29 +12,29 @@ _RESERVE_BYTES = 512 * 1024
 class SteadyFile:
     """An append-only file of whole writes: one that fails leaves no half of it behind.
 
-    Room to close the file properly is set aside beside it from the beginning, and given back by
-    `release`, so that a recording on a full disk still ends with its index.
+    Room to close the file properly is set aside from the beginning, and given back by `release`,
+    so that a recording on a full disk still ends with its index. It is a file without a name, which
+    goes with the process, whatever becomes of it.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._position = 0
         self.closed = False
-        self._reserve = path.with_name(f".{path.name}.reserve")
+        self._reserve = -1
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         try:
             self._set_aside()
         except OSError:
             os.close(self._file)
-            self._reserve.unlink(missing_ok=True)
+            self.release()
             raise
 
     def _set_aside(self) -> None:
-        reserve = os.open(self._reserve, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        try:
-            os.posix_fallocate(reserve, 0, _RESERVE_BYTES)
-        finally:
-            os.close(reserve)
+        name = self._path.with_name(f".{self._path.name}.reserve")
+        self._reserve = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        name.unlink()
+        os.posix_fallocate(self._reserve, 0, _RESERVE_BYTES)
 
     def tell(self) -> int:
         """Return how much has been written [bytes]."""
@@ -61,7 +61,9 @@ class SteadyFile:
 
     def release(self) -> None:
         """Give back the room that was set aside."""
-        self._reserve.unlink(missing_ok=True)
+        if self._reserve >= 0:
+            os.close(self._reserve)
+            self._reserve = -1
 
     def close(self) -> None:
         """Close the file; harmless when repeated."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
 from stepbus_schemas import RunError
@@ -48,8 +48,8 @@ class Bus(Protocol):
     def attachment(self, sample: Any) -> bytes:
         """Return the attachment of a sample, empty where it has none."""
 
-    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> bytes | None:
-        """Return the first answer to a query, or None when nobody answers in time."""
+    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterable[bytes]:
+        """Return the answers to a query as they come, of everybody who answers in time."""
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""

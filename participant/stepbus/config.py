@@ -10,6 +10,9 @@ from typing import Any
 
 from stepbus_schemas import InputConfig, OutputConfig, Welcome, WiringError
 
+_EXTRAS = {"example-robot-data": "robots"}
+"""Package of models → the extra of stepbus that installs it."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
@@ -17,7 +20,8 @@ class Config:
 
     name: its name. params: its `params`, as written in the scenario. step_ns: length of a step
     [ns]. every: it fires at multiples of this [steps]. seed: seed of its own, derived from the
-    run's seed and its name. folder: what relative file names are relative to.
+    run's seed and its name. folder: what relative file names are relative to. publishes: `first`
+    or `last`, before or after it reads its inputs.
     """
 
     name: str
@@ -28,6 +32,7 @@ class Config:
     inputs: Mapping[str, InputConfig]
     outputs: Mapping[str, OutputConfig]
     params: Mapping[str, Any]
+    publishes: str = "last"
 
     @classmethod
     def from_welcome(cls, welcome: Welcome) -> Config:
@@ -41,6 +46,7 @@ class Config:
             inputs=welcome.inputs,
             outputs=welcome.outputs,
             params=welcome.params,
+            publishes=welcome.publishes,
         )
 
     def param(self, name: str, default: Any = None) -> Any:
@@ -74,4 +80,6 @@ def package_path(url: str) -> Path:
         share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share"
         if (share / package).is_dir():
             return share / package / rest
-    raise WiringError(f"{url}: package {package!r} is not installed here")
+    extra = _EXTRAS.get(package)
+    install = f"; pip install 'stepbus[{extra}]'" if extra else ""
+    raise WiringError(f"{url}: package {package!r} is not installed here{install}")

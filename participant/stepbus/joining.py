@@ -45,7 +45,7 @@ def join(
     inputs: Mapping[str, str] | None = None,
     outputs: Mapping[str, str] | None = None,
 ) -> Welcome:
-    """Ask the orchestrator to take us in, until it answers.
+    """Ask the orchestrator to take us in, until it answers; a stranger's answer is passed over.
 
     inputs, outputs: port → type, where the program only works with certain ones.
 
@@ -63,14 +63,24 @@ def join(
     )
     deadline = time.monotonic() + ticket.join_timeout_s
     while time.monotonic() < deadline:
-        answer = bus.query("join", encode(hello), encoding_of("Hello/1"), ticket.join_timeout_s)
-        if answer is not None:
-            return _read_answer(answer, ticket)
+        refusal: RunError | None = None
+        for answer in bus.query("join", encode(hello), encoding_of("Hello/1"), _left_s(deadline)):
+            try:
+                return _read_answer(answer, ticket)
+            except RunError as exc:
+                refusal = refusal or exc
+        if refusal is not None:
+            raise refusal
         time.sleep(_RETRY_S)
     raise RunError(
         f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
         f"{ticket.join_timeout_s} s; is it still running?"
     )
+
+
+def _left_s(deadline: float) -> float:
+    """Return the time until a deadline, at least a little: a time-out of 0 means none [s]."""
+    return max(_RETRY_S, deadline - time.monotonic())
 
 
 def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:

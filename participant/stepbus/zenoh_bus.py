@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -156,15 +156,19 @@ class ZenohBus:
         """Return the attachment of a sample, empty where it has none."""
         return b"" if sample.attachment is None else bytes(sample.attachment.to_bytes())
 
-    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> bytes | None:
-        """Return the first answer to a query, or None when nobody answers in time."""
-        replies = self._session.get(
-            self._prefix + key, payload=data, encoding=encoding, timeout=timeout_s
+    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
+        """Yield the answers to a query as they come, of everybody who answers in time."""
+        replies: Any = self._session.get(
+            self._prefix + key,
+            payload=data,
+            encoding=encoding,
+            timeout=timeout_s,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
         )
         for reply in replies:
             if reply.ok is not None:
-                return bytes(reply.ok.payload.to_bytes())
-        return None
+                yield bytes(reply.ok.payload.to_bytes())
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""

@@ -41,6 +41,8 @@ def go_wrong() -> None:
         os.kill(os.getpid(), signal.SIGSTOP)
     if FAULT == "hang":
         time.sleep(1000)
+    if FAULT == "nap":
+        time.sleep(1.5)
     if FAULT == "deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(1000)

@@ -1,0 +1,94 @@
+"""Faults as people write them."""
+
+import pytest
+
+from stepbus_orchestrator import load
+from stepbus_orchestrator.scenario import KINDS, ScenarioError, format_fault, resolved
+
+
+def texts(*faults, overrides=("duration=1s",)):
+    return [format_fault(fault) for fault in load("two_link", overrides, faults).faults]
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        ("kill plant at 120", "kill plant at 120"),
+        ("  freeze   controller at 10 for 0.2s", "freeze controller at 10 for 200ms"),
+        ("delay mission at 8", "delay mission at 8 for 50ms"),
+        ("slow plant at 0", "slow plant at 0 for 500ms"),
+        ("freeze plant at 3", "freeze plant at 3"),
+    ],
+)
+def test_a_fault_is_read_and_written_in_one_form(written, read):
+    assert texts(written) == [read]
+    assert texts(read) == [read]
+
+
+@pytest.mark.parametrize(
+    ("written", "sentence"),
+    [
+        ("kil plant at 3", "'kil' is no kind of fault; did you mean 'kill'?"),
+        ("kill plnt at 3", "no participant 'plnt'; did you mean 'plant'?"),
+        ("kill plant at 200", "step 200 never comes; the run has the steps 0 to 199"),
+        ("kill plant at 3 for 1s", "kill has no duration; only delay, freeze, slow have one"),
+        ("delay plant at 3 for 5", "'5' is no duration"),
+        ("kill plant", "'kill plant' is no fault; write KIND PARTICIPANT at STEP"),
+        ("random 0", "must draw 1 to 1000 faults, not 0"),
+        ("random 3 from 7 to 7", "there is no step from 7 to below 7"),
+    ],
+)
+def test_a_fault_that_cannot_be_says_why(written, sentence):
+    with pytest.raises(ScenarioError) as caught:
+        texts(written)
+    assert f"--fault {written}: faults[0]: {sentence}" in str(caught.value)
+
+
+def test_a_message_fault_at_a_step_without_a_message_is_refused():
+    with pytest.raises(ScenarioError, match="it fires every 4 steps; take 8 or 12"):
+        texts("drop mission at 10", overrides=("duration=1s", "mission.every=4"))
+
+
+def test_a_seed_draws_the_same_faults_of_every_kind():
+    drawn = texts("random 100 seed 7")
+    assert drawn == texts("random 100 seed 7")
+    assert drawn != texts("random 100 seed 8")
+    assert {text.split()[0] for text in drawn} == set(KINDS)
+
+
+def test_drawn_faults_keep_to_their_steps():
+    steps = [int(text.split()[3]) for text in texts("random 100 from 20 to 30")]
+    assert set(steps) <= set(range(20, 30))
+    assert steps == sorted(steps)
+
+
+def test_a_run_without_an_end_needs_the_last_step_of_random_faults():
+    with pytest.raises(ScenarioError, match="needs the last step"):
+        texts("random 3", overrides=("duration=null",))
+
+
+def test_faults_of_the_scenario_come_first_and_are_part_of_what_determines_a_run():
+    scenario = load("two_link", ["faults=[kill plant at 5]"], ["random 1 seed 3"])
+    assert format_fault(scenario.faults[0]) == "kill plant at 5"
+    assert all(f'- "{format_fault(fault)}"\n' in resolved(scenario) for fault in scenario.faults)
+
+
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("plant.on_fault=hold", "a participant that publishes first cannot be held"),
+        ("controller.on_fault=halt", "must be stop or hold, not 'halt'"),
+        ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
+        ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),
+        ("controller.on_fault={safe: {command: {mode: jump, values: []}}}", "is no JointCommand/1"),
+    ],
+)
+def test_who_cannot_be_held_is_refused(setting, sentence):
+    with pytest.raises(ScenarioError) as caught:
+        load("two_link", [setting])
+    assert sentence in str(caught.value)
+
+
+def test_holding_is_part_of_what_determines_a_run():
+    text = resolved(load("two_link", ["controller.on_fault={hold: 1s, keep: 0s}"]))
+    assert "on_fault: {hold: 1s, keep: 0s}" in text
