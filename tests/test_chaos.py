@@ -100,7 +100,7 @@ def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_te
     assert min(ends) > 100
 
 
-def wait_for(condition, seconds=30.0):
+def wait_for(condition, seconds=60.0):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline

@@ -6,15 +6,16 @@ import contextlib
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
 from stepbus import Bus
-from stepbus_schemas import Start, Stop, Trigger, encode, encoding_of
+from stepbus_schemas import CallRecord, Start, Stop, Trigger, encode, encoding_of
 
 from .barrier import Barrier
+from .calls import CALL_KEY, Calls
 from .deadlines import check_start, check_step, death
 from .descriptions import check_descriptions
 from .emergency import Emergency
@@ -42,7 +43,7 @@ class Conductor:
     """One run, from the first join to the last output.
 
     state: fill in its roster before `conduct`. ended_at: when the stop was sent, by the monotonic
-    clock [s]. injector: of faults on purpose. pace: as the user wants it.
+    clock [s]. injector: of faults on purpose. pace: as the user wants it. planned: calls to make.
 
     Methods run on the caller's thread; callbacks of the bus only put what they get into the inbox.
     """
@@ -59,6 +60,7 @@ class Conductor:
         interrupt: threading.Event,
         injector: Injector | None = None,
         pace: Pace | None = None,
+        planned: Sequence[CallRecord] = (),
     ) -> None:
         self.state = RunState(scenario, Barrier(scenario))
         self.ended_at = 0.0
@@ -81,7 +83,11 @@ class Conductor:
         self._emergency = Emergency(self.state, bus, token, self._intake)
         self._injector = injector
         self._pace = pace
-        self._gates: list[Gate] = [gate for gate in (injector, pace) if gate is not None]
+        self._calls = Calls(
+            state=self.state, bus=bus, token=token, recorder=recorder, planned=planned
+        )
+        gates = (injector, pace, self._calls)
+        self._gates: list[Gate] = [gate for gate in gates if gate is not None]
         self._released = 0
         self._completed = 0
         self._began = time.monotonic()
@@ -99,6 +105,8 @@ class Conductor:
         bus.answer("join", self._to(intake.take_join))
         bus.subscribe("ready/*", self._to(intake.take_ready))
         bus.subscribe("fault/*", self._to(intake.take_fault))
+        bus.subscribe("called/*", self._to(self._take_called))
+        bus.answer(CALL_KEY, self._to(self._take_call))
         for spec in self._scenario.participants:
             # One key each: to ask every sample for its key takes longer than to decode it.
             bus.subscribe(f"log/{spec.name}", self._to(partial(intake.take_log, spec.name)))
@@ -116,6 +124,14 @@ class Conductor:
 
     def _take_bulk(self, sample: Any) -> None:
         self._intake.take_bulk(sample)
+
+    def _take_call(self, query: Any) -> None:
+        self._calls.take_request(query)
+        self._follow(always=True)
+
+    def _take_called(self, sample: Any) -> None:
+        self._calls.take_called(sample)
+        self._follow(always=True)
 
     # --- the run ---------------------------------------------------------------------------
 
@@ -254,6 +270,7 @@ class Conductor:
             self._completed = completed
             if self._injector is not None:
                 self._injector.act(completed, self.state.roster)
+            self._calls.act(self._released)
             self._release()
 
     def _close(self) -> None:
@@ -300,6 +317,7 @@ class Conductor:
         """Tell everybody that the run ends; negative `at_step`: at once."""
         self.ended_at = time.monotonic()
         self.state.phase = "stopping"
+        self._calls.close()
         self._stop_message = encode(Stop(token=self._token, reason=reason, at_step=at_step))
         self._put_stop(self._stop_message)
 

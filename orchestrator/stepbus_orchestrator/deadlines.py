@@ -45,7 +45,7 @@ def _late_to_start(member: Member, phase: str, deadline: float) -> str:
     what = {
         "spawn": "has not reached the bus; does its program take part with stepbus?",
         "join": "has reached the bus and not asked to join; does it hang?",
-        "ready": "has joined and is not ready; is its model still loading?",
+        "ready": f"has joined and {_worker(member)}is not ready; is its model still loading?",
     }[phase]
     if phase == "ready" and member.waiting is not None:
         sources = ", ".join(member.waiting.sources)
@@ -118,7 +118,17 @@ def _holds(member: Member, barrier: Barrier) -> str:
             f"{member.holds_s:.1f} s, whose outputs were published; was a message lost or "
             f"dropped ({dropped} dropped so far)? {limit}"
         )
+    if member.spec.bridge is not None:
+        return (
+            f"{member.who()} has been waiting for {_worker(member)}for {member.holds_s:.1f} s; "
+            f"inputs arrived; does it answer every message? {limit}"
+        )
     return f"{member.who()} has been computing for {member.holds_s:.1f} s; inputs arrived; {limit}"
+
+
+def _worker(member: Member) -> str:
+    """Return who does a participant's work, where it is not the participant itself."""
+    return "" if member.spec.bridge is None else f"`{' '.join(member.spec.exec)}` "
 
 
 def death(member: Member, roster: Roster, barrier: Barrier, step_ns: int) -> RunFailure:

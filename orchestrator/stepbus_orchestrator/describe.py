@@ -19,6 +19,9 @@ from .roster import Descriptions, input_descriptions
 from .run import Options, run
 from .scenario import ParticipantSpec, Scenario, Schedule
 
+_JOINT_STATE = "JointState/1"
+_WITHOUT_MOTOR = ("passive", "teleport")
+
 
 class InputPort(msgspec.Struct, frozen=True, kw_only=True):
     """One input. source: `participant.output`. delay: how old it is at least [steps]."""
@@ -29,13 +32,37 @@ class InputPort(msgspec.Struct, frozen=True, kw_only=True):
     delay: int
 
 
+class JointRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One joint of a joint state.
+
+    index: its place in every vector of the port. type, mode: as its participant calls them; empty
+    where it does not say. lower, upper: stops [rad]; velocity [rad/s] and effort [N·m]: limits;
+    None: not said; an infinite one does not exist. motor: whether anything can drive it; None
+    where neither mode nor effort are said. Prismatic joints have [m] and [N].
+    """
+
+    index: int
+    name: str
+    type: str
+    mode: str
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    effort: float | None
+    motor: bool | None
+
+
 class OutputPort(msgspec.Struct, frozen=True, kw_only=True):
-    """One output. taken_by: inputs that read it, as `participant.input`."""
+    """One output.
+
+    taken_by: inputs that read it, as `participant.input`. joints: of a joint state, and none else.
+    """
 
     port: str
     type: str
     taken_by: list[str]
     description: Description
+    joints: list[JointRow] = []
 
 
 class Portrait(msgspec.Struct, frozen=True, kw_only=True):
@@ -94,17 +121,52 @@ def _portraits(scenario: Scenario, said: Descriptions) -> list[Portrait]:
             participant=name,
             inputs=_inputs(scenario, scenario.participant(name)),
             outputs=[
-                OutputPort(
-                    port=port,
-                    type=output.type,
-                    taken_by=_taken_by(scenario, name, port),
-                    description=_with_names(said[name][port], heard[name]),
+                _output(
+                    port,
+                    output.type,
+                    _taken_by(scenario, name, port),
+                    _with_names(said[name][port], heard[name]),
                 )
                 for port, output in scenario.participant(name).outputs.items()
             ],
         )
         for name in Schedule.of(scenario).order
     ]
+
+
+def _output(port: str, kind: str, taken_by: list[str], said: Description) -> OutputPort:
+    joints = _joints(said) if kind == _JOINT_STATE else []
+    return OutputPort(port=port, type=kind, taken_by=taken_by, description=said, joints=joints)
+
+
+def _joints(said: Description) -> list[JointRow]:
+    def limit(key: str, index: int) -> float | None:
+        return said.limits[key][index] if key in said.limits else None
+
+    def detail(key: str, index: int) -> str:
+        return said.details[key][index] if key in said.details else ""
+
+    return [
+        JointRow(
+            index=index,
+            name=name,
+            type=detail("type", index),
+            mode=detail("mode", index),
+            lower=limit("lower", index),
+            upper=limit("upper", index),
+            velocity=limit("velocity", index),
+            effort=limit("effort", index),
+            motor=_has_motor(detail("mode", index), limit("effort", index)),
+        )
+        for index, name in enumerate(said.names)
+    ]
+
+
+def _has_motor(mode: str, effort: float | None) -> bool | None:
+    """Return whether a joint can be driven: by its mode, with a torque above zero."""
+    if not mode and effort is None:
+        return None
+    return mode not in _WITHOUT_MOTOR and effort != 0.0
 
 
 def _inputs(scenario: Scenario, spec: ParticipantSpec) -> list[InputPort]:

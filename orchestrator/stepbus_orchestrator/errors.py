@@ -33,6 +33,7 @@ class ExitCode(IntEnum):
     RECORDING = 8
     STOP_TIMEOUT = 9
     DIFFERENT = 10
+    NONCONFORMING = 11
     INTERRUPTED = 130
 
 

@@ -13,17 +13,28 @@ from typing import Any
 import msgspec
 from mcap.writer import CompressionType, IndexType
 
-from stepbus_schemas import Decoder, Description, MessageError, Outputs, encode, message_class
+from stepbus_schemas import (
+    CallRecord,
+    Decoder,
+    Description,
+    Event,
+    MessageError,
+    Outputs,
+    encode,
+    message_class,
+)
 from stepbus_schemas.protocol import CHAIN_EVERY, Chain
 from stepbus_schemas.schema import json_schema
 
 from .errors import ParticipantFault, RecordingFailed
+from .events import Events
 from .message_writer import MessageWriter
 from .recording_file import SteadyFile
 from .scenario import ParticipantSpec
 
 CHUNK_BYTES = 64 * 1024
 CHAIN_TOPIC = "stepbus/chain"
+CALLS_TOPIC = "stepbus/calls"
 VERSIONS_METADATA = "versions/"
 
 
@@ -161,18 +172,27 @@ class _Lane:
 class Recorder:
     """Orders outputs by (step, schedule order, port) and writes them.
 
-    order: the participants in schedule order. Raises RecordingFailed when the disk is full, and
-    ParticipantFault when a message is not of its port's type.
+    order: the participants in schedule order. events: is told of every Event that is written.
+    Raises RecordingFailed when the disk is full, and ParticipantFault when a message is not of its
+    port's type.
     """
 
-    def __init__(self, file: McapFile, order: list[ParticipantSpec], step_ns: int) -> None:
+    def __init__(
+        self,
+        file: McapFile,
+        order: list[ParticipantSpec],
+        step_ns: int,
+        events: Events | None = None,
+    ) -> None:
         self._file = file
+        self._events = events
         self._step_ns = step_ns
         self._lanes = {spec.name: _Lane(spec) for spec in order}
         self._types = {spec.name: spec.outputs for spec in order}
         self._has_bulk = any(out.bulk for spec in order for out in spec.outputs.values())
         self._next = 0
         self._chain_channel = -1
+        self._calls_channel = -1
 
     def open_channels(
         self,
@@ -204,6 +224,12 @@ class Recorder:
     def note(self, name: str, content: Mapping[str, str]) -> None:
         """Write a metadata record."""
         self._file.add_metadata(name, content)
+
+    def note_call(self, call: CallRecord) -> None:
+        """Write a call that changed something, before the outputs of its step."""
+        if self._calls_channel < 0:
+            self._calls_channel = self._file.add_channel(CALLS_TOPIC, "CallRecord/1", {})
+        self._file.add(self._calls_channel, call.step * self._step_ns, encode(call), call.step)
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Keep the outputs of one participant until their turn comes."""
@@ -261,7 +287,7 @@ class Recorder:
         t_ns = outputs.step * self._step_ns
         for port, data in lane.take(outputs):
             try:
-                lane.decoders[port](data)
+                message = lane.decoders[port](data)
             except MessageError as exc:
                 raise ParticipantFault(
                     f"step {outputs.step} (t = {t_ns * 1e-9:.3f} s): {lane.name}.{port} is {exc}",
@@ -269,3 +295,5 @@ class Recorder:
                     step=outputs.step,
                 ) from exc
             self._file.add(lane.channels[port], t_ns, data, outputs.step)
+            if self._events is not None and isinstance(message, Event):
+                self._events.take(lane.name, port, outputs.step, message)

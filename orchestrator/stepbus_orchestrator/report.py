@@ -1,4 +1,4 @@
-"""The four plots of joint control, beside the recording: report.png."""
+"""The plots of joint control, beside the recording: report.png."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ from matplotlib.figure import Figure
 
 from stepbus_schemas import StepbusError
 
+from .joint_panels import draw_panels
 from .reader import Recording
 from .signals import Array, Tracking, read_tracking, tracking_rmse
+from .sinusoid import sinusoid_lines
 
 REPORT_FILE = "report.png"
 _SETTLED_S = 2.0
 _MOST_POINTS = 8000
+# More joints than that share no plot.
+_MOST_LINES = 6
 _COLOURS = ("#1f77b4", "#d95f02", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#17becf")
 
 
@@ -53,16 +57,28 @@ def _summary(tracking: Tracking) -> list[str]:
     rmse = tracking_rmse(tracking, _SETTLED_S if settled else 0.0)
     if not rmse:
         return []
+    when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
+    lines = sinusoid_lines(tracking, _SETTLED_S if settled else 0.0)
+    if len(rmse) > _MOST_LINES:
+        worst = max(rmse, key=lambda joint: rmse[joint])
+        return [*lines, f"tracking RMSE {when}: at most {rmse[worst]:.3g} rad ({worst})"]
     values = ", ".join(f"{joint} {value:.3g} rad" for joint, value in rmse.items())
-    return [
-        f"tracking RMSE {f'after {_SETTLED_S:g} s' if settled else 'of the whole run'}: {values}"
-    ]
+    return [*lines, f"tracking RMSE {when}: {values}"]
 
 
 def _draw(title: str, tracking: Tracking, target: Path) -> None:
     figure = Figure(figsize=(16, 10), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=16)
+    if tracking.state is not None and len(tracking.state.names) > _MOST_LINES:
+        draw_panels(figure, tracking)
+    else:
+        _draw_four(figure, tracking)
+    figure.savefig(target)
+
+
+def _draw_four(figure: Any, tracking: Tracking) -> None:
+    """Plot error, position, velocity and torque, all joints in each."""
     axes = figure.subplots(2, 2, sharex=True).flatten()
     for axis, panel in zip(axes, (_error, _trajectory, _velocity, _torque), strict=True):
         panel(axis, tracking)
@@ -70,7 +86,6 @@ def _draw(title: str, tracking: Tracking, target: Path) -> None:
         axis.margins(x=0.01)
     for axis in axes[2:]:
         axis.set_xlabel("simulation time [s]")
-    figure.savefig(target)
 
 
 def _error(axis: Any, tracking: Tracking) -> None:

@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
+from stepbus_schemas import CallRecord
+
+from .calls import recorded_calls
 from .errors import RecordingFailed
 from .progress import Observer
 from .reader import Recording
@@ -29,7 +32,8 @@ class Origin:
 
     files: name → content, without the scenario. versions: `orchestrator` or participant →
     library → version; `cpu` and `machine` are among those of the orchestrator. steps: the newest
-    one with a message, plus one. damage: what is wrong with the file.
+    one with a message, plus one. damage: what is wrong with the file. calls: those that changed
+    the run.
     """
 
     recording: Path
@@ -38,6 +42,7 @@ class Origin:
     versions: Mapping[str, Mapping[str, str]]
     steps: int
     damage: str
+    calls: Sequence[CallRecord] = ()
 
 
 def read_origin(recording: Path) -> Origin:
@@ -69,6 +74,7 @@ def origin_of(recording: Recording) -> Origin:
         },
         steps=1 + max((e[-1].step for e in recording.entries.values() if e), default=-1),
         damage=recording.damage,
+        calls=recorded_calls(recording),
     )
 
 
@@ -154,7 +160,8 @@ class Preparation:
         self, observer: Observer | None = None, interrupt: threading.Event | None = None
     ) -> Rerun:
         """Run, and compare with the recording; observer, interrupt: as of `run`."""
-        result = run(self.scenario, Options(out=self._out), observer, interrupt)
+        options = Options(out=self._out, calls=self._origin.calls)
+        result = run(self.scenario, options, observer, interrupt)
         now = read_origin(result.recording).versions
         later = [
             note

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import msgspec
 
+from .events import Warned
+
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
 RESULT_FILE = "result.json"
@@ -24,7 +26,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     steps: complete ones. wall_s: from the first trigger to the end [s]. start_s: from the call
     to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
     foreign: messages of strangers that were not let in. drops: messages each participant dropped.
-    faults: those that were injected on purpose.
+    faults: those that were injected on purpose. warning_count: warnings and errors that
+    participants told of. warnings: the first fifty of each output.
     """
 
     scenario: str
@@ -46,6 +49,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     foreign: int = 0
     drops: Mapping[str, int] = {}
     faults: Sequence[str] = ()
+    warning_count: int = 0
+    warnings: Sequence[Warned] = ()
     versions: Mapping[str, str] = {}
 
     @property

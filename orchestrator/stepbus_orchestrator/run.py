@@ -15,14 +15,16 @@ from pathlib import Path
 from stepbus import BusError
 from stepbus.ticket import MessageFault
 from stepbus.zenoh_bus import ZenohBus
-from stepbus_schemas import WiringError
+from stepbus_schemas import CallRecord, WiringError
 
 from .child import Child
 from .conductor import Conductor
 from .endpoints import Mesh, make_mesh, new_token, private_folder
 from .errors import BusFailed, RecordingFailed, RunFailure
+from .events import Events
 from .injector import Injector
 from .launcher import Launcher
+from .live_file import Live, forget
 from .pace import Pace
 from .progress import Observer, Silent
 from .recorder import McapFile, Recorder
@@ -34,10 +36,10 @@ from .scenario import (
     FaultSpec,
     Scenario,
     Schedule,
-    command,
     files,
     format_fault,
     resolved,
+    start_command,
 )
 from .scenario.problems import hint
 from .supervise import supervise
@@ -65,14 +67,15 @@ class Options:
     out: folder of the run's files; made, must be empty. start_order: names of the participants
     in the order they are started; none: that of the scenario. around: is entered before the first
     participant is started and left after the last has ended; it gets them by name as they come.
-    pace: holds the run when it is told to. debug: names of participants that have our terminal
-    and no deadline, to be run in a debugger.
+    pace: holds the run when it is told to. calls: to be made at their steps. debug: names of
+    participants that have our terminal and no deadline, to be run in a debugger.
     """
 
     out: Path
     start_order: Sequence[str] | None = None
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
     pace: Pace | None = None
+    calls: Sequence[CallRecord] = ()
     debug: Sequence[str] = ()
 
 
@@ -117,7 +120,8 @@ class _Run:
         self._file = McapFile(options.out / RUN_FILE)
         self._timing = TimingRecorder(options.out / TIMING_FILE)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
-        self._recorder = Recorder(self._file, order, scenario.step_ns)
+        self._events = Events(observer)
+        self._recorder = Recorder(self._file, order, scenario.step_ns, self._events)
         self._injected: list[str] = []
         self._injector = Injector(scenario.faults, self._note_fault) if scenario.faults else None
 
@@ -202,10 +206,13 @@ class _Run:
                 interrupt=self._interrupt,
                 injector=self._injector,
                 pace=self._options.pace,
+                planned=self._options.calls,
             )
+            Live.of(self._run, self._token, mesh.orchestrator).save(self._options.out)
             conductor = self._conductor
             return supervise(conductor, lambda: self._launch(conductor, launcher, mesh))
         finally:
+            forget(self._options.out)
             if self._injector is not None and self._conductor is not None:
                 self._injector.close(self._conductor.steps)
             bus.close()
@@ -216,7 +223,7 @@ class _Run:
             spec = scenario.participant(name)
             child = launcher.start(
                 spec,
-                command(spec.exec, scenario.folder),
+                start_command(spec, scenario.folder),
                 mesh.participants[name],
                 scenario.folder,
                 faults=_message_faults(scenario, name),
@@ -251,6 +258,8 @@ class _Run:
             foreign=conductor.state.foreign if conductor else 0,
             drops=conductor.progress().drops if conductor else {},
             faults=self._injected,
+            warning_count=self._events.count,
+            warnings=self._events.warnings,
             versions=own_versions(),
         )
 

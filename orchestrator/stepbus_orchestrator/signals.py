@@ -19,7 +19,8 @@ class Signal:
     """One port over time.
 
     names: of the joints. steps: shape (m,). t: simulation time, shape (m,), [s]. fields:
-    quantity → values, shape (m, n). limits: as in the port's description.
+    quantity → values, shape (m, n). limits: as in the port's description. kinds: joint → its type,
+    where the description tells.
     """
 
     names: Sequence[str]
@@ -27,6 +28,7 @@ class Signal:
     t: Array
     fields: Mapping[str, Array]
     limits: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, quantity: str, joint: str) -> Array | None:
         """Return one quantity of one joint, shape (m,); None where there is none."""
@@ -60,7 +62,9 @@ def read_signal(recording: Recording, port: Port, quantities: Sequence[str]) -> 
     names = port.description.names or [f"joint {i + 1}" for i in range(width)]
     if any(values.shape[1] != len(names) for values in fields.values()):
         return None
-    return Signal(names=names, steps=steps, t=t, fields=fields, limits=port.description.limits)
+    said = port.description
+    kinds = dict(zip(said.names, said.details.get("type", []), strict=False))
+    return Signal(names=names, steps=steps, t=t, fields=fields, limits=said.limits, kinds=kinds)
 
 
 def _array(rows: list[Any]) -> Array | None:
@@ -103,7 +107,7 @@ def read_tracking(recording: Recording) -> Tracking:
     found = {
         kind: _first(recording, kind, quantities)
         for kind, quantities in (
-            ("JointState/1", ("position", "velocity", "effort")),
+            ("JointState/1", ("position", "velocity", "effort", "target")),
             ("JointReference/1", ("position", "velocity", "acceleration")),
             ("JointCommand/1", ("values",)),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from stepbus_schemas import Outputs
+from stepbus_schemas import CallRecord, Outputs
 
 from .roster import Descriptions
 
@@ -20,6 +20,9 @@ class Sink(Protocol):
 
     def note(self, name: str, content: Mapping[str, str]) -> None:
         """Learn something about the run that is no message."""
+
+    def note_call(self, call: CallRecord) -> None:
+        """Learn of a call that changed something; all steps before its own are written."""
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Take the outputs of one participant, which come in the order of their steps."""

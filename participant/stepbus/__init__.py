@@ -15,6 +15,7 @@ from stepbus_schemas import (
 )
 
 from .bus import Bus, BusError
+from .calls import CallError, Verb
 from .config import Config
 from .main import main, take_part
 from .outbox import OutputError
@@ -25,6 +26,7 @@ from .ticket import Endpoint, Ticket, load_ticket
 __all__ = [
     "Bus",
     "BusError",
+    "CallError",
     "Config",
     "ControllerStatus",
     "Description",
@@ -42,6 +44,7 @@ __all__ = [
     "Step",
     "StepbusError",
     "Ticket",
+    "Verb",
     "WiringError",
     "load_ticket",
     "main",

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from stepbus_schemas import Decoder, Description, MessageError, RunError, Start, Stop, Trigger
+from stepbus_schemas import Call, Decoder, Description, MessageError, RunError, Start, Stop, Trigger
 
 from .bus import Bus
 
 _decode_start = Decoder(Start)
 _decode_trigger = Decoder(Trigger)
 _decode_stop = Decoder(Stop)
+_decode_call = Decoder(Call)
 GONE = "gone"
+_QUIET = ("trigger", "call")
 
 
 class Stopped(Exception):
@@ -32,14 +35,18 @@ class Control:
     """The newest word of the orchestrator.
 
     upto: steps below it may be worked on. started: descriptions of the inputs of all
-    participants, once all are ready.
+    participants, once all are ready. calls: what it asks, to be answered while we wait for the
+    trigger; only where it is given our `name`.
 
     A stop can overtake the last inputs, which come over other links. So it waits for `enter` to
     reach its step: what is published before that step belongs to the run.
     """
 
-    def __init__(self, bus: Bus, token: str, wake: Iterable[SimpleQueue[Any]]) -> None:
+    def __init__(
+        self, bus: Bus, token: str, wake: Iterable[SimpleQueue[Any]], name: str = ""
+    ) -> None:
         self.upto = 0
+        self.calls: deque[Call] = deque()
         self.started: Mapping[str, Mapping[str, Description]] | None = None
         self.foreign = 0
         self._token = token
@@ -50,6 +57,8 @@ class Control:
         self._queue: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         for key in ("start", "trigger", "stop"):
             bus.subscribe(key, self._sink(key))
+        if name:
+            bus.subscribe(f"call/{name}", self._sink("call"))
         bus.watch_alive("alive/orchestrator", self._on_alive)
 
     def _sink(self, key: str) -> Any:
@@ -65,7 +74,7 @@ class Control:
     def _put(self, key: str, data: bytes) -> None:
         """Queue a word, and wake whoever waits for an input."""
         self._queue.put((key, data))
-        if key != "trigger":
+        if key not in _QUIET:
             for queue in self._wake:
                 queue.put(None)
 
@@ -104,6 +113,8 @@ class Control:
                 self._take_trigger(_decode_trigger(data))
             elif key == "stop":
                 self._take_stop(_decode_stop(data))
+            elif key == "call":
+                self._take_call(_decode_call(data))
             else:
                 self._take_start(_decode_start(data))
         except MessageError:
@@ -119,6 +130,12 @@ class Control:
         if stop.token == self._token:
             self._stop = stop
             self._end_if_due(stop)
+        else:
+            self.foreign += 1
+
+    def _take_call(self, call: Call) -> None:
+        if call.token == self._token:
+            self.calls.append(call)
         else:
             self.foreign += 1
 

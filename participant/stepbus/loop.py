@@ -9,6 +9,7 @@ from typing import Any
 from stepbus_schemas import GREETING_STEP, Outputs, Waiting, Welcome
 
 from .bus import Bus
+from .calls import Answers
 from .control import Control, Stopped
 from .inputs import Input, PeerFault, Source
 from .outbox import Outbox, read_stamp
@@ -34,6 +35,7 @@ class StepLoop:
         sources: list[Source],
         outbox: Outbox,
         control: Control,
+        answers: Answers,
     ) -> None:
         self._participant = participant
         self._bus = bus
@@ -44,6 +46,7 @@ class StepLoop:
         self._sources = sources
         self._outbox = outbox
         self._control = control
+        self._answers = answers
         self._waited_ns = 0
         self.step = Step(inputs, welcome.step_ns)
 
@@ -89,6 +92,8 @@ class StepLoop:
         self._control.poll()
         timeout = FLUSH_AFTER_S
         while step >= self._control.upto:
+            while self._control.calls:
+                self._answers.answer(self._control.calls.popleft())
             if not self._control.wait(timeout) and timeout == FLUSH_AFTER_S:
                 self._outbox.flush(Waiting(step=step, sources=[]))
                 timeout = 1.0

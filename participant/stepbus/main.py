@@ -20,6 +20,7 @@ from stepbus_schemas import (
 )
 
 from .bus import Bus, BusError
+from .calls import Answers
 from .config import Config
 from .control import Control, OrchestratorLost, Stopped
 from .faults import FaultyBus
@@ -92,7 +93,7 @@ class Session:
         self._sources = make_sources(self._inputs, welcome.token)
         self._subscribe()
         wake = [queue for s in self._sources for queue in (s.queue, *s.bulk_queues.values())]
-        self._control = Control(bus, welcome.token, wake)
+        self._control = Control(bus, welcome.token, wake, welcome.name)
         self._outbox = Outbox(welcome, bus, self._drops)
         self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
         self._step = -1
@@ -134,6 +135,7 @@ class Session:
             token=self._welcome.token,
             outputs=dict(participant.describe()),
             versions=dict(participant.versions()),
+            calls={name: verb.description for name, verb in participant.calls().items()},
         )
         if len(encode(ready)) > self._welcome.max_outputs_bytes:
             raise OutputError(
@@ -150,6 +152,7 @@ class Session:
             sources=self._sources,
             outbox=self._outbox,
             control=self._control,
+            answers=Answers(participant.calls(), self._welcome, self._bus),
         )
         try:
             loop.run()

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from stepbus_schemas import Description, Message
 
+from .calls import Verb
 from .config import Config
 from .step import Step
 
@@ -47,6 +48,14 @@ class Participant:
         With `publishes: first` the state moves on to the next step here, and nothing is returned.
         """
         return None
+
+    def calls(self) -> Mapping[str, Verb]:
+        """Return what the participant can be asked between two steps, by name.
+
+        `stepbus call RUN NAME VERB` asks it. A function that changes anything that a later step
+        reads must say so: `Verb(function, help, changes=True)`.
+        """
+        return {}
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result, for the recording."""

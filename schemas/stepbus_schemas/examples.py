@@ -165,6 +165,7 @@ _JOINING: dict[str, dict[str, Value]] = {
                 "nothing": {},
             },
             "versions": {"pybullet": "3.2.7"},
+            "calls": {"put": {"help": "NAME RAD: puts a joint somewhere", "changes": True}},
         },
         "extreme floats": {
             "name": "plant",
@@ -269,5 +270,42 @@ _ENDING: dict[str, dict[str, Value]] = {
     },
 }
 
-EXAMPLES: dict[str, dict[str, Value]] = {**_PORTS, **_JOINING, **_STEPPING, **_ENDING}
+_CALLING: dict[str, dict[str, Value]] = {
+    "Call/1": {
+        "minimal": {**_RUN, "id": 0, "verb": ""},
+        "full": {**_RUN, "id": 7, "verb": "set_joint_position", "args": ["elbow", -0.5]},
+    },
+    "CallRecord/1": {
+        "minimal": {"step": 0, "participant": "plant", "verb": "reset"},
+        "full": {
+            "step": 120,
+            "participant": "plant",
+            "verb": "set_joint_position",
+            "args": ["elbow", 9.5],
+            "error": "elbow cannot be put to 9.5; its limits are [-2.5, 2.5]",
+        },
+    },
+    "CallReply/1": {
+        "minimal": {},
+        "full": {"step": 120, "value": {"elbow": -0.5, "names": [_UNICODE, None]}},
+        "error": {"error": "no participant 'plnt'; did you mean 'plant'?"},
+    },
+    "CallRequest/1": {
+        "minimal": {**_RUN},
+        "full": {**_RUN, "participant": "plant", "verb": "joint_position", "args": ["elbow"]},
+    },
+    "Called/1": {
+        "minimal": {"name": "plant", **_RUN, "id": 0},
+        "full": {"name": "plant", **_RUN, "id": 7, "value": [0.1, 2**53 + 1, True]},
+        "error": {"name": "plant", **_RUN, "id": 8, "error": _UNICODE},
+    },
+}
+
+EXAMPLES: dict[str, dict[str, Value]] = {
+    **_PORTS,
+    **_JOINING,
+    **_STEPPING,
+    **_CALLING,
+    **_ENDING,
+}
 """Type name → name of the example → value."""

@@ -127,6 +127,15 @@ class Refusal(Envelope, frozen=True):
     """One sentence for the user."""
 
 
+class Verb(Envelope, frozen=True):
+    """Something a participant can be asked between two steps."""
+
+    help: str
+    """Arguments and answer in one line, e.g. `NAME: position of a joint [rad]`."""
+    changes: bool = False
+    """Whether it changes the result; such calls are recorded with their step."""
+
+
 class Ready(Envelope, frozen=True):
     """The model is loaded and every source has been heard."""
 
@@ -138,6 +147,8 @@ class Ready(Envelope, frozen=True):
     """Output → its description."""
     versions: dict[str, str] = {}
     """Versions of the libraries that shape the result, e.g. {"pybullet": "3.2.7"}."""
+    calls: dict[str, Verb] = {}
+    """Name → what the participant can be asked."""
 
 
 class Start(Envelope, frozen=True):
@@ -231,6 +242,75 @@ class Stop(Envelope, frozen=True):
     """The step to publish what is due first at, then end; negative: end now."""
 
 
+class Call(Envelope, frozen=True):
+    """The orchestrator asks a participant something, before it lets it begin a step."""
+
+    token: str
+    """The run's secret."""
+    id: NonNegative
+    """Number of the call; it grows. One that is repeated is answered again, not done again."""
+    verb: str
+    """What is asked, one of `Ready.calls`."""
+    args: list[Any] = []
+    """Arguments."""
+
+
+class Called(Envelope, frozen=True):
+    """The answer to a `Call`."""
+
+    name: str
+    """Name of the participant."""
+    token: str
+    """The run's secret."""
+    id: NonNegative
+    """Number of the call."""
+    value: Any = None
+    """The answer; anything MessagePack has."""
+    error: str | None = None
+    """Why there is no answer, one sentence; then nothing was done."""
+
+
+class CallRequest(Envelope, frozen=True):
+    """Somebody outside of the run asks the orchestrator to call a participant."""
+
+    token: str
+    """The run's secret."""
+    participant: str = ""
+    """Whom to call; empty: the answer lists what everybody can be asked."""
+    verb: str = ""
+    """What to ask."""
+    args: list[Any] = []
+    """Arguments."""
+
+
+class CallReply(Envelope, frozen=True):
+    """The orchestrator's answer to a `CallRequest`."""
+
+    step: int = -1
+    """The step before which the call was answered; negative: it was not made."""
+    value: Any = None
+    """The answer."""
+    error: str | None = None
+    """Why there is none, one sentence."""
+
+
+class CallRecord(Envelope, frozen=True):
+    """A call that changed the result, as it is recorded on the channel `stepbus/calls`."""
+
+    step: NonNegative
+    """The step before which it was done."""
+    participant: str
+    """Who was called."""
+    verb: str
+    """What was asked."""
+    args: list[Any] = []
+    """Arguments."""
+    value: Any = None
+    """The answer."""
+    error: str | None = None
+    """Why there was none."""
+
+
 CHAIN_EVERY = 64
 """A `Chain` is recorded at least this often [steps]."""
 
@@ -250,6 +330,11 @@ class Chain(Envelope, frozen=True):
 
 
 ENVELOPE_TYPES: dict[str, type[Envelope]] = {
+    "Call/1": Call,
+    "CallRecord/1": CallRecord,
+    "CallReply/1": CallReply,
+    "CallRequest/1": CallRequest,
+    "Called/1": Called,
     "Chain/1": Chain,
     "Fault/1": Fault,
     "Hello/1": Hello,

@@ -106,9 +106,13 @@ _WRONG_SCALARS = {
 }
 
 
+_ITEM_KEYS = {"items", "prefixItems"}
+
+
 def _wrong_items(kind: Value, types: Value, right: Any) -> Iterator[_Wrong]:
-    # A `Log` carries its `Outputs` undecoded; they are refused later, one by one.
-    if kind["items"] == {"$ref": "#/$defs/Outputs"}:
+    # A `Log` carries its `Outputs` undecoded; they are refused later, one by one. The arguments
+    # of a call may be anything.
+    if kind.get("items") == {"$ref": "#/$defs/Outputs"} or not kind.keys() & _ITEM_KEYS:
         return
     if "prefixItems" in kind:
         item, before, last = kind["prefixItems"][-1], right[:-1], right[-1]

@@ -3,6 +3,7 @@
 import json
 import os
 import queue
+import sys
 import time
 from pathlib import Path
 
@@ -10,6 +11,88 @@ import msgpack
 import zenoh
 
 FLUSH_AFTER_S = 0.02
+BATCH_AGE_S = 0.05
+BATCH_BYTES = 30_000
+NEVER = 1 << 62
+
+NUMBERS, TEXT, MAP, INTEGER = "list of numbers", "string", "map", "integer"
+STATE_FIELDS = ("position", "velocity", "effort", "target")
+REFERENCE_FIELDS = ("position", "velocity", "acceleration")
+# Type → (fields that have to be there, fields that may be absent or nil).
+TYPES = {
+    "Welcome": ({"protocol": INTEGER, "name": TEXT, "token": TEXT, "inputs": MAP}, {}),
+    "Start": ({"token": TEXT, "inputs": MAP}, {}),
+    "Trigger": ({"token": TEXT, "upto": INTEGER}, {}),
+    "Stop": ({"token": TEXT, "reason": TEXT, "at_step": INTEGER}, {}),
+    "Outputs": ({"token": TEXT, "step": INTEGER, "t_ns": INTEGER}, {"ports": MAP, "bulk": MAP, "end": TEXT}),
+    "JointState/1": ({}, dict.fromkeys(STATE_FIELDS, NUMBERS)),
+    "JointReference/1": (dict.fromkeys(REFERENCE_FIELDS, NUMBERS), {}),
+}  # fmt: skip
+
+
+class Malformed(Exception):
+    """Bytes that are not what they should be."""
+
+
+class Refused(Exception):
+    """Not let in, or nobody there (P4.2, P4.3)."""
+
+
+class Gone(Exception):
+    """The orchestrator has gone (P4.4)."""
+
+
+class Stopped(Exception):
+    """Stopped before the start (P11.1)."""
+
+
+class Fault(Exception):
+    """Cannot go on (P10)."""
+
+    def __init__(self, message, kind="raised", blames=None):
+        super().__init__(message)
+        self.kind, self.blames = kind, blames
+
+
+def is_number(value, kinds=(int, float)):
+    return isinstance(value, kinds) and not isinstance(value, bool)
+
+
+CHECKS = {
+    NUMBERS: lambda value: isinstance(value, list) and all(map(is_number, value)),
+    TEXT: lambda value: isinstance(value, str),
+    MAP: lambda value: isinstance(value, dict),
+    INTEGER: lambda value: is_number(value, int),
+}
+
+
+def unpack(data):
+    """P3.3."""
+    try:
+        return msgpack.unpackb(data, strict_map_key=False)
+    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as exc:
+        raise Malformed(f"no MessagePack: {exc}") from exc
+
+
+def check(message, type_name):
+    """P3.4."""
+    required, optional = TYPES[type_name]
+    if not isinstance(message, dict):
+        raise Malformed(f"no {type_name}: no map")
+    for name, kind in {**required, **optional}.items():
+        value = message.get(name)
+        if (value is None and name in required) or (value is not None and not CHECKS[kind](value)):
+            raise Malformed(f"no {type_name}: {name} is no {kind}")
+    return message
+
+
+def carries(data, token):
+    """Return whether malformed bytes are at least a map with the token (P8.1)."""
+    try:
+        message = unpack(data)
+    except Malformed:
+        return False
+    return isinstance(message, dict) and message.get("token") == token
 
 
 def settings(endpoint):
@@ -36,36 +119,115 @@ def open_session(endpoint):
     return zenoh.open(config)
 
 
+class Source:
+    """What has come from one source, in the order of its steps (P6, P8)."""
+
+    def __init__(self, name, inputs, token):
+        self.name, self.inputs, self.token = name, inputs, token
+        self.every = next(iter(inputs.values())).get("every", 1)
+        self.heard, self.newest, self.bytes = False, -self.every, b""
+        self.ahead = {port: [] for port in inputs}
+        self.drops = {}
+
+    def drop(self, cause):
+        self.drops[cause] = self.drops.get(cause, 0) + 1
+
+    def take(self, data):
+        try:
+            message = check(unpack(data), "Outputs")
+        except Malformed as exc:
+            if carries(data, self.token):
+                raise self.fault(f"sent {exc}") from exc
+            self.drop("malformed")
+            return
+        if message["token"] != self.token:
+            self.drop("foreign")
+        elif message["step"] == -1:
+            self.heard = True
+        else:
+            self.take_step(message["step"], message, data)
+
+    def take_step(self, step, message, data):
+        if step == self.newest + self.every:
+            self.newest, self.bytes = step, data
+            for name, config in self.inputs.items():
+                if config["port"] in (message.get("ports") or {}):
+                    self.ahead[name].append((step, message["ports"][config["port"]]))
+        elif step > self.newest:
+            raise self.fault(f"skipped from step {self.newest} to {step}")
+        elif step == self.newest and data != self.bytes:
+            raise self.fault(f"published step {step} twice, with different bytes")
+        else:
+            self.drop("duplicate" if step == self.newest else "stale")
+
+    def settle(self, name, due):
+        """Return the newest message of an input that is due, None where there is no new one."""
+        found = None
+        while self.ahead[name] and self.ahead[name][0][0] <= due:
+            _, message = self.ahead[name].pop(0)
+            try:
+                found = check(message, self.inputs[name]["type"])
+            except Malformed as exc:
+                raise self.fault(f"sent {exc}") from exc
+        return found
+
+    def fault(self, what):
+        return Fault(f"{self.name} {what}", "message", self.name)
+
+
 class Controller:
     """Proportional, one after the other of P4 to P11; every = 1, publishes last, no bulk."""
 
     def __init__(self, ticket, session):
         self.name, self.token, self.session = ticket["name"], ticket["token"], session
         self.prefix = f"stepbus/{ticket['run']}/"
-        self.upto, self.stop_at, self.started = 0, None, False
-        self.batch, self.timing = [], []
+        self.upto, self.stop_at, self.start, self.foreign, self.step = 0, NEVER, None, 0, -1
+        self.batch, self.batch_bytes, self.batch_began, self.timing = [], 0, 0.0, []
+        self.inbox, self.held = queue.SimpleQueue(), {}
         self.alive = session.liveliness().declare_token(self.prefix + f"alive/{self.name}")
-        self.welcome = self.join()
-        self.inbox = queue.SimpleQueue()
-        self.ahead, self.newest, self.held, self.heard = {}, {}, {}, set()
-        for port, config in self.welcome["inputs"].items():
-            source = config["source"]
-            self.ahead[port], self.newest[source] = [], -config.get("every", 1)
-        keys = ["start", "trigger", "stop", *(f"out/{source}" for source in self.newest)]
+        self.welcome = self.check_welcome(self.join(ticket.get("join_timeout_s", 10.0)))
+        self.inputs = self.welcome["inputs"]
+        self.sources = self.make_sources()
+        keys = ["start", "trigger", "stop", *(f"out/{source}" for source in self.sources)]
         self.subscribers = [self.subscribe(key) for key in keys]
-        self.puts = {kind: self.publisher(kind, kind.capitalize()) for kind in ("log", "ready")}
+        self.subscribers.append(self.watch())
+        self.puts = {
+            kind: self.publisher(kind, kind.capitalize()) for kind in ("log", "ready", "fault")
+        }
         self.puts["out"] = self.publisher("out", "Outputs")
 
-    def join(self):
-        hello = {"protocol": 1, "name": self.name, "token": self.token, "pid": os.getpid()}
+    # --- P4: joining ---
+
+    def hello(self):
+        return {"protocol": 1, "name": self.name, "token": self.token, "pid": os.getpid()}
+
+    def join(self, timeout_s):
         encoding = "application/msgpack;stepbus.Hello/1"
-        while True:
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
             replies = self.session.get(
-                self.prefix + "join", payload=msgpack.packb(hello), encoding=encoding
-            )
+                self.prefix + "join", payload=msgpack.packb(self.hello()), encoding=encoding, timeout=timeout_s
+            )  # fmt: skip
             for reply in replies:
-                return msgpack.unpackb(reply.ok.payload.to_bytes())
+                if reply.ok is not None:
+                    return unpack(reply.ok.payload.to_bytes())
             time.sleep(0.05)
+        raise Refused(f"nobody answered within {timeout_s} s")
+
+    def check_welcome(self, answer):
+        if isinstance(answer, dict) and "reason" in answer:
+            raise Refused(answer["reason"])
+        check(answer, "Welcome")
+        if (answer["protocol"], answer["name"], answer["token"]) != (1, self.name, self.token):
+            raise Refused("the Welcome is for somebody else, or of another version")
+        return answer
+
+    def make_sources(self):
+        names = dict.fromkeys(config["source"] for config in self.inputs.values())
+        return {
+            source: Source(source, {k: c for k, c in self.inputs.items() if c["source"] == source}, self.token)
+            for source in names
+        }  # fmt: skip
 
     def subscribe(self, key):
         def put(sample):
@@ -73,6 +235,15 @@ class Controller:
 
         handler = zenoh.handlers.Callback(put, indirect=False)
         return self.session.declare_subscriber(self.prefix + key, handler)
+
+    def watch(self):
+        def put(sample):
+            if sample.kind == zenoh.SampleKind.DELETE:
+                self.inbox.put(("gone", b""))
+
+        handler = zenoh.handlers.Callback(put, indirect=False)
+        key = self.prefix + "alive/orchestrator"
+        return self.session.liveliness().declare_subscriber(key, handler, history=True)
 
     def publisher(self, kind, type_name):
         publisher = self.session.declare_publisher(
@@ -83,110 +254,193 @@ class Controller:
         )
         return lambda content: publisher.put(msgpack.packb({"token": self.token, **content}))
 
+    def become_ready(self):
+        while self.start is None:
+            self.puts["out"]({"step": -1, "t_ns": 0})
+            unheard = [source.name for source in self.sources.values() if not source.heard]
+            self.log({"step": -1, "sources": unheard} if unheard else None)
+            if not unheard:
+                described = {"command": {"like": "joint_state"}}
+                self.puts["ready"]({"name": self.name, "outputs": described})
+            self.take(FLUSH_AFTER_S)
+            if self.stop_at < 0:
+                raise Stopped
+
+    # --- what comes ---
+
     def take(self, timeout_s):
         """Take in the next message; return whether there was one."""
         try:
             key, data = self.inbox.get(timeout=timeout_s)
         except queue.Empty:
             return False
-        message = msgpack.unpackb(data)
-        if message["token"] != self.token:
-            return True
-        if key == "start":
-            self.started = True
-        elif key == "trigger":
-            self.upto = max(self.upto, message["upto"])
-        elif key == "stop":
-            self.stop_at = message["at_step"]
+        if key == "gone":
+            raise Gone("the orchestrator has gone")
+        if key.startswith("out/"):
+            self.sources[key.removeprefix("out/")].take(data)
         else:
-            self.take_outputs(key.removeprefix("out/"), message)
+            self.take_control(key, data)
         return True
 
-    def take_outputs(self, source, message):
-        self.heard.add(source)
-        if message["step"] <= self.newest[source]:
+    def take_control(self, key, data):
+        """P8.4."""
+        try:
+            message = check(unpack(data), key.capitalize())
+        except Malformed:
+            self.foreign += 1
             return
-        self.newest[source] = message["step"]
-        for port, config in self.welcome["inputs"].items():
-            if config["source"] == source and config["port"] in message.get("ports", {}):
-                self.ahead[port].append((message["step"], message["ports"][config["port"]]))
+        if message["token"] != self.token:
+            self.foreign += 1
+        elif key == "start":
+            self.start = self.start or message["inputs"].get(self.name, {})
+        elif key == "trigger":
+            self.upto = max(self.upto, message["upto"])
+        else:
+            self.stop_at = message["at_step"]
 
-    def become_ready(self):
-        while not self.started:
-            self.puts["out"]({"step": -1, "t_ns": 0})
-            unheard = sorted(self.newest.keys() - self.heard)
-            self.log(waiting={"step": -1, "sources": unheard} if unheard else None)
-            if not unheard:
-                described = {"command": {"like": "joint_state"}}
-                self.puts["ready"]({"name": self.name, "outputs": described})
-            self.take(FLUSH_AFTER_S)
+    # --- the steps ---
 
     def log(self, waiting=None):
-        content = {"name": self.name, "outputs": self.batch, "timing": self.timing}
+        content = {
+            "name": self.name,
+            "outputs": self.batch,
+            "timing": self.timing,
+            "drops": self.drops(),
+        }
         self.puts["log"]({**content, **({"waiting": waiting} if waiting else {})})
-        self.batch, self.timing = [], []
+        self.batch, self.batch_bytes, self.timing = [], 0, []
 
-    def has(self, step, source, due):
-        """Return whether what a step waits for is there: the trigger, or a source's step."""
-        return step < self.upto if source is None else self.newest[source] >= due
+    def drops(self):
+        total = {"foreign": self.foreign} if self.foreign else {}
+        for source in self.sources.values():
+            for cause, count in source.drops.items():
+                total[cause] = total.get(cause, 0) + count
+        return total
 
-    def wait(self, step, source=None, due=0):
+    def wait(self, step, is_there, sources):
         """Return True when it is there, False when the run has ended (P11.2)."""
         told = False
-        while not self.has(step, source, due):
-            if self.stop_at is not None and step >= self.stop_at:
+        while not is_there():
+            if step >= self.stop_at:
                 return False
             if not self.take(FLUSH_AFTER_S) and not told:
-                self.log({"step": step, "sources": [source] if source else []})
+                self.log({"step": step, "sources": sources})
                 told = True
         return True
 
+    def wait_for_trigger(self, step):
+        return self.wait(step, lambda: step < self.upto, [])
+
     def due(self, config, step):
         reach = step - config.get("delay", 0)
-        return reach - reach % config.get("every", 1) if reach >= 0 else -(1 << 62)
+        return reach - reach % config.get("every", 1) if reach >= 0 else -NEVER
+
+    def read_inputs(self, step):
+        for name, config in self.inputs.items():
+            source, due = self.sources[config["source"]], self.due(config, step)
+            if not self.wait(
+                step, lambda source=source, due=due: source.newest >= due, [source.name]
+            ):
+                return False
+            found = source.settle(name, due)
+            if found is not None:
+                self.held[name] = found
+        return True
 
     def run(self):
-        self.become_ready()
-        step = 0
-        while self.wait(step) and self.one_step(step):
-            step += 1
-        self.log()
+        """Return the exit code."""
+        try:
+            self.become_ready()
+            while self.step_done(self.step + 1):
+                continue
+        except Stopped:
+            return self.finish()
+        except (Fault, Malformed, ValueError, LookupError, TypeError) as exc:
+            return self.report(exc)
+        return self.finish()
 
-    def one_step(self, step):
-        for port, config in self.welcome["inputs"].items():
-            source, due = config["source"], self.due(config, step)
-            if not self.wait(step, source, due):
-                return False
-            while self.ahead[port] and self.ahead[port][0][0] <= due:
-                _, self.held[port] = self.ahead[port].pop(0)
-        outputs = {
-            "token": self.token,
-            "step": step,
-            "t_ns": step * self.welcome["step_ns"],
-            "ports": {"command": self.command()},
-        }
-        self.puts["out"](outputs)
-        self.batch.append(outputs)
+    def finish(self):
+        self.log()
+        return 0
+
+    def step_done(self, step):
+        """Return whether the step was done, rather than the run over."""
+        if not (step < self.stop_at and self.wait_for_trigger(step) and self.read_inputs(step)):
+            return False
+        self.step = step
+        self.publish(step, {"command": self.command()})
         self.timing.append((step, 0, 0))
-        if len(self.batch) >= self.welcome["batch"]:
+        if (
+            len(self.batch) >= self.welcome["batch"]
+            or time.monotonic() - self.batch_began > BATCH_AGE_S
+        ):
             self.log()
         return True
 
+    def publish(self, step, ports):
+        t_ns = step * self.welcome["step_ns"]
+        outputs = {"token": self.token, "step": step, "t_ns": t_ns, "ports": ports}
+        size = len(msgpack.packb(outputs))
+        if size > self.welcome.get("max_outputs_bytes", 60_000):
+            raise Fault(f"step {step}: outputs of {size} bytes are too large", "message")
+        self.puts["out"](outputs)
+        if self.batch_bytes + size > BATCH_BYTES:
+            self.log()
+        if not self.batch:
+            self.batch_began = time.monotonic()
+        self.batch.append(outputs)
+        self.batch_bytes += size
+
     def command(self):
-        wanted = self.held["reference"]["position"] if "reference" in self.held else [0.0, 0.0]
+        if "joint_state" not in self.held:
+            raise Fault(f"step {self.step}: joint_state is absent")
         position = self.held["joint_state"]["position"]
-        values = [r - q for r, q in zip(wanted, position, strict=True)]
+        wanted = self.reference() or [0.0] * len(position)
+        values = [float(r) - float(q) for r, q in zip(wanted, position, strict=True)]
         return {"mode": "torque", "values": values}
 
+    def reference(self):
+        """Return the wanted positions in the order of joint_state (P4.8), None while absent."""
+        if "reference" not in self.held:
+            return None
+        wanted = self.held["reference"]["position"]
+        given, own = (
+            self.start.get(k, {}).get("names") or [] for k in ("reference", "joint_state")
+        )
+        return [wanted[given.index(name)] for name in own] if given and own else wanted
 
-def main():
-    ticket = json.loads(Path(os.environ["STEPBUS_TICKET"]).read_text())
+    # --- P10 ---
+
+    def report(self, exc):
+        self.log()
+        kind, blames = (exc.kind, exc.blames) if isinstance(exc, Fault) else ("raised", None)
+        content = {"name": self.name, "step": self.step, "kind": kind, "message": str(exc)}
+        self.puts["fault"]({**content, **({"blames": blames} if blames else {})})
+        print(exc, file=sys.stderr)
+        deadline, self.stop_at = time.monotonic() + 1.0, NEVER
+        while self.stop_at == NEVER and time.monotonic() < deadline:
+            try:
+                self.take(FLUSH_AFTER_S)
+            except (Fault, Gone):
+                continue
+        return 1
+
+
+def main(controller=Controller):
+    path = os.environ.get("STEPBUS_TICKET")
+    if path is None:
+        print("no ticket: STEPBUS_TICKET is not set", file=sys.stderr)
+        return 2
+    ticket = json.loads(Path(path).read_text())
     session = open_session(ticket["endpoint"])
     try:
-        Controller(ticket, session).run()
+        return controller(ticket, session).run()
+    except (Refused, Malformed, Gone) as exc:
+        print(exc, file=sys.stderr)
+        return 1
     finally:
         session.close()
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

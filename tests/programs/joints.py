@@ -71,8 +71,23 @@ class Plant(Faulty):
     def describe(self):
         return {"joint_state": Description(names=["hip", "knee"])}
 
+    def calls(self):
+        return {
+            "position": stepbus.Verb(self.ask, "I: position of a joint [rad]"),
+            "put": stepbus.Verb(self.put, "I RAD: puts a joint somewhere", changes=True),
+            "sleep": stepbus.Verb(time.sleep, "S: takes its time"),
+        }
+
+    def ask(self, joint):
+        return self.position[joint]
+
+    def put(self, joint, position):
+        if abs(position) > 3:
+            raise stepbus.CallError(f"{position} is beyond the stop")
+        self.position[joint] = position
+
     def output(self, step):
-        return {"joint_state": JointState(position=self.position)}
+        return {"joint_state": JointState(position=list(self.position))}
 
     def update(self, step):
         self.check(step)

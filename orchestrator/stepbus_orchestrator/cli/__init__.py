@@ -11,6 +11,9 @@ from stepbus_schemas import StepbusError
 
 from ..errors import ExitCode, RunFailure
 from . import (
+    bridge_command,
+    call_command,
+    conformance_command,
     describe_command,
     diff_command,
     doctor_command,
@@ -19,6 +22,7 @@ from . import (
     replay_command,
     rerun_command,
     run_command,
+    selftest_command,
     validate_command,
     verify_command,
 )
@@ -31,6 +35,8 @@ COMMANDS: tuple[Command, ...] = (
     run_command.COMMAND,
     validate_command.COMMAND,
     describe_command.COMMAND,
+    selftest_command.COMMAND,
+    call_command.COMMAND,
     new_command.COMMAND,
     doctor_command.COMMAND,
     replay_command.COMMAND,
@@ -38,6 +44,8 @@ COMMANDS: tuple[Command, ...] = (
     verify_command.COMMAND,
     rerun_command.COMMAND,
     recover_command.COMMAND,
+    conformance_command.COMMAND,
+    bridge_command.COMMAND,
 )
 
 

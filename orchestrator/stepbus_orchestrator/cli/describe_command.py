@@ -6,12 +6,13 @@ import argparse
 import math
 import sys
 
+import msgspec
 from rich.console import Console
 from rich.table import Table
 
 from stepbus_schemas import Description
 
-from ..describe import OutputPort, Portrait, describe
+from ..describe import JointRow, OutputPort, Portrait, describe
 from ..scenario import load
 from .command import Command, add_scenario_arguments
 from .interrupt import interruptible
@@ -48,7 +49,9 @@ def _show(portraits: list[Portrait]) -> None:
             say(f"  input   {item.port}: {item.type} from {item.source}{delay}")
         for output in portrait.outputs:
             say(_headline(output))
-            if output.description.names:
+            if output.joints:
+                console.print(_joint_table(output.joints))
+            elif output.description.names:
                 console.print(_table(output.description))
 
 
@@ -61,12 +64,36 @@ def _headline(output: OutputPort) -> str:
     return f"  output  {output.port}: {output.type}, {'; '.join(facts)}"
 
 
-def _table(said: Description) -> Table:
-    """Return one row per name: index, name, details, limits."""
-    columns = ["index", "name", *said.details, *said.limits]
+def _joint_table(joints: list[JointRow]) -> Table:
+    """Return one row per joint; columns that nobody has anything for are left out."""
+    rows = [msgspec.structs.asdict(joint) for joint in joints]
+    columns = [
+        c for c in JointRow.__struct_fields__ if any(row[c] not in ("", None) for row in rows)
+    ]
+    table = _empty_table(columns)
+    for row in rows:
+        table.add_row(*(_cell(row[column]) for column in columns))
+    return table
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if value is None:
+        return ""
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+def _empty_table(columns: list[str]) -> Table:
     table = Table(*columns)
     for column in table.columns:
         column.justify = "right" if column.header in _NUMERIC else "left"
+    return table
+
+
+def _table(said: Description) -> Table:
+    """Return one row per name: index, name, details, limits."""
+    table = _empty_table(["index", "name", *said.details, *said.limits])
     for index, name in enumerate(said.names):
         details = [values[index] for values in said.details.values()]
         numbers = [_number(values[index]) for values in said.limits.values()]
@@ -82,7 +109,8 @@ COMMAND = Command(
     name="describe",
     summary="list ports, joints and limits without a step",
     description="Starts every participant, lets it load its model, and prints its inputs and "
-    "what it says of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none). "
+    "what it says of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and "
+    "whether a joint's motor is on: it is off without a motor, in mode teleport, at no effort. "
     "No step is made and nothing is recorded. Exit codes are those of run.",
     examples=(
         "stepbus describe two_link",

@@ -19,6 +19,9 @@ from .keys import has_terminal, steered
 from .live import make_display
 from .output import complain, say, say_json
 
+# So many warnings stand in the summary; all of them were shown when they came.
+_MOST_WARNINGS = 10
+
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
@@ -115,10 +118,23 @@ def _summarise(result: Result, lines: list[str]) -> None:
     dropped = {name: count for name, count in result.drops.items() if count}
     if dropped or result.foreign:
         say(f"messages dropped: {dropped or 'none'}; from strangers: {result.foreign}")
+    for line in _warnings(result):
+        say(line)
     if result.faults:
         say(f"faults injected: {', '.join(result.faults)}")
     if result.sha256:
         say(f"recording {result.recording}\nsha256    {result.sha256}")
+
+
+def _warnings(result: Result) -> list[str]:
+    """Return the warnings of the run, the first few in full."""
+    if not result.warning_count:
+        return []
+    shown = result.warnings[:_MOST_WARNINGS]
+    lines = [f"  {warned.level}: {warned.source}: {warned.text}" for warned in shown]
+    if result.warning_count > len(shown):
+        lines.append(f"  and {result.warning_count - len(shown)} more, in result.json")
+    return [f"warnings  {result.warning_count}", *lines]
 
 
 COMMAND = Command(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stepbus_schemas import Description, MessageError, Outputs
+from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 
 from ..compare import Divergence, PortComparison, PortResult
 from ..deadlines import at
@@ -76,6 +76,9 @@ class Check:
 
     def note(self, name: str, content: Mapping[str, str]) -> None:
         """Ignore it: a replay compares messages."""
+
+    def note_call(self, call: CallRecord) -> None:
+        """Ignore it: it comes from the recording."""
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Compare the outputs of the next step."""

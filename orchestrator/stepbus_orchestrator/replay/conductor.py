@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 from stepbus import Bus
-from stepbus_schemas import Decoder, MessageError, Outputs
+from stepbus_schemas import CallRecord, Decoder, MessageError, Outputs
 
 from ..conductor import Conductor
 from ..deadlines import check_start
@@ -24,7 +25,7 @@ class Replayer(Conductor):
     """A conductor that plays the peers too.
 
     participant: the one that is replayed. scenario: the recorded one, with as many steps as can
-    be replayed. descriptions: of all outputs, as recorded.
+    be replayed. descriptions: of all outputs, as recorded. planned: its recorded calls.
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class Replayer(Conductor):
         interrupt: threading.Event,
         peers: Peers,
         descriptions: Descriptions,
+        planned: Sequence[CallRecord] = (),
     ) -> None:
         super().__init__(
             scenario=scenario,
@@ -49,6 +51,7 @@ class Replayer(Conductor):
             timing=timing,
             observer=observer,
             interrupt=interrupt,
+            planned=planned,
         )
         self._peers = peers
         self._recorded = descriptions

@@ -13,6 +13,7 @@ from pathlib import Path
 from stepbus import Bus, BusError
 from stepbus.zenoh_bus import ZenohBus
 
+from ..calls import recorded_calls
 from ..compare import fields_of, in_order
 from ..endpoints import Mesh, make_mesh, new_token, private_folder
 from ..errors import BusFailed
@@ -21,7 +22,7 @@ from ..progress import Observer, Silent
 from ..reader import Recording
 from ..result import TIMING_FILE
 from ..roster import Member
-from ..scenario import Scenario, Schedule, command
+from ..scenario import Scenario, Schedule, command, start_command
 from ..supervise import supervise
 from ..timing import TimingRecorder
 from ..tolerance import Tolerance
@@ -186,12 +187,13 @@ class _Replay:
             interrupt=self._interrupt,
             peers=peers,
             descriptions=recorded_descriptions(recording),
+            planned=recorded_calls(recording, self._spec.name),
         )
 
     def _launch(self, replayer: Replayer, launcher: Launcher, mesh: Mesh) -> None:
         spec, program = self._spec, self._task.program
         own_folder = self._scenario.folder if program is None else Path.cwd()
-        words = command(program or spec.exec, own_folder)
+        words = command(program, own_folder) if program else start_command(spec, own_folder)
         child = launcher.start(spec, words, mesh.participants[spec.name], own_folder)
         replayer.state.roster = {spec.name: Member(spec, child, replayer.newest_step)}
 

@@ -4,6 +4,7 @@ from .faults import KINDS, MESSAGE_KINDS, PROCESS_KINDS, faults_of, format_fault
 from .load import load
 from .locate import builtin_names
 from .model import (
+    BridgeSpec,
     BusSpec,
     Deadlines,
     FaultSpec,
@@ -14,7 +15,7 @@ from .model import (
     Scenario,
 )
 from .problems import Problem, ScenarioError
-from .program import command
+from .program import command, start_command
 from .resolve import files, resolved
 from .schedule import Schedule
 
@@ -22,6 +23,7 @@ __all__ = [
     "KINDS",
     "MESSAGE_KINDS",
     "PROCESS_KINDS",
+    "BridgeSpec",
     "BusSpec",
     "Deadlines",
     "FaultSpec",
@@ -40,4 +42,5 @@ __all__ = [
     "format_fault",
     "load",
     "resolved",
+    "start_command",
 ]

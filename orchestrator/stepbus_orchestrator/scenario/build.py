@@ -10,11 +10,13 @@ from typing import Any, cast
 import msgspec
 
 from stepbus.durations import LONGEST_NS, format_duration
-from stepbus_schemas import WiringError, message_class
+from stepbus_schemas import Description, WiringError, message_class
 
+from ..bridge.formats import FORMATS
 from .faults import Setting, parse_fault
 from .fields import Field
 from .model import (
+    BridgeSpec,
     BusSpec,
     Deadlines,
     FaultSpec,
@@ -39,6 +41,7 @@ PARTICIPANT_KEYS = (
     "params",
     *(f"{phase}_timeout" for phase in _PHASES),
     "on_fault",
+    "bridge",
 )
 _RESERVED = ("orchestrator", *TOP_KEYS)
 _LAST_PORT = 65535
@@ -141,6 +144,7 @@ def _participant(field: Field, step_ns: int | None) -> ParticipantSpec:
         params=field["params"].value if isinstance(field["params"].value, dict) else {},
         deadlines=_deadlines(field),
         on_fault=_on_fault(field["on_fault"], field),
+        bridge=_bridge(field["bridge"], field),
     )
 
 
@@ -179,6 +183,30 @@ def _safe(field: Field, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
         msgspec.convert(field.value, message_class(str(type_name)))
     except (WiringError, msgspec.ValidationError) as exc:
         field.wrong(f"is no {type_name}: {exc}")
+        return {}
+    return cast("Mapping[str, Any]", field.value)
+
+
+def _bridge(field: Field, participant: Field) -> BridgeSpec | None:
+    """Return `bridge: json`, or `bridge: {format: json, describe: {port: description}}`."""
+    if isinstance(field.value, dict):
+        field.check_keys(("format", "describe"), required=("format",))
+    form = (field["format"] if isinstance(field.value, dict) else field).choice(FORMATS)
+    outputs = participant["outputs"].value
+    known = outputs if isinstance(outputs, dict) else {}
+    describe = {item.name: _description(item, known) for item in field["describe"].children()}
+    return None if form is None else BridgeSpec(format=form, describe=describe)
+
+
+def _description(field: Field, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the description of an output; noted when it is none."""
+    if field.name not in outputs:
+        field.wrong(f"no output {field.name!r}{hint(field.name, outputs)}")
+    field.check_keys(Description.__struct_fields__)
+    try:
+        msgspec.convert(field.value, Description)
+    except msgspec.ValidationError as exc:
+        field.wrong(str(exc))
         return {}
     return cast("Mapping[str, Any]", field.value)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from stepbus_schemas import WiringError
 
+from ..bridge.formats import raw_mistake
 from .find_files import search_files
 from .model import InputSpec, ParticipantSpec, Scenario
 from .problems import Problems, hint
@@ -25,6 +26,9 @@ def check(scenario: Scenario, problems: Problems) -> None:
         mistake = _holding_mistake(spec)
         if mistake is not None:
             problems.add(("participants", spec.name, "on_fault"), mistake)
+        mistake = _bridge_mistake(spec, specs)
+        if mistake:
+            problems.add(("participants", spec.name, "bridge"), mistake)
     for keys, message in search_files(scenario).mistakes:
         problems.add(keys, message)
 
@@ -75,6 +79,20 @@ def _holding_mistake(spec: ParticipantSpec) -> str | None:
         return "hold needs an output to hold"
     bulk = [port for port, output in spec.outputs.items() if output.bulk]
     return f"hold cannot publish the bulk output {bulk[0]!r}" if bulk else None
+
+
+def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec]) -> str:
+    """Return why a participant cannot be bridged, or nothing."""
+    if spec.bridge is None or spec.bridge.format != "raw":
+        return ""
+    outputs = {name: output.type for name, output in spec.outputs.items()}
+    sources = {
+        name: specs[item.source].outputs.get(item.port)
+        for name, item in spec.inputs.items()
+        if item.source in specs
+    }
+    inputs = {name: output.type for name, output in sources.items() if output is not None}
+    return raw_mistake(spec.publishes, inputs, outputs)
 
 
 def _check_programs(scenario: Scenario, problems: Problems) -> None:

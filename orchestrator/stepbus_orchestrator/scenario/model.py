@@ -57,6 +57,17 @@ class HoldSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BridgeSpec:
+    """How a program takes part that does not speak Zenoh (docs/bridge.md).
+
+    format: `json`, `msgpack` or `raw`. describe: output → its description, where not the default.
+    """
+
+    format: str
+    describe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
 class FaultSpec:
     """A fault on purpose: what happens to whom at which step; duration_ns: for how long [ns]."""
 
@@ -72,7 +83,8 @@ class ParticipantSpec:
 
     exec: the command as written in the scenario; `program.command` makes it one that can be run.
     every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
-    it reads its inputs. on_fault: how the run goes on when it fails; None: it ends.
+    it reads its inputs. on_fault: how the run goes on when it fails; None: it ends. bridge: how
+    the program is reached where it does not speak Zenoh itself.
     """
 
     name: str
@@ -84,6 +96,7 @@ class ParticipantSpec:
     params: Mapping[str, Any] = field(default_factory=dict)
     deadlines: Deadlines = Deadlines()
     on_fault: HoldSpec | None = None
+    bridge: BridgeSpec | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from stepbus_schemas import WiringError
 
+from ..bridge.formats import bridge_words
+from .model import ParticipantSpec
 from .paths import is_file, is_folder
 from .problems import hint
 
@@ -29,9 +31,22 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     program, rest = words[0], words[1:]
     if program == "python":
         return (sys.executable, *rest)
+    if (program, *rest[:1]) == ("stepbus", "bridge"):
+        # The whole command line takes a second longer to load, at the start of each run.
+        return (sys.executable, "-m", "stepbus_orchestrator.bridge", *rest[1:])
     if program == "stepbus":
         return (sys.executable, "-m", "stepbus_orchestrator", *rest)
     return (_find(program, folder), *rest)
+
+
+def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
+    """Return the command that starts a participant: that of its program, or of the bridge to it.
+
+    Raises WiringError when there is no such program.
+    """
+    if spec.bridge is None:
+        return command(spec.exec, folder)
+    return command(bridge_words(spec.bridge.format, spec.bridge.describe, spec.exec), folder)
 
 
 def check_command(words: Sequence[str], folder: Path) -> None:
@@ -55,7 +70,9 @@ def _find(program: str, folder: Path) -> str:
     found = None if "/" in program else shutil.which(program)
     if found is None:
         where = f"in {folder}" if "/" in program else f"on PATH, nor in {folder}"
-        raise WiringError(f"no program {program!r} {where}; is it installed?")
+        built = "/" in program and is_file(path.parent / "Makefile")
+        remedy = f"build it with `make -C {path.parent}`" if built else "is it installed?"
+        raise WiringError(f"no program {program!r} {where}; {remedy}")
     return str(Path(found).absolute())
 
 

@@ -1,4 +1,4 @@
-"""Reads what a file names: texts of YAML, `filename` in URDF and other XML, imports of Python."""
+"""Reads what a file names: texts of YAML, `filename` of URDF and XML, imports of Python and JS."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ _XML = re.compile(r"""\b(?:filename|file)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+\.*([\w.]+)[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE
 )
+_JS_FILE = re.compile(r"""(?:"(\.{1,2}/[^"\n]+)"|'(\.{1,2}/[^'\n]+)')""")
+_JS_SUFFIXES = (".js", ".mjs", ".cjs")
 _YAML_SUFFIXES = (".yaml", ".yml")
 _XML_SUFFIXES = (".urdf", ".xml", ".xacro", ".sdf", ".mjcf", ".srdf")
 
@@ -35,6 +37,8 @@ def names_in(path: Path) -> list[str]:
         return _yaml_texts(_read(path))
     if suffix in _XML_SUFFIXES:
         return [double or single for double, single in _XML.findall(_read(path))]
+    if suffix in _JS_SUFFIXES:
+        return [double or single for double, single in _JS_FILE.findall(_read(path))]
     return []
 
 

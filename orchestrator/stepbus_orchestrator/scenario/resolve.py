@@ -17,7 +17,7 @@ from stepbus.durations import format_duration
 
 from .faults import format_fault
 from .find_files import search_files
-from .model import HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Scenario
+from .model import BridgeSpec, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Scenario
 
 _HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")
 
@@ -84,6 +84,7 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
 def _participant(spec: ParticipantSpec) -> dict[str, Any]:
     content: dict[str, Any] = {
         "exec": list(spec.exec),
+        "bridge": {} if spec.bridge is None else _bridge(spec.bridge),
         "every": spec.every,
         "publishes": spec.publishes,
         "inputs": {name: _input(item) for name, item in spec.inputs.items()},
@@ -92,6 +93,13 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "on_fault": {} if spec.on_fault is None else _on_fault(spec.on_fault),
     }
     return {key: value for key, value in content.items() if value != {}}
+
+
+def _bridge(bridge: BridgeSpec) -> Any:
+    if not bridge.describe:
+        return bridge.format
+    describe = {port: dict(row) for port, row in bridge.describe.items()}
+    return {"format": bridge.format, "describe": describe}
 
 
 def _on_fault(hold: HoldSpec) -> dict[str, Any]:

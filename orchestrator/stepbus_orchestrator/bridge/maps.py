@@ -1,0 +1,213 @@
+"""Formats `json` and `msgpack`: a map for each message."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import msgspec
+
+from stepbus import Config, Description, Message, Step
+from stepbus_schemas import PROTOCOL_VERSION, message_class
+
+from .errors import BridgeError
+from .link import Framing, Line, Prefixed, show
+from .participant import Bridge, Task
+
+_BROKEN = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+
+
+class _Said(msgspec.Struct):
+    outputs: dict[str, Description] = {}
+    versions: dict[str, str] = {}
+
+
+class _Ready(msgspec.Struct):
+    ready: _Said
+
+
+class Codec(Protocol):
+    """Values to bytes and back."""
+
+    framing: Framing
+
+    def encode(self, value: Any) -> bytes:
+        """Return a framed message."""
+        ...
+
+    def decoder(self, cls: type[Any]) -> Any:
+        """Return a function from a framed message to a value; it raises what msgspec does."""
+        ...
+
+
+class Json:
+    """One line of JSON. NaN and infinity are `null`; in a list, `null` may be a NaN."""
+
+    framing = Line()
+
+    def __init__(self) -> None:
+        self._encoder = msgspec.json.Encoder()
+
+    def encode(self, value: Any) -> bytes:
+        """See `Codec`."""
+        return self._encoder.encode(value) + b"\n"
+
+    def decoder(self, cls: type[Any]) -> Any:
+        """See `Codec`."""
+        quick = msgspec.json.Decoder(cls).decode
+
+        def decode(data: bytes) -> Any:
+            try:
+                return quick(data)
+            except msgspec.ValidationError:
+                return msgspec.convert(_with_nan(msgspec.json.decode(data)), cls)
+
+        return decode
+
+
+def _with_nan(value: Any) -> Any:
+    """Return plain data with a NaN for every null in a list."""
+    if isinstance(value, dict):
+        return {key: _with_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [float("nan") if item is None else _with_nan(item) for item in value]
+    return value
+
+
+class MessagePack:
+    """A length, then a MessagePack map."""
+
+    framing = Prefixed()
+
+    def __init__(self) -> None:
+        self._encoder = msgspec.msgpack.Encoder()
+
+    def encode(self, value: Any) -> bytes:
+        """See `Codec`."""
+        data = self._encoder.encode(value)
+        return len(data).to_bytes(4, "little") + data
+
+    def decoder(self, cls: type[Any]) -> Any:
+        """See `Codec`."""
+        decode = msgspec.msgpack.Decoder(cls).decode
+        return lambda data: decode(memoryview(data)[4:])
+
+
+CODECS: dict[str, type[Json | MessagePack]] = {"json": Json, "msgpack": MessagePack}
+
+
+class MapBridge(Bridge):
+    """A participant whose program speaks JSON or MessagePack."""
+
+    def __init__(self, config: Config, task: Task) -> None:
+        self._codec = CODECS[task.form]()
+        super().__init__(config, task, self._codec.framing)
+        self._first = config.publishes == "first"
+        self._ports = tuple(config.inputs)
+        # Ports may have names that no field can have.
+        self._fields = tuple((f"port{n}", port) for n, port in enumerate(config.outputs))
+        classes = {port: message_class(row.type) for port, row in config.outputs.items()}
+        self._decode_all = self._codec.quick_decoder(_all_outputs(classes))
+        self._decode = self._codec.decoder(_any_outputs(classes, self._fields))
+        self._versions: Mapping[str, str] = {}
+
+    def describe(self) -> Mapping[str, Description]:
+        """Greet the program, wait until it is ready, and return what it says of its outputs."""
+        self._link.send(self._codec.encode({"welcome": _welcome(self.config)}))
+        said: _Ready = self._read(self._codec.decoder(_Ready), self._link.receive())
+        self._versions = said.ready.versions
+        return {**self._described, **said.ready.outputs}
+
+    def versions(self) -> Mapping[str, str]:
+        """Return what the program said of its libraries."""
+        return self._versions
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Tell the program what its inputs are."""
+        self._link.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
+
+    def output(self, step: Step) -> Mapping[str, Message]:
+        """Ask the program for its outputs before its inputs."""
+        return self._ask({"output": {"step": step.index, "t_ns": step.t_ns}}, step, True)
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Hand the inputs of a step to the program and return its outputs."""
+        get, is_new = step.get, step.is_new
+        update = {
+            "step": step.index,
+            "t_ns": step.t_ns,
+            "inputs": {port: get(port) for port in self._ports},
+            "new": [port for port in self._ports if is_new(port)],
+        }
+        return self._ask({"update": update}, step, not self._first)
+
+    def _ask(self, message: Mapping[str, Any], step: Step, publishes: bool) -> dict[str, Message]:
+        """Return the outputs in the answer to a message. publishes: whether there may be any."""
+        data = self._link.ask(self._codec.encode(message))
+        found: dict[str, Message] | None = self._decode_all(data) if publishes else None
+        if found is not None:
+            return found
+        answer = self._read(self._decode, data)
+        outputs = answer.outputs
+        found = {
+            port: value
+            for field, port in self._fields
+            if outputs is not None and (value := getattr(outputs, field)) is not None
+        }
+        if answer.end is not None:
+            step.end(answer.end)
+        if self._first and (answer.end is not None or (found and not publishes)):
+            raise self._link.wrong(
+                "publishes first: it answers an update with {}, and cannot ask for the end"
+            )
+        return found
+
+    def _read(self, decode: Any, data: bytes | bytearray) -> Any:
+        try:
+            return decode(data)
+        except _BROKEN as exc:
+            raise self._malformed(exc, data) from exc
+
+    def _malformed(self, exc: Exception, data: bytes | bytearray) -> BridgeError:
+        form = "JSON" if isinstance(self._codec, Json) else "MessagePack"
+        known = ", ".join(f"{port} ({row.type})" for port, row in self.config.outputs.items())
+        if isinstance(exc, msgspec.ValidationError):
+            return self._link.wrong(f"answered wrongly: {exc}; its outputs are {known or 'none'}")
+        return self._link.wrong(f"wrote what is no {form}: {exc}: {show(data)}")
+
+
+def _all_outputs(classes: Mapping[str, type[Message]]) -> type[Any]:
+    """Return the type of a usual answer: all outputs, and nothing but them."""
+    outputs: Any = TypedDict("outputs", dict(classes))  # type: ignore[operator, misc]
+    return msgspec.defstruct("Usual", [("outputs", outputs)], forbid_unknown_fields=True)
+
+
+def _any_outputs(
+    classes: Mapping[str, type[Message]], fields: Sequence[tuple[str, str]]
+) -> type[msgspec.Struct]:
+    """Return the type of any answer. fields: field → output."""
+    outputs = msgspec.defstruct(
+        "Outputs",
+        [(field, classes[port] | None, None) for field, port in fields],
+        rename=dict(fields),
+        forbid_unknown_fields=True,
+    )
+    return msgspec.defstruct("Answer", [("outputs", outputs | None, None), ("end", str | None, None)])
+
+
+def _welcome(config: Config) -> dict[str, Any]:
+    return {
+        "protocol": PROTOCOL_VERSION,
+        "name": config.name,
+        "step_ns": config.step_ns,
+        "every": config.every,
+        "publishes": config.publishes,
+        "seed": config.seed,
+        "folder": str(config.folder),
+        "params": config.params,
+        "inputs": {
+            name: {"type": port.type, "source": port.source, "delay": port.delay}
+            for name, port in config.inputs.items()
+        },
+        "outputs": {name: {"type": port.type} for name, port in config.outputs.items()},
+    }

@@ -1,0 +1,72 @@
+"""What every bridged participant does, whatever the format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from stepbus import Config, Description, Participant, RunError, WiringError
+from stepbus_schemas import json_schema
+from stepbus_schemas.schema import not_null
+
+from ..scenario.program import command
+from .link import Framing, Link
+from .program import Program
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is bridged: a command as in `exec`, its format, and what describes its outputs."""
+
+    words: Sequence[str]
+    form: str
+    describe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+class Bridge(Participant):
+    """Owns the program and says what its outputs are.
+
+    Raises WiringError when there is no such program, or when it is described wrongly.
+    """
+
+    def __init__(self, config: Config, task: Task, framing: Framing) -> None:
+        super().__init__(config)
+        self._described = _descriptions(config, task.describe)
+        self._link = Link(Program(command(task.words, Path.cwd()), task.form), framing)
+
+    def close(self) -> None:
+        """Let the program end; raises RunError when it does so with another code than 0."""
+        program = self._link.program
+        program.stop()
+        if program.exit_code and not self._link.failed:
+            raise RunError(f"{program} {program.how_it_ended()} after the stop")
+
+
+def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dict[str, Description]:
+    """Return what is known of each output before the program is asked.
+
+    Without a word on it, an output with joints is like the first input with joints.
+    """
+    first = next((name for name, port in config.inputs.items() if has_joints(port.type)), None)
+    found = {
+        name: Description(like=first)
+        for name, port in config.outputs.items()
+        if first is not None and has_joints(port.type)
+    }
+    for name, row in given.items():
+        try:
+            found[name] = msgspec.convert(row, Description)
+        except msgspec.ValidationError as exc:
+            where = f"participants.{config.name}.bridge.describe.{name}"
+            raise WiringError(f"{where}: {exc}") from exc
+    return found
+
+
+def has_joints(type_name: str) -> bool:
+    """Return whether a message type has a vector with one entry per name."""
+    fields = json_schema(type_name)["properties"].values()
+    return any(field.get("shape", not_null(field).get("shape")) == ["n"] for field in fields)

@@ -1,0 +1,137 @@
+"""The program behind the bridge: a process that reads descriptor 3 and writes descriptor 4."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import select
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from stepbus_schemas import WiringError
+
+VARIABLE = "STEPBUS_BRIDGE"
+_READS, _WRITES = 3, 4
+_LOWEST_FREE = 10
+_CHUNK = 1 << 16
+_END_WAIT_S = 0.5
+_LOOK_S = 0.005
+_LONGEST_NAME = 80
+_LOG_TAIL = 4000
+_COMPLAINT = re.compile(r"error|exception|panic", re.IGNORECASE)
+
+
+class Program:
+    """A running program and its two pipes.
+
+    It stays in the bridge's process group, which the orchestrator, or its guardian, kills as a
+    whole; and it sees the end of descriptor 3 when the bridge dies.
+
+    words: its command, with the path of an executable first. form: put into its environment.
+    Raises WiringError when it cannot be executed.
+    """
+
+    def __init__(self, words: Sequence[str], form: str) -> None:
+        name = " ".join([Path(words[0]).name, *words[1:]])
+        self._name = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}…"
+        theirs, self._to = _pipe()
+        self._from, answers = _pipe()
+        try:
+            self.pid = _spawn(words, form, theirs, answers)
+        except OSError as exc:
+            os.close(self._to)
+            os.close(self._from)
+            raise WiringError(f"{words[0]} cannot be started: {exc.strerror}") from exc
+        finally:
+            os.close(theirs)
+            os.close(answers)
+        self.exit_code: int | None = None
+        self._open = True
+        self._poll = select.poll()
+        self._poll.register(self._from, select.POLLIN)
+
+    def __str__(self) -> str:
+        return f"{self._name} (pid {self.pid})"
+
+    def write(self, data: bytes | bytearray) -> None:
+        """Write all of it; raises BrokenPipeError when nobody reads any more."""
+        sent = os.write(self._to, data)
+        while sent < len(data):
+            sent += os.write(self._to, memoryview(data)[sent:])
+
+    def read(self) -> bytes:
+        """Return what it has written, as soon as there is any; nothing: it writes no more."""
+        return os.read(self._from, _CHUNK)
+
+    def has_written(self, timeout_s: float = 0.0) -> bool:
+        """Return whether there is something to read within a time [s], be it the end."""
+        return bool(self._poll.poll(timeout_s * 1000))
+
+    def has_ended(self, *, wait: bool = False) -> bool:
+        """Return whether it has ended, at the latest after a wait for that; sets `exit_code`."""
+        if self.exit_code is None:
+            pid, status = os.waitpid(self.pid, 0 if wait else os.WNOHANG)
+            if pid:
+                self.exit_code = os.waitstatus_to_exitcode(status)
+        return self.exit_code is not None
+
+    def how_it_ended(self) -> str:
+        """Return why nothing comes from it any more, in words."""
+        deadline = time.monotonic() + _END_WAIT_S
+        while not self.has_ended():
+            if time.monotonic() > deadline:
+                return f"has closed descriptor {_WRITES} and still runs"
+            time.sleep(_LOOK_S)
+        code = self.exit_code or 0
+        if code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"exited with code {code}"
+
+    def stop(self) -> None:
+        """Close descriptor 3 and wait for its end; the orchestrator ends both if that lasts."""
+        if self._open:
+            self._open = False
+            os.close(self._to)
+        self.has_ended(wait=True)
+
+
+def _pipe() -> tuple[int, int]:
+    """Return a pipe, both ends above the numbers that the program shall find."""
+    ends = os.pipe()
+    high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _LOWEST_FREE) for end in ends]
+    for end in ends:
+        os.close(end)
+    return high[0], high[1]
+
+
+def _spawn(words: Sequence[str], form: str, reads: int, writes: int) -> int:
+    # Not subprocess: it cannot place descriptors without running Python between fork and exec,
+    # which is not safe beside Zenoh's threads.
+    return os.posix_spawn(
+        words[0],
+        list(words),
+        {**os.environ, VARIABLE: form},
+        file_actions=[
+            (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
+            (os.POSIX_SPAWN_DUP2, reads, _READS),
+            (os.POSIX_SPAWN_DUP2, writes, _WRITES),
+        ],
+        # Python ignores these two, which a program would inherit.
+        setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
+    )
+
+
+def last_words() -> str:
+    """Return the last complaint in our log, where the program's prints go too, or its last line."""
+    try:
+        with Path("/proc/self/fd/2").open("rb") as log:
+            log.seek(max(0, log.seek(0, os.SEEK_END) - _LOG_TAIL))
+            lines = log.read().decode(errors="replace").split("\n")
+    except OSError:
+        return ""
+    said = [line.strip() for line in lines if line.strip()]
+    complaints = [line for line in said if _COMPLAINT.search(line)]
+    return (complaints or said or [""])[-1][:300]

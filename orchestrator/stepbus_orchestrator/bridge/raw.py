@@ -1,0 +1,172 @@
+"""Format `raw`: blocks of little-endian float64, for programs without a codec."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping, Sequence
+
+from stepbus import (
+    Config,
+    Description,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+    RunError,
+    Step,
+    WiringError,
+)
+from stepbus_schemas import PROTOCOL_VERSION
+
+from .formats import raw_mistake
+from .link import Block
+from .participant import Bridge, Task
+
+Row = list[float]
+_MODES = ("torque", "velocity", "position", "teleport")
+_VECTORS = {
+    "JointCommand/1": ("values",),
+    "JointReference/1": ("position", "velocity", "acceleration"),
+    "JointState/1": ("position", "velocity", "effort"),
+}
+
+
+def width(type_name: str, n: int) -> int:
+    """Return how many numbers a message of `n` joints has."""
+    return (type_name == "JointCommand/1") + n * len(_VECTORS[type_name])
+
+
+def flatten(message: Message, type_name: str, n: int) -> Row:
+    """Return the numbers of a message; raises RunError where it is not of `n` joints."""
+    numbers: Row = [float(_MODES.index(message.mode))] if isinstance(message, JointCommand) else []
+    for name in _VECTORS[type_name]:
+        vector = getattr(message, name)
+        if vector is not None and len(vector) != n:
+            raise RunError(f"{name} has {len(vector)} numbers for {n} joints")
+        numbers += [math.nan] * n if vector is None else vector
+    return numbers
+
+
+def _command(numbers: Sequence[float], _n: int) -> JointCommand:
+    if numbers[0] not in range(len(_MODES)):
+        raise ValueError(f"mode {numbers[0]:g} is none of 0 (torque) … 3 (teleport)")
+    return JointCommand(mode=_MODES[int(numbers[0])], values=list(numbers[1:]))  # type: ignore[arg-type]
+
+
+def _reference(numbers: Sequence[float], n: int) -> JointReference:
+    rows = (list(numbers[i : i + n]) for i in range(0, 3 * n, n))
+    position, velocity, acceleration = rows
+    return JointReference(position=position, velocity=velocity, acceleration=acceleration)
+
+
+def _state(numbers: Sequence[float], n: int) -> JointState:
+    rows = [list(numbers[i : i + n]) for i in range(0, 3 * n, n)]
+    sensed = [None if all(map(math.isnan, row)) else row for row in rows]
+    return JointState(position=sensed[0], velocity=sensed[1], effort=sensed[2])
+
+
+UNFLATTEN: dict[str, Callable[[Sequence[float], int], Message]] = {
+    "JointCommand/1": _command,
+    "JointReference/1": _reference,
+    "JointState/1": _state,
+}
+"""Message type → function from the numbers of `n` joints; it raises ValueError."""
+
+
+class RawBridge(Bridge):
+    """A participant whose program speaks numbers alone."""
+
+    def __init__(self, config: Config, task: Task) -> None:
+        _check(config)
+        self._block = Block(1)
+        super().__init__(config, task, self._block)
+        self._in: list[tuple[str, str, int]] = []
+        self._out: list[tuple[str, str, int]] = []
+        self._codes = (struct.Struct(""), struct.Struct(""))
+
+    def describe(self) -> Mapping[str, Description]:
+        """Wait until the program has written its 1.0."""
+        (ready,) = struct.unpack("<d", self._link.receive())
+        if ready != 1.0:
+            raise self._link.wrong(f"wrote {ready!r}, not 1.0, to say that it is ready")
+        return self._described
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Send the header, now that the number of joints is known."""
+        named = next((len(row.names) for row in inputs.values() if row.names), 0)
+        for name, port in self.config.inputs.items():
+            n = len(inputs[name].names) or named
+            if not n:
+                raise WiringError(
+                    f"raw has to know the joints of input {name!r}; let {port.source} describe "
+                    f"its {port.port!r} with names"
+                )
+            self._in.append((name, port.type, n))
+        for name, row in self.config.outputs.items():
+            self._out.append((name, row.type, self._joints(name, inputs)))
+        n_in = 2 + sum(1 + width(kind, n) for _, kind, n in self._in)
+        n_out = sum(width(kind, n) for _, kind, n in self._out)
+        self._block.count = n_out
+        self._codes = (struct.Struct(f"<{n_in}d"), struct.Struct(f"<{n_out}d"))
+        header = self._header(n_in, n_out)
+        self._link.send(struct.pack(f"<{len(header)}d", *header))
+
+    def _joints(self, output: str, inputs: Mapping[str, Description]) -> int:
+        """Return how many joints an output has; raises WiringError where that is not known."""
+        said = self._described.get(output, Description())
+        names = said.names if said.like is None else inputs[said.like].names
+        if not names:
+            raise WiringError(
+                f"participants.{self.config.name}.bridge: raw has to know the joints of "
+                f"{output!r}; write describe: {{{output}: {{names: […]}}}}"
+            )
+        return len(names)
+
+    def _header(self, n_in: int, n_out: int) -> Row:
+        config = self.config
+        params = [
+            float(value)
+            for value in config.params.values()
+            if isinstance(value, int | float) and not isinstance(value, bool)
+        ]
+        dt = config.step_ns * 1e-9
+        rest = (config.every, 0, n_in, n_out, config.seed, len(params))
+        return [float(PROTOCOL_VERSION), dt, *map(float, rest), *params]
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Hand the inputs of a step to the program and return its outputs."""
+        numbers: Row = [float(step.index), step.t]
+        for name, kind, n in self._in:
+            message = step.get(name)
+            numbers.append(float(message is not None))
+            try:
+                numbers += (
+                    [math.nan] * width(kind, n) if message is None else flatten(message, kind, n)
+                )
+            except RunError as exc:
+                raise RunError(f"input {name!r}: {exc}") from exc
+        pack, unpack = self._codes
+        answer = unpack.unpack(self._link.ask(pack.pack(*numbers)))
+        return self._messages(answer)
+
+    def _messages(self, numbers: Sequence[float]) -> dict[str, Message]:
+        found: dict[str, Message] = {}
+        begin = 0
+        for name, kind, n in self._out:
+            end = begin + width(kind, n)
+            try:
+                found[name] = UNFLATTEN[kind](numbers[begin:end], n)
+            except ValueError as exc:
+                raise self._link.wrong(f"answered wrongly: {name}: {exc}") from exc
+            begin = end
+        return found
+
+
+def _check(config: Config) -> None:
+    """Raise WiringError for what has no layout in numbers alone."""
+    inputs = {name: port.type for name, port in config.inputs.items()}
+    outputs = {name: port.type for name, port in config.outputs.items()}
+    mistake = raw_mistake(config.publishes, inputs, outputs)
+    if mistake:
+        raise WiringError(f"participants.{config.name}.bridge: {mistake}")

@@ -1,0 +1,151 @@
+"""Checks of what a participant cannot go on with: it says so, and blames the right one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from stepbus_schemas import Fault
+
+from .check import Check
+from .feeds import Ports
+from .kit import Kit
+from .outcome import Failed
+from .stage import Stage
+
+Spoil = Callable[[Stage, str, int, Ports], None]
+"""Publishes something wrong in the name of a source at a step, where its outputs are due."""
+
+
+def _faults(kit: Kit, spoil: Spoil) -> str:
+    """Spoil one step of each source in turn; the participant has to report it."""
+    kit.need_inputs()
+    kit.reference()
+    return "; ".join(_blames(kit, source, spoil) for source in kit.material.feed)
+
+
+def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
+    with kit.stage() as stage:
+        stage.meet()
+        stage.start()
+        try:
+            _walk_to_fault(kit, stage, source, spoil)
+        except Failed:
+            if not stage.seen.faults:
+                raise
+        fault = stage.seen.faults[0]
+        _check_fault(stage, fault, source)
+        return f"{source}: {fault.message[:100]}"
+
+
+def _walk_to_fault(kit: Kit, stage: Stage, source: str, spoil: Spoil) -> None:
+    at = kit.middle
+    stage.walk(kit.material.feed, 0, at)
+    # All peers go on, so that it meets what is wrong, however late it looks.
+    stage.release(kit.steps)
+    for step in range(at, kit.steps):
+        for name, rows in kit.material.feed.items():
+            if step not in rows:
+                continue
+            if name == source and step == at:
+                spoil(stage, name, step, rows[step])
+            else:
+                stage.publish(name, step, rows[step])
+    stage.until(
+        lambda: stage.seen.faults or stage.seen.newest >= kit.steps - kit.spec.every,
+        "a Fault",
+        kit.spec.deadlines.step_s,
+        stage.repeat,
+        faults=True,
+    )
+    if not stage.seen.faults:
+        # One that publishes first may take in its last inputs only now.
+        stage.idle(0.2)
+    if not stage.seen.faults:
+        raise Failed(f"it did all {kit.steps} steps, and reported no fault of {source}")
+
+
+def _check_fault(stage: Stage, fault: Fault, source: str) -> None:
+    if fault.blames != source:
+        raise Failed(f"its fault blames {fault.blames or 'nobody'}, not {source}: {fault.message}")
+    stage.idle(0.05)
+    if stage.seen.logged != stage.seen.packed:
+        raise Failed(
+            f"{len(stage.seen.packed)} Outputs were published before the fault and "
+            f"{len(stage.seen.logged)} logged (P10.1)"
+        )
+    stage.stop(-1)
+    # It may wait for the Stop, though not for long (P10.1).
+    limit_s = stage.spec.deadlines.stop_s + 1.0
+    code = stage.await_end("the Stop after its fault", limit_s, lambda: stage.stop(-1))
+    if code == 0:
+        raise Failed("it exited with code 0 after a fault (P10.1)")
+
+
+def changed_duplicate(kit: Kit) -> str:
+    """Publish a step twice, with other bytes."""
+
+    def spoil(stage: Stage, source: str, step: int, ports: Ports) -> None:
+        stage.publish(source, step, ports)
+        stage.publish(source, step, {})
+
+    return _faults(kit, spoil)
+
+
+def skipped_step(kit: Kit) -> str:
+    """Leave out a step of a source."""
+    return _faults(kit, lambda _stage, _source, _step, _ports: None)
+
+
+def malformed_outputs(kit: Kit) -> str:
+    """Publish what is no Outputs, but carries the token."""
+
+    def spoil(stage: Stage, source: str, step: int, ports: Ports) -> None:
+        bad = {"token": stage.token, "step": "seven", "t_ns": 0}
+        stage.publish_bytes(source, msgspec.msgpack.encode(bad))
+        stage.publish(source, step, ports)
+
+    return _faults(kit, spoil)
+
+
+def wrong_message(kit: Kit) -> str:
+    """Publish messages that are not of their port's type."""
+
+    def spoil(stage: Stage, source: str, step: int, ports: Ports) -> None:
+        # No field of any type is binary.
+        bad = {
+            port: msgspec.msgpack.encode(dict.fromkeys(msgspec.msgpack.decode(data), b"\x00"))
+            for port, data in ports.items()
+        }
+        stage.publish(source, step, bad)
+
+    return _faults(kit, spoil)
+
+
+CHECKS = (
+    Check(
+        name="changed-duplicate",
+        clause="P8.1",
+        summary="a step that comes twice with other bytes is a fault that blames the source",
+        run=changed_duplicate,
+    ),
+    Check(
+        name="skipped-step",
+        clause="P8.1",
+        summary="so is a step that a source skips",
+        run=skipped_step,
+    ),
+    Check(
+        name="malformed-outputs",
+        clause="P8.1",
+        summary="so is a malformed `Outputs` with the right token",
+        run=malformed_outputs,
+    ),
+    Check(
+        name="wrong-message",
+        clause="P8.2",
+        summary="so is a due message that is not of its type",
+        run=wrong_message,
+    ),
+)

@@ -1,0 +1,189 @@
+"""Checks of the time before the start: ticket, joining, greetings, descriptions."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+from stepbus.ticket import TICKET_VARIABLE
+
+from ..child import Child
+from .check import Check
+from .kit import Kit
+from .outcome import Failed, Skipped
+from .setup import Setup
+
+_LATE_S = 0.5
+
+
+def no_ticket(kit: Kit) -> str:
+    """Start the program without a ticket."""
+    environment = {k: v for k, v in os.environ.items() if k != TICKET_VARIABLE}
+    logs = kit.log_folder() / "no_ticket.log"
+    child = Child(kit.spec.name, kit.command, cwd=kit.cwd, log=logs, environment=environment)
+    limit_s = kit.spec.deadlines.spawn_s
+    try:
+        if not child.wait(limit_s):
+            raise Failed(f"it still runs after {limit_s:g} s without a ticket")
+        return _refused(child.exit_code() or 0, "without a ticket")
+    finally:
+        child.end()
+
+
+def _refused(code: int, when: str) -> str:
+    if code == 0:
+        raise Failed(f"it exited with code 0 {when}, as if all were well")
+    return f"ended with code {code} {when}"
+
+
+def join(kit: Kit) -> str:
+    """Let it join."""
+    with kit.stage() as stage:
+        stage.open_bus()
+        stage.start_program()
+        stage.let_join()
+        seen, name = stage.seen, kit.spec.name
+        if "P4.2" in seen.problems or seen.hello is None:
+            raise Failed(seen.problems.get("P4.2", "no Hello"))
+        if not seen.alive_before_hello:
+            raise Failed(f"it asked to join before its liveliness token alive/{name} was there")
+        hello = seen.hello
+        if (hello.name, hello.token, hello.protocol) != (name, stage.token, 1):
+            right = "right" if hello.token == stage.token else "wrong"
+            raise Failed(
+                f"its Hello is of {hello.name!r}, protocol {hello.protocol}, with a {right} "
+                f"token; due are {name!r}, 1, right"
+            )
+        return f"Hello from {hello.language or 'no language'}, protocol 1"
+
+
+def port_types(kit: Kit) -> str:
+    """Compare the ports it says it has with those of the scenario."""
+    with kit.stage() as stage:
+        stage.open_bus()
+        stage.start_program()
+        stage.let_join()
+        hello = stage.seen.hello
+    welcome: Any = Setup().answer(kit.material.scenario, kit.spec, "")
+    if hello is None or (hello.inputs is None and hello.outputs is None):
+        raise Skipped("its Hello names no ports, so that it takes those of the scenario")
+    for kind, said, ports in (
+        ("inputs", hello.inputs, welcome.inputs),
+        ("outputs", hello.outputs, welcome.outputs),
+    ):
+        wanted = {port: item.type for port, item in ports.items()}
+        if said is not None and said != wanted:
+            raise Failed(f"its Hello names the {kind} {said}, the scenario has {wanted}")
+    return "its Hello names the ports of the scenario"
+
+
+def orchestrator_late(kit: Kit) -> str:
+    """Open the bus half a second after the program has started."""
+    with kit.stage() as stage:
+        stage.start_program()
+        time.sleep(_LATE_S)
+        stage.open_bus()
+        stage.let_join()
+        stage.let_ready()
+    return "joined and got ready"
+
+
+def nobody_answers(kit: Kit) -> str:
+    """Give it a ticket to a run in which nobody answers."""
+    with kit.stage(Setup(join_timeout_s=1.0)) as stage:
+        stage.start_program()
+        # Starting takes its time, and the last query may begin just before the time is over.
+        limit_s = kit.spec.deadlines.spawn_s + 2.0
+        code = stage.await_end("its start; nobody answers, join_timeout_s is 1", limit_s)
+    return _refused(code, "when nobody answered for 1 s")
+
+
+def _not_let_in(kit: Kit, setup: Setup, when: str) -> str:
+    with kit.stage(setup) as stage:
+        stage.open_bus()
+        stage.start_program()
+        stage.let_join()
+        code = stage.await_end(when, kit.spec.deadlines.join_s, stage.greet)
+        if stage.seen.readies:
+            raise Failed(f"it got ready {when}")
+    return _refused(code, f"after {when}")
+
+
+def refused(kit: Kit) -> str:
+    """Refuse it, as the orchestrator does for wrong versions, types or tokens."""
+    return _not_let_in(kit, Setup(refusal="the conformance kit refuses you"), "a Refusal")
+
+
+def welcome_protocol(kit: Kit) -> str:
+    """Welcome it in another version of the protocol."""
+    return _not_let_in(kit, Setup(welcome={"protocol": 2}), "a Welcome of protocol 2")
+
+
+def welcome_name(kit: Kit) -> str:
+    """Welcome somebody else."""
+    return _not_let_in(kit, Setup(welcome={"name": "somebody"}), "a Welcome for another name")
+
+
+def welcome_token(kit: Kit) -> str:
+    """Welcome it with another run's token."""
+    setup = Setup(welcome={"token": "0000000000000000"})
+    return _not_let_in(kit, setup, "a Welcome with another token")
+
+
+CHECKS = (
+    Check(
+        name="no-ticket",
+        clause="P1.1",
+        summary="without a ticket it ends with a code other than 0",
+        run=no_ticket,
+    ),
+    Check(
+        name="join",
+        clause="P4.2",
+        summary="it is alive on the bus, then sends a right `Hello`",
+        run=join,
+    ),
+    Check(
+        name="port-types",
+        clause="P14.3",
+        summary="the ports of its `Hello`, where it names any, are the scenario's",
+        run=port_types,
+    ),
+    Check(
+        name="orchestrator-late",
+        clause="P4.2",
+        summary="it asks again while the orchestrator is not there yet",
+        run=orchestrator_late,
+    ),
+    Check(
+        name="nobody-answers",
+        clause="P4.2",
+        summary="it gives up after `join_timeout_s`",
+        run=nobody_answers,
+    ),
+    Check(
+        name="refused",
+        clause="P4.3",
+        summary="a `Refusal` (version, types, token) ends it, with a code other than 0",
+        run=refused,
+    ),
+    Check(
+        name="welcome-protocol",
+        clause="P4.3",
+        summary="so does a `Welcome` of another protocol version",
+        run=welcome_protocol,
+    ),
+    Check(
+        name="welcome-name",
+        clause="P4.3",
+        summary="so does a `Welcome` for another name",
+        run=welcome_name,
+    ),
+    Check(
+        name="welcome-token",
+        clause="P4.3",
+        summary="so does a `Welcome` with another token",
+        run=welcome_token,
+    ),
+)

@@ -1,0 +1,229 @@
+"""Checks of what a participant has to drop: it goes on as if it had never come."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+import msgspec
+
+from stepbus_schemas import Outputs, Start, Stop, Trigger, encode
+
+from ..reception import max_message_bytes
+from .check import Check
+from .feeds import Feed, Ports
+from .kit import Kit
+from .outcome import Skipped
+from .stage import Stage
+
+_FOREIGN = "1234567890abcdef"
+Noise = Callable[[Stage, int], None]
+
+
+def _undisturbed(kit: Kit, noise: Noise, what: str) -> str:
+    """Make noise before and after the inputs of some steps; the outputs stay the same."""
+    kit.reference()
+
+    def play(stage: Stage) -> None:
+        for step in range(kit.steps):
+            stage.release(step + 1)
+            noise(stage, step)
+            stage.feed(kit.material.feed, step)
+            noise(stage, step)
+            stage.await_output(step)
+        stage.await_logged()
+
+    trace = kit.play(play=play)
+    kit.same(trace, what)
+    counted = ", ".join(f"{cause} {count}" for cause, count in trace.seen.drops.items())
+    return f"the same outputs; it counts as dropped: {counted or 'nothing'}"
+
+
+def _to_all(make: Callable[[Stage, str, int], bytes | None]) -> Noise:
+    """Return noise that each source makes."""
+
+    def noise(stage: Stage, step: int) -> None:
+        for source in stage.material.feed:
+            data = make(stage, source, step)
+            if data is not None:
+                stage.publish_bytes(source, data)
+
+    return noise
+
+
+def _outputs(stage: Stage, source: str, step: int, token: str | None = None) -> bytes | None:
+    """Return what a source publishes at a step, None where it does not fire."""
+    ports = stage.material.feed[source].get(step)
+    if ports is None:
+        return None
+    return encode(
+        Outputs(
+            token=token or stage.token,
+            step=step,
+            t_ns=step * stage.scenario.step_ns,
+            ports={port: msgspec.Raw(data) for port, data in ports.items()},
+        )
+    )
+
+
+def duplicate(kit: Kit) -> str:
+    """Send each message of the sources once more."""
+    kit.need_inputs()
+    kit.reference()
+
+    def play(stage: Stage) -> None:
+        for step in range(kit.steps):
+            stage.release(step + 1)
+            stage.feed(kit.material.feed, step)
+            stage.feed(kit.material.feed, step)
+            stage.await_output(step)
+
+    kit.same(kit.play(play=play), "with duplicates")
+    return "the same outputs"
+
+
+def stale(kit: Kit) -> str:
+    """Send messages of older steps again."""
+    kit.need_inputs()
+    kit.reference()
+
+    def play(stage: Stage) -> None:
+        for step in range(kit.steps):
+            stage.release(step + 1)
+            stage.feed(kit.material.feed, step)
+            for source, rows in kit.material.feed.items():
+                older = [s for s in rows if s < step]
+                for s in older[-3:-1]:
+                    stage.publish(source, s, rows[s])
+            stage.await_output(step)
+
+    kit.same(kit.play(play=play), "with stale messages")
+    return "the same outputs"
+
+
+def garbage(kit: Kit) -> str:
+    """Send bytes without a token."""
+    kit.need_inputs()
+    pieces = _garbage()
+    noise = _to_all(lambda _stage, _source, step: pieces[step % len(pieces)])
+    return _undisturbed(kit, noise, "with garbage")
+
+
+def _garbage() -> list[bytes]:
+    chance = random.Random(0)  # noqa: S311
+    return [
+        b"",
+        b"\xc1",
+        b"\x91" * 20_000,
+        b"\xdd\xff\xff\xff\xff",
+        b"\x81\xa5token",
+        b"null",
+        msgspec.msgpack.encode([1, 2, 3]),
+        msgspec.msgpack.encode({"token": 5, "step": 0}),
+        b"\x81\xa5token\xa2\xff\xfe",
+        *(chance.randbytes(length) for length in (1, 10, 100, 1000)),
+    ]
+
+
+def foreign(kit: Kit) -> str:
+    """Send right outputs with another run's token, with other content."""
+    kit.need_inputs()
+    noise = _to_all(lambda stage, source, step: _outputs(stage, source, step, _FOREIGN))
+    return _undisturbed(kit, noise, "with messages of another run")
+
+
+def control_noise(kit: Kit) -> str:
+    """Send Stop, Start and Trigger with another token, and garbage on their keys."""
+    messages: list[tuple[str, bytes]] = [
+        ("stop", encode(Stop(token=_FOREIGN, reason="a stranger", at_step=-1))),
+        ("trigger", encode(Trigger(token=_FOREIGN, upto=1 << 40))),
+        ("start", encode(Start(token=_FOREIGN, inputs={}))),
+        *((key, data) for data in _garbage() for key in ("stop", "trigger", "start")),
+    ]
+
+    def noise(stage: Stage, step: int) -> None:
+        for kind, data in messages[step % 4 :: 4]:
+            stage.say(kind, data)
+
+    return _undisturbed(kit, noise, "with a stranger's Stop, Trigger and Start")
+
+
+def _with_ports(kit: Kit, ports: Ports) -> Feed:
+    return {
+        source: {step: {**ports, **row} for step, row in rows.items()}
+        for source, rows in kit.material.feed.items()
+    }
+
+
+def unread_ports(kit: Kit) -> str:
+    """Add ports that it does not read, with anything in them."""
+    kit.need_inputs()
+    strange = {
+        "conformance_map": msgspec.msgpack.encode({"position": "many"}),
+        "conformance_nil": b"\xc0",
+        "conformance_list": msgspec.msgpack.encode([1.5, None, b"\x00\xff"]),
+    }
+    kit.same(kit.play(_with_ports(kit, strange)), "with more ports")
+    return "ignored"
+
+
+def oversize(kit: Kit) -> str:
+    """Make each message of the sources as large as the bus allows."""
+    kit.need_inputs()
+    limit = min(max_message_bytes(kit.material.scenario), 60_000)
+    own = max(
+        sum(map(len, row.values())) for rows in kit.material.feed.values() for row in rows.values()
+    )
+    room = limit - own - 500
+    if room < 1:
+        raise Skipped(f"its inputs of {own} bytes are as large as the bus allows already")
+    kit.reference()
+    filler = {"conformance_filler": msgspec.msgpack.encode(bytes(room))}
+    kit.same(kit.play(_with_ports(kit, filler)), "with large messages")
+    return f"messages of {limit - 500} bytes and more: the same outputs"
+
+
+CHECKS = (
+    Check(
+        name="duplicate",
+        clause="P8.1",
+        summary="equal bytes that come twice change nothing",
+        run=duplicate,
+    ),
+    Check(
+        name="stale",
+        clause="P8.1",
+        summary="messages of older steps change nothing",
+        run=stale,
+    ),
+    Check(
+        name="garbage",
+        clause="P8.1",
+        summary="bytes without the token change nothing",
+        run=garbage,
+    ),
+    Check(
+        name="foreign",
+        clause="P8.1",
+        summary="messages with another token change nothing",
+        run=foreign,
+    ),
+    Check(
+        name="control-noise",
+        clause="P8.4",
+        summary="a stranger's `Stop`, `Start` and `Trigger`, and garbage there, change nothing",
+        run=control_noise,
+    ),
+    Check(
+        name="unread-ports",
+        clause="P8.2",
+        summary="ports it does not read change nothing, whatever they contain",
+        run=unread_ports,
+    ),
+    Check(
+        name="oversize",
+        clause="P3.7",
+        summary="messages as large as the bus carries change nothing",
+        run=oversize,
+    ),
+)

@@ -1,0 +1,175 @@
+"""Checks of greetings, descriptions and the start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from stepbus_schemas import Description, Ready
+
+from .check import Check
+from .feeds import reverse_description
+from .kit import Kit, Trace
+from .outcome import Failed
+from .setup import Setup
+from .stage import Stage
+
+
+def greeting(kit: Kit) -> str:
+    """Listen to its greetings, and to what comes before Ready."""
+    with kit.stage() as stage:
+        stage.meet()
+        seen = stage.seen
+        count, readies = seen.greetings + 2, len(seen.readies) + 2
+        stage.until(
+            lambda: seen.greetings >= count and len(seen.readies) >= readies,
+            "another greeting and Ready before the Start",
+            kit.spec.deadlines.step_s,
+            stage.greet,
+        )
+        if "P4.6" in seen.problems:
+            raise Failed(seen.problems["P4.6"])
+        if not seen.log_before_ready:
+            raise Failed("its first Ready came without a Log before it")
+        if seen.outputs:
+            raise Failed(f"it published step {seen.newest} before the Start")
+    return "empty greetings and Ready, each repeated"
+
+
+def peers_first(kit: Kit) -> str:
+    """Let the peers be there, on a link of their own, before the program starts."""
+    kit.need_inputs()
+    setup = Setup(own_peers=True)
+    kit.same(kit.play(setup=setup), "with peers that were there first")
+    return "the same outputs"
+
+
+def peers_last(kit: Kit) -> str:
+    """Let the peers come, on a link of their own, once it waits for them."""
+    kit.need_inputs()
+    reference = kit.reference()
+    with kit.stage(Setup(own_peers=True)) as stage:
+        stage.open_bus()
+        stage.start_program()
+        stage.let_join()
+        sources, seen = set(kit.material.feed), stage.seen
+        stage.until(
+            lambda: seen.waits(-1, sources) or seen.readies,
+            f"a Log with waiting step −1 and sources {sorted(sources)}",
+            kit.spec.deadlines.ready_s,
+        )
+        if seen.readies:
+            raise Failed(f"it got ready without a greeting of {sorted(sources)}")
+        stage.open_peers()
+        stage.let_ready()
+        stage.start()
+        stage.walk(kit.material.feed, 0, kit.steps)
+        kit.same(Trace(ports=seen.ports(), seen=seen), "with late peers", reference)
+    return "told whom it waits for, then the same outputs"
+
+
+def descriptions(kit: Kit) -> str:
+    """Check what it says of its outputs."""
+    with kit.stage() as stage:
+        stage.meet()
+        ready = stage.seen.readies[0]
+    for port, description in ready.outputs.items():
+        problem = _description_problem(kit, port, description)
+        if problem:
+            raise Failed(f"its description of {port!r} {problem}")
+    return ", ".join(f"{port}: {_names(ready, port)}" for port in kit.spec.outputs) or "no outputs"
+
+
+def _description_problem(kit: Kit, port: str, item: Description) -> str | None:
+    if port not in kit.spec.outputs:
+        return "is of no port of the scenario"
+    if len(set(item.names)) != len(item.names):
+        return f"repeats a name: {item.names}"
+    if item.like is not None and item.like not in kit.spec.inputs:
+        return f"is like {item.like!r}, which is no input of it"
+    rows: Mapping[str, list[Any]] = {**item.limits, **item.details}
+    # Where it is `like` an input, that one's names count.
+    names = item.names if item.like is None else kit.material.descriptions[item.like].names
+    for key, row in rows.items():
+        if len(row) != len(names):
+            return f"has {len(row)} values of {key} for {len(names)} names"
+    return None
+
+
+def _names(ready: Ready, port: str) -> str:
+    item = ready.outputs.get(port, Description())
+    return f"like {item.like}" if item.like else (", ".join(item.names) or "no names")
+
+
+def start_again(kit: Kit) -> str:
+    """Say the Start again later, with the joints in another order."""
+    turned = {k: reverse_description(d) for k, d in kit.material.descriptions.items()}
+
+    def play(stage: Stage) -> None:
+        stage.walk(kit.material.feed, 0, kit.middle)
+        stage.start()
+        stage.start(turned)
+        stage.walk(kit.material.feed, kit.middle, kit.steps)
+
+    kit.same(kit.play(play=play), "after another Start")
+    return "two more, one with other descriptions, changed nothing"
+
+
+def early(kit: Kit) -> str:
+    """Send trigger and outputs before the Start, and greetings behind it."""
+
+    def play(stage: Stage) -> None:
+        stage.release(1)
+        stage.feed(kit.material.feed, 0)
+        stage.greet()
+        stage.start()
+        stage.await_output(0)
+        stage.greet()
+        stage.walk(kit.material.feed, 1, kit.steps)
+
+    reference = kit.reference()
+    with kit.stage() as stage:
+        stage.meet()
+        play(stage)
+        kit.same(Trace(ports=stage.seen.ports(), seen=stage.seen), "in this order", reference)
+    return "kept the trigger and step 0, ignored the greetings"
+
+
+CHECKS = (
+    Check(
+        name="greeting",
+        clause="P4.6",
+        summary="it greets, logs and says `Ready` until the `Start`, and publishes no step before",
+        run=greeting,
+    ),
+    Check(
+        name="peers-first",
+        clause="P2.2",
+        summary="peers that are there first, on a link of their own, change nothing",
+        run=peers_first,
+    ),
+    Check(
+        name="peers-last",
+        clause="P4.6",
+        summary="it waits for peers that come late, says for whom, and changes nothing",
+        run=peers_last,
+    ),
+    Check(
+        name="descriptions",
+        clause="P4.7",
+        summary="names, limits and `like` of its outputs fit together",
+        run=descriptions,
+    ),
+    Check(
+        name="start-again",
+        clause="P4.8",
+        summary="later `Start`s change nothing, also with other descriptions",
+        run=start_again,
+    ),
+    Check(
+        name="early",
+        clause="P4.9",
+        summary="it keeps a trigger and outputs that come before the `Start`",
+        run=early,
+    ),
+)

@@ -1,0 +1,96 @@
+"""Checks one participant: the function behind `stepbus conformance`, free of printing."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..bridge.formats import RAW_TYPES
+from ..scenario import ParticipantSpec, Scenario, start_command
+from ..scenario.model import BridgeSpec
+from .catalogue import CHECKS
+from .check import Check, run_checks
+from .kit import Kit
+from .material import find, record
+from .outcome import CheckResult, Report
+
+
+def conformance(
+    scenario: Scenario,
+    participant: str,
+    program: Sequence[str] = (),
+    *,
+    bridge: str | None = None,
+    checks: Sequence[Check] = CHECKS,
+    logs: Path | None = None,
+    on_result: Callable[[CheckResult], None] = lambda _result: None,
+    interrupt: threading.Event | None = None,
+) -> Report:
+    """Play orchestrator and peers to one participant, and check what it does.
+
+    program: its command line, started in the current folder; none: that of the scenario. bridge:
+    the format in which `stepbus bridge` shall speak with it. logs: keeps its logs, in a folder for
+    each start. on_result: is told of each check.
+
+    Raises WiringError when there is no such participant or program, RunFailure when its inputs
+    cannot be recorded or it is interrupted.
+    """
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="conformance-")))
+        scenario = _prepared(scenario, participant, program, bridge)
+        cwd = Path.cwd() if program else scenario.folder
+        words = _words(scenario.participant(participant), program, bridge, cwd)
+        material = record(scenario, participant, folder / "run")
+        kit = Kit(
+            material=material,
+            command=words,
+            cwd=cwd,
+            logs=folder / "logs" if logs is None else logs,
+            interrupt=interrupt or threading.Event(),
+        )
+        results = run_checks(kit, checks, on_result)
+    return Report(
+        scenario=scenario.name,
+        participant=participant,
+        program=kit.command,
+        steps=material.steps,
+        checks=results,
+    )
+
+
+def _prepared(
+    scenario: Scenario, participant: str, program: Sequence[str], bridge: str | None
+) -> Scenario:
+    """Return the scenario without faults on purpose, and with the ports that the bridge carries."""
+    spec = find(scenario, participant)
+    form = bridge or ("" if program or spec.bridge is None else spec.bridge.format)
+    outputs = spec.outputs
+    if form == "raw":
+        # Those that nobody reads are left out, as an author of a raw program does.
+        read = {(i.source, i.port) for p in scenario.participants for i in p.inputs.values()}
+        outputs = {
+            port: output
+            for port, output in outputs.items()
+            if output.type in RAW_TYPES or (participant, port) in read
+        }
+    specs = tuple(
+        dataclasses.replace(s, on_fault=None, outputs=outputs if s is spec else s.outputs)
+        for s in scenario.participants
+    )
+    return dataclasses.replace(scenario, participants=specs, faults=())
+
+
+def _words(
+    spec: ParticipantSpec, program: Sequence[str], bridge: str | None, folder: Path
+) -> tuple[str, ...]:
+    """Return the command line to start."""
+    own = spec.bridge if not program else None
+    if bridge is not None:
+        describe = {} if spec.bridge is None else spec.bridge.describe
+        own = BridgeSpec(format=bridge, describe=describe)
+    words = tuple(program) or spec.exec
+    return start_command(dataclasses.replace(spec, exec=words, bridge=own), folder)

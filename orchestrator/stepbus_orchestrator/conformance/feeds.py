@@ -1,0 +1,96 @@
+"""What the peers of a participant publish, and other versions of the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from stepbus_schemas import Description, encode, json_schema, message_class
+
+Ports = Mapping[str, bytes]
+"""Output port → encoded message."""
+
+Feed = Mapping[str, Mapping[int, Ports]]
+"""Source → step → what it publishes."""
+
+Edit = Callable[[str, str, int, bytes], bytes]
+"""Returns another message for (source, port, step, message)."""
+
+
+def edited(feed: Feed, edit: Edit) -> Feed:
+    """Return a feed with every message replaced by what `edit` makes of it."""
+    return {
+        source: {
+            step: {port: edit(source, port, step, data) for port, data in ports.items()}
+            for step, ports in rows.items()
+        }
+        for source, rows in feed.items()
+    }
+
+
+def shifted(feed: Feed, ports: set[tuple[str, str]], delay: int) -> Feed:
+    """Return a feed in which some ports, as (source, port), come `delay` steps later."""
+    return {
+        source: {
+            step: {
+                **{p: data for p, data in row.items() if (source, p) not in ports},
+                **{
+                    p: data
+                    for p, data in rows.get(step - delay, {}).items()
+                    if (source, p) in ports
+                },
+            }
+            for step, row in rows.items()
+        }
+        for source, rows in feed.items()
+    }
+
+
+def repeated(feed: Feed) -> Feed:
+    """Return a feed in which a step without a port has the message of the step before."""
+    return {source: _filled(rows) for source, rows in feed.items()}
+
+
+def _filled(rows: Mapping[int, Ports]) -> dict[int, Ports]:
+    held: dict[str, bytes] = {}
+    filled: dict[int, Ports] = {}
+    for step, row in rows.items():
+        held = {**held, **row}
+        filled[step] = held
+    return filled
+
+
+# --- messages and their vectors --------------------------------------------------------------
+
+
+def vectors_of(type_name: str) -> set[str]:
+    """Return the fields of a message type that have one value for each name."""
+    fields = json_schema(type_name)["properties"]
+    return {name for name, field in fields.items() if field.get("shape") == ["n"]}
+
+
+def plain(type_name: str, data: bytes) -> dict[str, Any]:
+    """Return a message as a map of plain values."""
+    message = msgspec.msgpack.decode(data, type=message_class(type_name))
+    found: dict[str, Any] = msgspec.to_builtins(message)
+    return found
+
+
+def reverse(type_name: str, data: bytes) -> bytes:
+    """Return a message with each of its vectors in reversed order."""
+    vectors = vectors_of(type_name)
+    fields = plain(type_name, data)
+    turned = {k: v[::-1] if k in vectors and v else v for k, v in fields.items()}
+    return encode(msgspec.convert(turned, message_class(type_name)))
+
+
+def reverse_description(description: Description) -> Description:
+    """Return a description with its names, and all rows that belong to them, reversed."""
+    return msgspec.structs.replace(
+        description,
+        names=description.names[::-1],
+        limits={key: row[::-1] for key, row in description.limits.items()},
+        details={key: row[::-1] for key, row in description.details.items()},
+    )

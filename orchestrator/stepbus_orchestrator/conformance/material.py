@@ -1,0 +1,111 @@
+"""The inputs a participant is fed with: what its peers published in a short run of the scenario."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from stepbus_schemas import Description, WiringError
+
+from ..errors import RunFailure
+from ..reader import Recording
+from ..replay.check import recorded_descriptions
+from ..replay.recorded import Recorded
+from ..roster import input_descriptions
+from ..run import Options, run
+from ..scenario import ParticipantSpec, Scenario
+from ..scenario.problems import hint
+from .feeds import Feed, Ports
+
+_LEAST_STEPS = 24
+_LEAST_FIRINGS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """All that is played to one participant.
+
+    scenario: as many steps long as there is material. feed: by source. descriptions: of each
+    input, with names. recording: the run's `run.mcap`, where it was kept.
+    """
+
+    scenario: Scenario
+    spec: ParticipantSpec
+    feed: Feed
+    descriptions: Mapping[str, Description]
+    recording: Path
+
+    @property
+    def steps(self) -> int:
+        """Return for how many steps there is material."""
+        return self.scenario.steps or 0
+
+
+def record(scenario: Scenario, participant: str, folder: Path) -> Material:
+    """Run a scenario for some steps and return what the sources of a participant published.
+
+    folder: gets the run's files. Raises WiringError when it has no such participant, RunFailure
+    when the run fails.
+    """
+    spec = find(scenario, participant)
+    wanted = max(_LEAST_STEPS, _LEAST_FIRINGS * spec.every)
+    short = dataclasses.replace(scenario, steps=min(wanted, scenario.steps or wanted))
+    result = run(short, Options(out=folder))
+    if result.exit_code:
+        failure = RunFailure(
+            f"no inputs for {participant}: the run of {scenario.file} that shall record them "
+            f"failed: {result.reason}",
+            participant=result.participant,
+            step=result.at_step,
+        )
+        failure.code = type(failure.code)(result.exit_code)
+        raise failure
+    if not result.steps:
+        raise WiringError(f"{scenario.file} has no steps, so that there is nothing to play")
+    return read(dataclasses.replace(short, steps=result.steps), participant, result.recording)
+
+
+def find(scenario: Scenario, participant: str) -> ParticipantSpec:
+    """Return the participant.
+
+    Raises WiringError when there is none of that name, or it has bulk ports.
+    """
+    names = [spec.name for spec in scenario.participants]
+    if participant not in names:
+        known = hint(participant, names)
+        raise WiringError(f"{scenario.file} has no participant {participant!r}{known}")
+    spec = scenario.participant(participant)
+    sources = [(scenario.participant(i.source), i.port) for i in spec.inputs.values()]
+    bulk = [f"{s.name}.{port}" for s, port in sources if s.outputs[port].bulk]
+    bulk += [f"{participant}.{port}" for port, output in spec.outputs.items() if output.bulk]
+    if bulk:
+        raise WiringError(f"{bulk[0]} is a bulk port, which the conformance kit does not play")
+    return spec
+
+
+def read(scenario: Scenario, participant: str, path: Path) -> Material:
+    """Return what a recording of a scenario, at least as long, says a participant is fed with.
+
+    Raises WiringError as `find`, RecordingFailed when it cannot be read.
+    """
+    spec = find(scenario, participant)
+    recording = Recording.open(path)
+    sources = dict.fromkeys(item.source for item in spec.inputs.values())
+    described = recorded_descriptions(recording)
+    return Material(
+        scenario=scenario,
+        spec=spec,
+        feed={name: _rows(recording, scenario, name) for name in sources},
+        descriptions=input_descriptions(
+            scenario, {s.name: described.get(s.name, {}) for s in scenario.participants}
+        )[spec.name],
+        recording=path,
+    )
+
+
+def _rows(recording: Recording, scenario: Scenario, name: str) -> dict[int, Ports]:
+    source = scenario.participant(name)
+    track = Recorded(recording, source)
+    return {step: track.take() for step in range(0, scenario.steps or 0, source.every)}

@@ -1,0 +1,152 @@
+"""Plays the orchestrator and all peers to one participant, over the real bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from stepbus_schemas import GREETING_STEP, Description, Outputs, Start, Stop, Trigger, encode
+
+from ..replay.recorded import envelope
+from .feeds import Feed, Ports
+from .outcome import Failed
+from .wire import Wire
+
+
+class Stage(Wire):
+    """The run around one program, as its orchestrator and all of its peers play it.
+
+    Raises Failed as `Wire` does, and when the program takes in nothing.
+    """
+
+    _start: bytes | None = None
+    _upto = 0
+
+    # --- talking -----------------------------------------------------------------------------
+
+    def greet(self) -> None:
+        """Let every peer prove its link."""
+        for put in self._peers.values():
+            self._send(put, encode(Outputs(token=self.token, step=GREETING_STEP, t_ns=0)))
+
+    def meet(self) -> None:
+        """Start the program and play along until it is ready."""
+        self.open_bus()
+        if self._setup.own_peers:
+            self.open_peers()
+        self.start_program()
+        self.let_join()
+        self.let_ready()
+
+    def let_join(self) -> None:
+        """Wait until it has asked to join."""
+        limits = self.spec.deadlines
+        self.until(lambda: self.seen.asked, "a request to join", limits.spawn_s + limits.join_s)
+
+    def let_ready(self) -> None:
+        """Greet it until it is ready."""
+        self.greet()
+        limit_s = self.spec.deadlines.ready_s
+        self.until(lambda: self.seen.readies, "Ready", limit_s, self.greet)
+
+    def start(self, descriptions: Mapping[str, Description] | None = None) -> None:
+        """Say that the run starts, with the descriptions of the participant's inputs."""
+        own = dict(self.material.descriptions if descriptions is None else descriptions)
+        self._start = encode(Start(token=self.token, inputs={self.spec.name: own}))
+        self.say("start", self._start)
+
+    def release(self, upto: int) -> None:
+        """Allow all steps below `upto`."""
+        self._upto = max(self._upto, upto)
+        self.say("trigger", encode(Trigger(token=self.token, upto=upto)))
+
+    def repeat(self) -> None:
+        """Say the newest word again, in case it has not been heard."""
+        if self._start is not None and not self.seen.outputs:
+            self.say("start", self._start)
+        if self._upto:
+            self.release(self._upto)
+
+    def stop(self, at_step: int) -> None:
+        """Say that the run is over."""
+        self.say("stop", encode(Stop(token=self.token, reason="the check ends", at_step=at_step)))
+
+    def say(self, kind: str, data: bytes) -> None:
+        """Publish bytes on `start`, `trigger` or `stop`."""
+        self._send(self._control[kind], data)
+
+    def publish(self, source: str, step: int, ports: Ports) -> bytes:
+        """Publish what a source has to say at a step; return the bytes."""
+        data = encode(envelope(self.token, step, self.scenario.step_ns, ports))
+        self.publish_bytes(source, data)
+        return data
+
+    def publish_bytes(self, source: str, data: bytes) -> None:
+        """Publish bytes in the name of a source."""
+        self._send(self._peers[source], data)
+
+    def _send(self, put: Callable[..., None], data: bytes) -> None:
+        with self._watchdog.watching():
+            put(data)
+        if self._watchdog.has_bitten:
+            limit_s = self.spec.deadlines.step_s
+            raise Failed(f"it took in nothing for {limit_s:g} s, and messages to it piled up")
+
+    def feed(self, feed: Feed, step: int) -> None:
+        """Publish what all sources have to say at a step."""
+        for source, rows in feed.items():
+            if step in rows and step % self.scenario.participant(source).every == 0:
+                self.publish(source, step, rows[step])
+
+    # --- stepping ----------------------------------------------------------------------------
+
+    def await_output(self, step: int, *, repeating: bool = True) -> None:
+        """Wait until it has published the newest step it fires at, up to `step`.
+
+        repeating: whether the trigger is said again meanwhile.
+        """
+        due = step - step % self.spec.every
+        self.until(
+            lambda: self.seen.newest >= due,
+            f"step {due}",
+            self.spec.deadlines.step_s,
+            self.repeat if repeating else None,
+        )
+
+    def await_logged(self) -> None:
+        """Wait until all it has published has been logged."""
+        self.until(
+            lambda: len(self.seen.logged) >= len(self.seen.packed),
+            f"the log of step {self.seen.newest}",
+            self.spec.deadlines.step_s,
+            self.repeat,
+        )
+
+    def walk(self, feed: Feed, begin: int, end: int) -> None:
+        """Do the steps from `begin` to below `end` in lockstep, one after the other."""
+        for step in range(begin, end):
+            self.release(step + 1)
+            self.feed(feed, step)
+            self.await_output(step)
+
+    def follow(self, feed: Feed) -> None:
+        """Do all steps as a run does: as far ahead of what is logged as the window allows."""
+        fed, steps = 0, self.material.steps
+        while (done := self._logged_steps()) < steps:
+            upto = min(steps, done + self.scenario.window)
+            for step in range(fed, upto):
+                self.feed(feed, step)
+            fed = max(fed, upto)
+            self.release(upto)
+            self.until(
+                partial(self._has_logged, done),
+                f"the log of step {done}",
+                self.spec.deadlines.step_s,
+                self.repeat,
+            )
+
+    def _logged_steps(self) -> int:
+        return len(self.seen.logged) * self.spec.every
+
+    def _has_logged(self, more_than: int) -> bool:
+        return self._logged_steps() > more_than

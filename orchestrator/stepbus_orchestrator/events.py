@@ -1,0 +1,56 @@
+"""Events of the participants: shown while the run goes on, and its warnings kept for the end."""
+
+from __future__ import annotations
+
+import msgspec
+
+from stepbus_schemas import Event
+
+from .progress import Observer
+
+EVENT_TYPE = "Event/1"
+
+# More than that from one output tells nobody anything new; the recording has them all.
+_MOST_SHOWN = 50
+
+
+class Warned(msgspec.Struct, frozen=True, kw_only=True):
+    """A warning or an error that a participant told of.
+
+    source: `participant.output`. step: at which it was published. text: one sentence.
+    """
+
+    source: str
+    step: int
+    level: str
+    text: str
+
+
+class Events:
+    """Takes in every recorded event, in the order of the recording, and shows it.
+
+    observer: whom it is shown to. warnings: the first ones of each output; count: of all.
+    """
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+        self._shown: dict[str, int] = {}
+        self.warnings: list[Warned] = []
+        self.count = 0
+
+    def take(self, participant: str, port: str, step: int, event: Event) -> None:
+        """Take in an event; each line of its text is a sentence of its own."""
+        for text in filter(None, event.text.splitlines()):
+            self._take_line(f"{participant}.{port}", participant, step, event.level, text)
+
+    def _take_line(self, source: str, who: str, step: int, level: str, text: str) -> None:
+        self._shown[source] = self._shown.get(source, 0) + 1
+        is_shown = self._shown[source] <= _MOST_SHOWN
+        if level != "info":
+            self.count += 1
+            if is_shown:
+                self.warnings.append(Warned(source=source, step=step, level=level, text=text))
+        if is_shown:
+            self._observer.event(level, who, step, text)
+        elif self._shown[source] == _MOST_SHOWN + 1:
+            self._observer.event("info", who, step, f"the further events of {source} are recorded")

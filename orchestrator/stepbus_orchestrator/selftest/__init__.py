@@ -1,0 +1,162 @@
+"""`stepbus selftest`: a known angle on every joint of a plant in turn, and what comes of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import tempfile
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from stepbus_schemas import Description, WiringError
+
+from ..describe import describe
+from ..errors import ExitCode, RunFailure
+from ..progress import Observer
+from ..reader import Port, Recording
+from ..result import Result
+from ..run import Options, run
+from ..scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
+from ..signals import Signal, read_signal
+from .judge import Verdict, judge
+from .plan import make_plan, modes_of, read_joints
+
+__all__ = ["SelfTest", "SelfTestFailed", "Verdict", "selftest"]
+
+_COMMAND, _STATE, _EVENT = "JointCommand/1", "JointState/1", "Event/1"
+_TESTER = "selftest"
+_QUANTITIES = ("position", "velocity", "effort")
+
+
+class SelfTestFailed(RunFailure):
+    """The test could not be carried out; `code` is that of the run."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = ExitCode(code)
+
+
+class SelfTest(msgspec.Struct, frozen=True, kw_only=True):
+    """What a self-test found. plant: the participant tested. simulated_s: how long it took [s]."""
+
+    plant: str
+    simulated_s: float
+    joints: list[Verdict]
+
+    @property
+    def ok(self) -> bool:
+        """Return whether nothing is wrong with any joint."""
+        return all(verdict.ok for verdict in self.joints)
+
+
+def selftest(
+    scenario: Scenario,
+    angle: float,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> SelfTest:
+    """Run the plant of a scenario alone with a tester, and judge each of its joints.
+
+    angle: to send rotary joints to [rad], or as near as their stops allow.
+    Raises WiringError where the scenario has no plant that is commanded by joint, SelfTestFailed
+    when its run fails; its files are then kept.
+    """
+    plant, port = _plant_of(scenario)
+    said = _said(scenario, plant.name, port, interrupt)
+    folder = Path(tempfile.mkdtemp(prefix="selftest-stepbus-"))
+    tested = _test_scenario(scenario, plant, port, said, angle)
+    result = run(tested, Options(out=folder / "run"), observer, interrupt)
+    if result.exit_code:
+        raise SelfTestFailed(result.reason, result.exit_code)
+    try:
+        return _judged(result, plant, port, angle)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _plant_of(scenario: Scenario) -> tuple[ParticipantSpec, str]:
+    """Return who reads joint commands and publishes joint states, and on which port."""
+    for spec in scenario.participants:
+        states = [name for name, output in spec.outputs.items() if output.type == _STATE]
+        if states and _command_inputs(scenario, spec):
+            return spec, states[0]
+    raise WiringError(
+        f"{scenario.name}: no participant reads a {_COMMAND} and publishes a {_STATE}; there is "
+        "nothing to test"
+    )
+
+
+def _command_inputs(scenario: Scenario, spec: ParticipantSpec) -> list[str]:
+    return [
+        name
+        for name, item in spec.inputs.items()
+        if scenario.participant(item.source).outputs[item.port].type == _COMMAND
+    ]
+
+
+def _said(
+    scenario: Scenario, plant: str, port: str, interrupt: threading.Event | None
+) -> Description:
+    portrait = next(p for p in describe(scenario, interrupt) if p.participant == plant)
+    said = next(output.description for output in portrait.outputs if output.port == port)
+    if not modes_of(said):
+        raise WiringError(f"{plant}.{port}: names no joint that has a motor; nothing to test")
+    return said
+
+
+def _test_scenario(
+    scenario: Scenario, plant: ParticipantSpec, port: str, said: Description, angle: float
+) -> Scenario:
+    """Return a scenario of the plant and a tester, which has an output for each mode."""
+    modes = modes_of(said)
+    joints = read_joints(said, [0.0] * len(said.names))
+    spare = [f"command_{mode}" for mode in modes]
+    ports = dict(zip(modes, [*_command_inputs(scenario, plant), *spare], strict=False))
+    kept = {name: out for name, out in plant.outputs.items() if out.type in (_STATE, _EVENT)}
+    tester = ParticipantSpec(
+        name=_TESTER if plant.name != _TESTER else f"{_TESTER}_2",
+        exec=("python", "-m", __name__),
+        every=plant.every,
+        inputs={"joint_state": InputSpec(source=plant.name, port=port)},
+        outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},
+        params={
+            "angle": angle,
+            "names": {mode: [j.name for j in joints if j.mode == mode] for mode in modes},
+        },
+    )
+    alone = dataclasses.replace(
+        plant,
+        inputs={name: InputSpec(source=tester.name, port=mode) for mode, name in ports.items()},
+        outputs=kept,
+        on_fault=None,
+    )
+    return dataclasses.replace(
+        scenario,
+        name=f"{scenario.name}_selftest",
+        steps=None,
+        participants=(alone, tester),
+        faults=(),
+    )
+
+
+def _judged(result: Result, plant: ParticipantSpec, port: str, angle: float) -> SelfTest:
+    recording = Recording.open(result.recording)
+    topic: Port = recording.ports[f"{plant.name}/{port}"]
+    state = read_signal(recording, topic, _QUANTITIES)
+    if state is None or "position" not in state.fields:
+        raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
+    joints = read_joints(topic.description, _start(state))
+    plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle)
+    return SelfTest(
+        plant=plant.name,
+        simulated_s=result.simulated_s,
+        joints=judge(joints, plan, state),
+    )
+
+
+def _start(state: Signal) -> Sequence[float]:
+    row: list[float] = state.fields["position"][0].tolist()
+    return row

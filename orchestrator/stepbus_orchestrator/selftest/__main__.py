@@ -1,0 +1,8 @@
+"""The tester as a process: `python -m stepbus_orchestrator.selftest`."""
+
+from stepbus import main
+
+from .tester import Tester
+
+if __name__ == "__main__":
+    raise SystemExit(main(Tester))

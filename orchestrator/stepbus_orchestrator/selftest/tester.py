@@ -1,0 +1,45 @@
+"""The participant that stands in for controller and mission while a plant is tested."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stepbus import Config, Participant, Step
+from stepbus_schemas import Description, JointState, Message, RunError
+
+from .plan import Trial, commands_at, make_plan, read_joints
+
+
+class Tester(Participant):
+    """Commands every joint in turn, and ends the run after the last.
+
+    Its input is the joint state; its outputs are named as the modes they command. Parameter:
+    angle [rad].
+    """
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the names of each output; they are known only when the plant has told them."""
+        return {
+            mode: Description(names=self.config.params["names"][mode])
+            for mode in self.config.outputs
+        }
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Take in what the plant says of its joints."""
+        (self._said,) = inputs.values()
+        (self._input,) = inputs
+        self._plan: list[Trial] = []
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the commands of this step."""
+        step_s = self.config.every * self.config.step_ns * 1e-9
+        count = step.index // self.config.every
+        if count == 0:
+            state = step.read(self._input, JointState)
+            if state.position is None:
+                raise RunError(f"{self.config.name}: the plant senses no positions")
+            self._joints = read_joints(self._said, state.position)
+            self._plan = make_plan(self._joints, step_s, self.config.params["angle"])
+        if not self._plan or count >= self._plan[-1].end:
+            step.end("all joints have been tested")
+        return dict(commands_at(count, self._plan, self._joints, step_s))

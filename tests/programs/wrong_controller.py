@@ -1,0 +1,266 @@
+"""The controller of by_the_page.py with one mistake: `wrong_controller.py MISTAKE`."""
+
+import os
+import random
+import signal
+import sys
+import time
+
+import by_the_page
+from by_the_page import CHECKS, NEVER, NUMBERS, Controller, Malformed, Source
+
+
+class WrongToken(Controller):
+    def hello(self):
+        return {**super().hello(), "token": "0123456789abcdef"}
+
+
+class AsksForever(Controller):
+    def join(self, timeout_s):
+        return super().join(1000.0)
+
+
+class AnyWelcome(Controller):
+    def check_welcome(self, answer):
+        return answer
+
+
+class NoGreetings(Controller):
+    """Ready at once, without its sources."""
+
+    def become_ready(self):
+        for source in self.sources.values():
+            source.heard = True
+        super().become_ready()
+
+
+class WrongLimits(Controller):
+    def publisher(self, kind, type_name):
+        put = super().publisher(kind, type_name)
+        described = {"command": {"like": "joint_state", "limits": {"effort": [1.0, 2.0, 3.0]}}}
+        return put if kind != "ready" else lambda content: put({**content, "outputs": described})
+
+
+class WrongEncoding(Controller):
+    def publisher(self, kind, type_name):
+        return super().publisher(kind, "Outputs" if kind == "log" else type_name)
+
+
+class StepsMissing(Controller):
+    def publish(self, step, ports):
+        if step != 5:
+            super().publish(step, ports)
+
+
+class TwiceDifferent(Controller):
+    def publish(self, step, ports):
+        super().publish(step, ports)
+        t_ns = step * self.welcome["step_ns"]
+        self.puts["out"]({"step": step, "t_ns": t_ns, "ports": {}})
+
+
+class WrongTime(Controller):
+    def publish(self, step, ports):
+        super().publish(step, ports)
+        self.welcome["step_ns"] += 1
+
+
+class StrangerOutputs(Controller):
+    def publisher(self, kind, type_name):
+        put = super().publisher(kind, type_name)
+        if kind != "out":
+            return put
+        return lambda m: put({**m, "token": "abcd"} if m["step"] >= 0 else m)
+
+
+class Mistyped(Controller):
+    def command(self):
+        return {"mode": "torque", "values": "many"}
+
+
+class NoLog(Controller):
+    def log(self, waiting=None):
+        self.batch, self.timing = [], []
+        super().log(waiting)
+
+
+class BigBatches(Controller):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.welcome["batch"] = 1000
+
+
+class Random(Controller):
+    def command(self):
+        command = super().command()
+        return {**command, "values": [value + random.random() for value in command["values"]]}
+
+
+class Clock(Controller):
+    def command(self):
+        command = super().command()
+        return {**command, "values": [value * time.time() for value in command["values"]]}
+
+
+class IgnoresTriggers(Controller):
+    def wait_for_trigger(self, step):
+        return True
+
+
+class LastTrigger(Controller):
+    """Takes the last trigger for the largest."""
+
+    def take_control(self, key, data):
+        if key == "trigger":
+            self.upto = 0
+        super().take_control(key, data)
+
+
+class Silent(Controller):
+    """Never says what it waits for."""
+
+    def log(self, waiting=None):
+        super().log(waiting if waiting and waiting["step"] < 0 else None)
+
+
+class TakesNewest(Controller):
+    """Takes the newest message rather than the due one."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        for source in self.sources.values():
+            settle = source.settle
+            source.settle = lambda name, due, settle=settle: settle(name, NEVER)
+
+
+class IgnoresDelay(Controller):
+    def due(self, config, step):
+        return super().due({**config, "delay": 0}, step)
+
+
+class ForgetsInputs(Controller):
+    """Does not hold; then it has nothing to work with."""
+
+    def read_inputs(self, step):
+        self.held = {}
+        return super().read_inputs(step)
+
+
+class ZerosForHeld(Controller):
+    """Does not hold; then it takes zeros."""
+
+    def read_inputs(self, step):
+        zeros = {"position": [0.0, 0.0], "velocity": [0.0, 0.0], "acceleration": [0.0, 0.0]}
+        self.held = dict.fromkeys(self.inputs, zeros)
+        return super().read_inputs(step)
+
+
+class FixedOrder(Controller):
+    def reference(self):
+        return self.held["reference"]["position"] if "reference" in self.held else None
+
+
+class IgnoresStop(Controller):
+    def take_control(self, key, data):
+        if key != "stop":
+            super().take_control(key, data)
+
+
+class AnyStop(Controller):
+    """Stops for anybody."""
+
+    def take_control(self, key, data):
+        if key == "stop":
+            self.stop_at = -1
+        super().take_control(key, data)
+
+
+class StopsAtOnce(Controller):
+    """Leaves out the step that a Stop overtakes."""
+
+    def take_control(self, key, data):
+        super().take_control(key, data)
+        if key == "stop" and self.stop_at != NEVER:
+            self.stop_at = -1
+
+
+class ExitsThree(Controller):
+    def finish(self):
+        super().finish()
+        return 3
+
+
+class Unwatchful(Controller):
+    def watch(self):
+        return None
+
+
+class SilentFaults(Controller):
+    def report(self, exc):
+        return 1
+
+
+class ForgivingSource(Source):
+    """Takes a changed duplicate for an equal one."""
+
+    def take_step(self, step, message, data):
+        if step != self.newest:
+            super().take_step(step, message, data)
+
+
+class FreezingSource(Source):
+    def take(self, data):
+        if len(data) > 30_000:
+            os.kill(os.getpid(), signal.SIGSTOP)
+        super().take(data)
+
+
+class HangingSource(Source):
+    def drop(self, cause):
+        if cause == "malformed":
+            time.sleep(1000)
+        super().drop(cause)
+
+
+MISTAKES = {
+    cls.__name__: cls
+    for cls in (
+        WrongToken, AsksForever, AnyWelcome, NoGreetings, WrongLimits,
+        WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
+        BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
+        ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
+        ExitsThree, Unwatchful, SilentFaults,
+    )
+}  # fmt: skip
+
+
+def strict_fields(message, type_name, check=by_the_page.check):
+    """Refuse fields that are not known."""
+    required, optional = by_the_page.TYPES[type_name]
+    if type_name.endswith("/1") and isinstance(message, dict):
+        unknown = [name for name in message if name not in {**required, **optional}]
+        if unknown:
+            raise Malformed(f"no {type_name}: {unknown[0]} is unknown")
+    return check(message, type_name)
+
+
+SOURCES = {
+    "ForgivesDuplicates": ForgivingSource,
+    "FreezesAtLarge": FreezingSource,
+    "HangsAtGarbage": HangingSource,
+}
+
+
+def main(mistake):
+    if mistake == "ExitsZeroWithoutTicket" and "STEPBUS_TICKET" not in os.environ:
+        return 0
+    if mistake == "OnlyFloats":
+        CHECKS[NUMBERS] = lambda value: all(isinstance(item, float) for item in value)
+    if mistake == "StrictFields":
+        by_the_page.check = strict_fields
+    by_the_page.Source = SOURCES.get(mistake, Source)
+    return by_the_page.main(MISTAKES.get(mistake, Controller))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1]))
