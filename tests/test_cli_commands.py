@@ -5,7 +5,7 @@ import shlex
 
 import pytest
 
-from stepbus_orchestrator.cli import COMMANDS, main, make_parser, new_command
+from stepbus_orchestrator.cli import COMMANDS, main, make_parser
 from stepbus_orchestrator.errors import ExitCode
 
 
@@ -67,15 +67,6 @@ def test_the_new_controller_has_at_most_15_lines(tmp_path):
     lines = (tmp_path / "mine" / "controller.py").read_text().splitlines()
     code = [line for line in lines if line.strip() and not line.startswith('"""')]
     assert len(code) <= 15
-
-
-def test_new_copies_files_only(tmp_path, monkeypatch):
-    templates = tmp_path / "templates"
-    (templates / "__pycache__").mkdir(parents=True)
-    (templates / "controller.py").touch()
-    monkeypatch.setattr(new_command, "_TEMPLATES", templates)
-    assert main(["new", str(tmp_path / "mine")]) == 0
-    assert not (tmp_path / "mine" / "__pycache__").exists()
 
 
 def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):

@@ -77,7 +77,7 @@ def test_the_table_has_a_row_for_each_joint(capsys):
         [cell.strip() for cell in line.split("│")[1:-1]] for line in lines if "revolute" in line
     ]
     assert cells == [
-        [str(index), name, "revolute", "torque", "-6.2832", "6.2832", "20", "50"]
+        [str(index), name, "revolute", "torque", "-6.2832", "6.2832", "20", "50", "on"]
         for index, name in enumerate(("joint1", "joint2"))
     ]
 

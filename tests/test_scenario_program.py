@@ -23,8 +23,8 @@ def test_python_is_this_interpreter(tmp_path):
 
 
 def test_stepbus_is_this_installation(tmp_path):
-    assert command(("stepbus", "bridge"), tmp_path) == (
-        sys.executable, "-m", "stepbus_orchestrator", "bridge",
+    assert command(("stepbus", "replay"), tmp_path) == (
+        sys.executable, "-m", "stepbus_orchestrator", "replay",
     )  # fmt: skip
 
 

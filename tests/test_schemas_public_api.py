@@ -46,8 +46,8 @@ def test_all_is_complete(name: str) -> None:
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
         "ENVELOPE_TYPES GREETING_STEP MESSAGE_TYPES PROTOCOL_VERSION "
-        "ControllerStatus Decoder Description Envelope Event Fault Hello InputConfig JointCommand "
-        "JointReference JointState Log Message MessageError OutputConfig Outputs Ready Refusal "
+        "ControllerStatus Decoder Description Envelope Event Fault Goal GoalStatus Hello InputConfig JointCommand "
+        "JointReference JointState Log Message MessageError OutputConfig Outputs Poses Ready Refusal "
         "RunError Start StepbusError Stop Trigger Waiting Welcome WiringError "
         "encode encoding_of json_schema message_class type_name"
     )
@@ -55,7 +55,7 @@ def test_the_contract_offers_exactly_this() -> None:
 
 def test_the_participant_library_offers_exactly_this() -> None:
     assert " ".join(stepbus.__all__) == (
-        "Bus BusError Config ControllerStatus Description Endpoint Event InputAbsent JointCommand "
-        "JointReference JointState Message MessageError OutputError Participant RunError Step "
+        "Bus BusError Config ControllerStatus Description Endpoint Event Goal GoalStatus InputAbsent JointCommand "
+        "JointReference JointState Message MessageError OutputError Participant Poses RunError Step "
         "StepbusError Ticket WiringError load_ticket main take_part"
     )

@@ -33,6 +33,9 @@ class Controller(Participant):
 class Mission(Participant):
     """Publishes references, as far ahead as the window lets it."""
 
+    def describe(self) -> dict[str, Description]:
+        return {"reference": Description(names=["joint1", "joint2"])}
+
     def update(self, step: stepbus.Step) -> dict[str, JointReference]:
         return {"reference": JointReference(position=PAIR, velocity=PAIR, acceleration=PAIR)}
 

@@ -38,6 +38,33 @@ _PORTS: dict[str, dict[str, Value]] = {
         "unicode": {"level": "error", "text": _UNICODE},
         "long text": {"level": "info", "text": "ä" * 150},
     },
+    "Goal/1": {
+        "minimal": {"id": 0, "kind": "stop"},
+        "joints": {"id": 1, "kind": "move_joints", "joints": ["elbow"], "values": [0.5]},
+        "pose": {
+            "id": 2**63,
+            "kind": "move_to_pose",
+            "tip": "left_gripper",
+            "position": [0.5, -0.25, -0.0],
+            "orientation": [0.0, 0.0, 0.0, 1.0],
+        },
+        "full": {
+            "id": 3,
+            "kind": "move_to_pose",
+            "joints": ["shoulder", "elbow"],
+            "values": [0.5, -1.5],
+            "tip": _UNICODE,
+            "position": [1.0, 2.0, 3.0],
+            "orientation": [0.5, 0.5, 0.5, 0.5],
+            "frame": "torso",
+            "duration": 2.5,
+        },
+    },
+    "GoalStatus/1": {
+        "minimal": {"id": 0, "state": "accepted"},
+        "full": {"id": 7, "state": "failed", "cause": "unreachable", "text": "it is 80.5 mm away"},
+        "unicode": {"id": 8, "state": "succeeded", "text": _UNICODE},
+    },
     "JointCommand/1": {
         "minimal": {"mode": "torque", "values": []},
         "full": {
@@ -70,6 +97,13 @@ _PORTS: dict[str, dict[str, Value]] = {
         },
         "empty vectors": {"position": [], "velocity": [], "effort": [], "target": []},
         "extreme floats": {"position": _FLOATS, "effort": _FLOATS},
+    },
+    "Poses/1": {
+        "minimal": {"position": [], "orientation": []},
+        "full": {
+            "position": [[0.5, -0.25, 1.0], [0.0, -0.0, 5e-324]],
+            "orientation": [[0.0, 0.0, 0.0, 1.0], [0.5, -0.5, 0.5, -0.5]],
+        },
     },
 }
 

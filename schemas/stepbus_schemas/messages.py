@@ -80,10 +80,102 @@ class Event(Message, frozen=True):
     text: Annotated[str, msgspec.Meta(description="one sentence")]
 
 
+GoalKind = Literal["move_joints", "move_to_pose", "stop"]
+Point = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class Goal(Message, frozen=True):
+    """What the mission wants a controller to bring about; it may take many steps."""
+
+    id: Annotated[
+        int, msgspec.Meta(ge=0, description="of the goal; another one ends the goal before it")
+    ]
+    kind: Annotated[
+        GoalKind,
+        msgspec.Meta(description="what shall happen; `stop`: come to rest, end the goal before it"),
+    ]
+    joints: Annotated[list[str], msgspec.Meta(description="of kind move_joints: those to move")] = (
+        msgspec.field(default_factory=list)
+    )
+    values: Annotated[
+        list[float],
+        msgspec.Meta(
+            description="of kind move_joints: where to, in the order of `joints`",
+            extra_json_schema={"unit": "rad", "shape": ["joints"]},
+        ),
+    ] = msgspec.field(default_factory=list)
+    tip: Annotated[
+        str,
+        msgspec.Meta(description="of kind move_to_pose: frame of the robot that shall go there"),
+    ] = ""
+    position: Annotated[
+        Point | None,
+        msgspec.Meta(
+            description="of kind move_to_pose: x, y, z of the tip", extra_json_schema={"unit": "m"}
+        ),
+    ] = None
+    orientation: Annotated[
+        Quaternion | None,
+        msgspec.Meta(
+            description="of kind move_to_pose: quaternion x, y, z, w of the tip",
+            extra_json_schema={"unit": "-"},
+        ),
+    ] = None
+    frame: Annotated[
+        str, msgspec.Meta(description="that the pose is given in; empty: the robot's base")
+    ] = ""
+    duration: Annotated[
+        float,
+        msgspec.Meta(
+            description="of the motion, where the limits allow it; 0: as fast as they allow",
+            extra_json_schema={"unit": "s"},
+        ),
+    ] = 0.0
+
+
+GoalState = Literal["accepted", "running", "succeeded", "failed", "cancelled"]
+
+
+class GoalStatus(Message, frozen=True):
+    """What has become of a goal; published when it changes."""
+
+    id: Annotated[int, msgspec.Meta(ge=0, description="of the goal")]
+    state: Annotated[GoalState, msgspec.Meta(description="where it stands")]
+    cause: Annotated[
+        str,
+        msgspec.Meta(
+            description="one word for programs: why it failed, or why it may; empty: all is well"
+        ),
+    ] = ""
+    text: Annotated[str, msgspec.Meta(description="one sentence for people, with numbers")] = ""
+
+
+class Poses(Message, frozen=True):
+    """Where named links truly are, in the frame of the world."""
+
+    position: Annotated[
+        list[Point],
+        msgspec.Meta(
+            description="x, y, z of each", extra_json_schema={"unit": "m", "shape": ["n", "3"]}
+        ),
+    ]
+    orientation: Annotated[
+        list[Quaternion],
+        msgspec.Meta(
+            description="quaternion x, y, z, w of each",
+            extra_json_schema={"unit": "-", "shape": ["n", "4"]},
+        ),
+    ]
+
+
 MESSAGE_TYPES: dict[str, type[Message]] = {
     "ControllerStatus/1": ControllerStatus,
     "Event/1": Event,
+    "Goal/1": Goal,
+    "GoalStatus/1": GoalStatus,
     "JointCommand/1": JointCommand,
     "JointReference/1": JointReference,
     "JointState/1": JointState,
+    "Poses/1": Poses,
 }

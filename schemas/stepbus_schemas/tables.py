@@ -44,11 +44,16 @@ def _port_rows(type_name: str) -> Iterator[str]:
     schema = json_schema(type_name)
     label = f"`{type_name}`"
     for name, field in schema["properties"].items():
-        shape = f"({', '.join(field['shape'])},)" if "shape" in field else ""
+        shape = _shape(field["shape"]) if "shape" in field else ""
         value = f"{_kind(field)}, optional" if "default" in field else _kind(field)
         unit = field.get("unit", "")
         yield _row([label, f"`{name}`", value, unit, shape, field["description"]])
         label = ""
+
+
+def _shape(sizes: list[str]) -> str:
+    """Return a shape as Python writes a tuple."""
+    return f"({sizes[0]},)" if len(sizes) == 1 else f"({', '.join(sizes)})"
 
 
 def _envelope_section(type_name: str) -> str:

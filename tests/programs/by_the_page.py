@@ -176,7 +176,7 @@ class Source:
 
 
 class Controller:
-    """Proportional, one after the other of P4 to P11; every = 1, publishes last, no bulk."""
+    """Proportional, one after the other of P4 to P11; publishes last, no bulk, no calls."""
 
     def __init__(self, ticket, session):
         self.name, self.token, self.session = ticket["name"], ticket["token"], session
@@ -351,7 +351,7 @@ class Controller:
         """Return the exit code."""
         try:
             self.become_ready()
-            while self.step_done(self.step + 1):
+            while self.step_done(self.next_step()):
                 continue
         except Stopped:
             return self.finish()
@@ -362,6 +362,9 @@ class Controller:
     def finish(self):
         self.log()
         return 0
+
+    def next_step(self):
+        return 0 if self.step < 0 else self.step + self.welcome["every"]
 
     def step_done(self, step):
         """Return whether the step was done, rather than the run over."""

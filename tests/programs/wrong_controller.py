@@ -1,5 +1,6 @@
 """The controller of by_the_page.py with one mistake: `wrong_controller.py MISTAKE`."""
 
+import contextlib
 import os
 import random
 import signal
@@ -13,6 +14,43 @@ from by_the_page import CHECKS, NEVER, NUMBERS, Controller, Malformed, Source
 class WrongToken(Controller):
     def hello(self):
         return {**super().hello(), "token": "0123456789abcdef"}
+
+
+class WrongPorts(Controller):
+    def hello(self):
+        return {**super().hello(), "inputs": {"joint_state": "JointState/2"}}
+
+
+class GreetsOnce(Controller):
+    def publisher(self, kind, type_name):
+        put, greeted = super().publisher(kind, type_name), []
+
+        def put_once(content):
+            if content.get("step") != -1 or not greeted:
+                put(content)
+            greeted.append(content)
+
+        return put_once if kind == "out" else put
+
+
+class LaterStart(Controller):
+    """Takes each Start for the first."""
+
+    def take_control(self, key, data):
+        if key == "start":
+            self.start = None
+        super().take_control(key, data)
+
+
+class FiresAlways(Controller):
+    def next_step(self):
+        return self.step + 1
+
+
+class IgnoresTerm(Controller):
+    def run(self):
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        return super().run()
 
 
 class AsksForever(Controller):
@@ -208,6 +246,34 @@ class ForgivingSource(Source):
             super().take_step(step, message, data)
 
 
+class ImpatientSource(Source):
+    """Takes an equal or older step for a fault."""
+
+    def drop(self, cause):
+        if cause in {"duplicate", "stale"}:
+            raise self.fault(f"sent a {cause}")
+        super().drop(cause)
+
+
+class TrustingSource(Source):
+    """Takes any token for the right one."""
+
+    def take(self, data):
+        with contextlib.suppress(Malformed):
+            self.token = by_the_page.check(by_the_page.unpack(data), "Outputs")["token"]
+        super().take(data)
+
+
+class NarrowSource(Source):
+    """Takes a port that it does not know for a fault."""
+
+    def take_step(self, step, message, data):
+        known = {config["port"] for config in self.inputs.values()}
+        if message.get("ports", {}).keys() - known:
+            raise self.fault("sent an unknown port")
+        super().take_step(step, message, data)
+
+
 class FreezingSource(Source):
     def take(self, data):
         if len(data) > 30_000:
@@ -225,7 +291,7 @@ class HangingSource(Source):
 MISTAKES = {
     cls.__name__: cls
     for cls in (
-        WrongToken, AsksForever, AnyWelcome, NoGreetings, WrongLimits,
+        WrongToken, WrongPorts, GreetsOnce, LaterStart, FiresAlways, IgnoresTerm, AsksForever, AnyWelcome, NoGreetings, WrongLimits,
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
         BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
@@ -245,6 +311,9 @@ def strict_fields(message, type_name, check=by_the_page.check):
 
 
 SOURCES = {
+    "AnyToken": TrustingSource,
+    "KnownPorts": NarrowSource,
+    "NoDuplicates": ImpatientSource,
     "ForgivesDuplicates": ForgivingSource,
     "FreezesAtLarge": FreezingSource,
     "HangsAtGarbage": HangingSource,

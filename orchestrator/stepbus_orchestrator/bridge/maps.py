@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import msgspec
+from msgspec.structs import astuple
 
 from stepbus import Config, Description, Message, Step
 from stepbus_schemas import PROTOCOL_VERSION, message_class
@@ -104,11 +105,9 @@ class MapBridge(Bridge):
         super().__init__(config, task, self._codec.framing)
         self._first = config.publishes == "first"
         self._ports = tuple(config.inputs)
-        # Ports may have names that no field can have.
-        self._fields = tuple((f"port{n}", port) for n, port in enumerate(config.outputs))
+        self._outputs = tuple(config.outputs)
         classes = {port: message_class(row.type) for port, row in config.outputs.items()}
-        self._decode_all = self._codec.quick_decoder(_all_outputs(classes))
-        self._decode = self._codec.decoder(_any_outputs(classes, self._fields))
+        self._decode = self._codec.decoder(_answer(classes))
         self._versions: Mapping[str, str] = {}
 
     def describe(self) -> Mapping[str, Description]:
@@ -143,17 +142,12 @@ class MapBridge(Bridge):
 
     def _ask(self, message: Mapping[str, Any], step: Step, publishes: bool) -> dict[str, Message]:
         """Return the outputs in the answer to a message. publishes: whether there may be any."""
-        data = self._link.ask(self._codec.encode(message))
-        found: dict[str, Message] | None = self._decode_all(data) if publishes else None
-        if found is not None:
-            return found
-        answer = self._read(self._decode, data)
-        outputs = answer.outputs
-        found = {
-            port: value
-            for field, port in self._fields
-            if outputs is not None and (value := getattr(outputs, field)) is not None
-        }
+        answer = self._read(self._decode, self._link.ask(self._codec.encode(message)))
+        found: dict[str, Message] = {}
+        if answer.outputs is not None:
+            found = dict(zip(self._outputs, astuple(answer.outputs), strict=True))
+            if None in found.values():
+                found = {port: value for port, value in found.items() if value is not None}
         if answer.end is not None:
             step.end(answer.end)
         if self._first and (answer.end is not None or (found and not publishes)):
@@ -176,23 +170,19 @@ class MapBridge(Bridge):
         return self._link.wrong(f"wrote what is no {form}: {exc}: {show(data)}")
 
 
-def _all_outputs(classes: Mapping[str, type[Message]]) -> type[Any]:
-    """Return the type of a usual answer: all outputs, and nothing but them."""
-    outputs: Any = TypedDict("outputs", dict(classes))  # type: ignore[operator, misc]
-    return msgspec.defstruct("Usual", [("outputs", outputs)], forbid_unknown_fields=True)
-
-
-def _any_outputs(
-    classes: Mapping[str, type[Message]], fields: Sequence[tuple[str, str]]
-) -> type[msgspec.Struct]:
-    """Return the type of any answer. fields: field → output."""
+def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:
+    """Return the type of an answer. classes: output → type of its message."""
+    # Outputs may have names that no field can have.
+    names = {f"port{n}": port for n, port in enumerate(classes)}
     outputs = msgspec.defstruct(
         "Outputs",
-        [(field, classes[port] | None, None) for field, port in fields],
-        rename=dict(fields),
+        [(field, classes[port] | None, None) for field, port in names.items()],
+        rename=names,
         forbid_unknown_fields=True,
+        gc=False,
     )
-    return msgspec.defstruct("Answer", [("outputs", outputs | None, None), ("end", str | None, None)])
+    fields = [("outputs", outputs | None, None), ("end", str | None, None)]
+    return msgspec.defstruct("Answer", fields, gc=False)
 
 
 def _welcome(config: Config) -> dict[str, Any]:

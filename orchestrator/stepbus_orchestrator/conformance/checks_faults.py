@@ -11,7 +11,7 @@ from stepbus_schemas import Fault
 from .check import Check
 from .feeds import Ports
 from .kit import Kit
-from .outcome import Failed
+from .outcome import Failed, Skipped
 from .stage import Stage
 
 Spoil = Callable[[Stage, str, int, Ports], None]
@@ -40,7 +40,7 @@ def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
 
 
 def _walk_to_fault(kit: Kit, stage: Stage, source: str, spoil: Spoil) -> None:
-    at = kit.middle
+    at = _where(kit, source)
     stage.walk(kit.material.feed, 0, at)
     # All peers go on, so that it meets what is wrong, however late it looks.
     stage.release(kit.steps)
@@ -64,6 +64,15 @@ def _walk_to_fault(kit: Kit, stage: Stage, source: str, spoil: Spoil) -> None:
         stage.idle(0.2)
     if not stage.seen.faults:
         raise Failed(f"it did all {kit.steps} steps, and reported no fault of {source}")
+
+
+def _where(kit: Kit, source: str) -> int:
+    """Return a step in the middle at which a source publishes what the participant reads."""
+    ports = {item.port for item in kit.spec.inputs.values() if item.source == source}
+    steps = [step for step, row in kit.material.feed[source].items() if ports & row.keys()]
+    if not steps:
+        raise Skipped(f"{source} publishes nothing that it reads")
+    return steps[len(steps) // 2]
 
 
 def _check_fault(stage: Stage, fault: Fault, source: str) -> None:

@@ -98,11 +98,12 @@ def joint_order(kit: Kit) -> str:
     nameless = [name for name, d in kit.material.descriptions.items() if not d.names]
     if nameless:
         raise Skipped(f"input {nameless[0]} has no names, so that nobody can tell its order")
-    sets = [{pair} for pair in dict.fromkeys(items.values())]
     whole = set(items.values())
-    for pairs in [*sets, *([whole] if len(sets) > 1 else [])]:
+    sets = [{pair} for pair in dict.fromkeys(items.values())] if kit.knows_names else []
+    for pairs in [*sets, *([whole] if len(sets) != 1 else [])]:
         _turned(kit, reference, pairs)
-    return f"{', '.join(items)} in reverse order: the same values by name"
+    together = "" if kit.knows_names else " together, as raw carries no names"
+    return f"{', '.join(items)} in reverse order{together}: the same values by name"
 
 
 def _turned(kit: Kit, reference: Trace, pairs: set[tuple[str, str]]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from .check import Check
 from .feeds import Feed, repeated, shifted
-from .kit import Kit, Trace
+from .kit import Kit, Trace, step_problem
 from .outcome import Failed, Skipped
 from .setup import Setup
 from .stage import Stage
@@ -182,6 +182,30 @@ def _rare(feed: Feed, every: Mapping[str, int]) -> Feed:
     }
 
 
+def own_every(kit: Kit) -> str:
+    """Let it fire at every other step, with messages at the steps in between only."""
+    kit.need_inputs()
+    kit.reference()
+    often, seldom = kit.spec.every, 2 * kit.spec.every
+    setup = Setup(every={kit.spec.name: seldom})
+    between, moved = {}, {}
+    for name, rows in kit.material.feed.items():
+        if kit.material.scenario.participant(name).every != often:
+            between[name] = moved[name] = rows
+            continue
+        between[name] = {s: row if s == 0 or s % seldom else {} for s, row in rows.items()}
+        moved[name] = {
+            s: rows[max(0, s - often)] if s % seldom == 0 else {} for s, row in rows.items()
+        }
+    given = kit.play(between, setup=setup)
+    expected = kit.play(moved, setup=setup)
+    problem = step_problem(given.seen)
+    if problem:
+        raise Failed(problem)
+    kit.same(given, "with messages at the steps in between", expected)
+    return f"fires at multiples of {seldom}, and has what came in between"
+
+
 def held(kit: Kit) -> str:
     """Leave out all messages at every other step: each input holds the one before."""
     kit.need_inputs()
@@ -251,6 +275,12 @@ CHECKS = (
         clause="P6.1",
         summary="of a source that fires rarely it takes the due message",
         run=rarer_source,
+    ),
+    Check(
+        name="own-every",
+        clause="P6.3",
+        summary="it fires at every other step, and gets what came in between",
+        run=own_every,
     ),
     Check(
         name="held",

@@ -159,11 +159,10 @@ def replayed(kit: Kit) -> str:
 
 
 def _replay(kit: Kit, recording: Path, update: Path | None) -> ReplayResult:
-    # The program is found already; its own folder is not looked up again.
     return replay(
         recording,
         kit.spec.name,
-        program=kit.command,
+        program=None if kit.is_scenarios else kit.command,
         update=update,
         interrupt=kit.interrupt,
     )

@@ -43,7 +43,8 @@ def conformance(
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="conformance-")))
         scenario = _prepared(scenario, participant, program, bridge)
         cwd = Path.cwd() if program else scenario.folder
-        words = _words(scenario.participant(participant), program, bridge, cwd)
+        spec = scenario.participant(participant)
+        words = _words(spec, program, bridge, cwd)
         material = record(scenario, participant, folder / "run")
         kit = Kit(
             material=material,
@@ -51,6 +52,8 @@ def conformance(
             cwd=cwd,
             logs=folder / "logs" if logs is None else logs,
             interrupt=interrupt or threading.Event(),
+            is_scenarios=not program and bridge is None,
+            knows_names=_format(spec, program, bridge) != "raw",
         )
         results = run_checks(kit, checks, on_result)
     return Report(
@@ -67,9 +70,8 @@ def _prepared(
 ) -> Scenario:
     """Return the scenario without faults on purpose, and with the ports that the bridge carries."""
     spec = find(scenario, participant)
-    form = bridge or ("" if program or spec.bridge is None else spec.bridge.format)
     outputs = spec.outputs
-    if form == "raw":
+    if _format(spec, program, bridge) == "raw":
         # Those that nobody reads are left out, as an author of a raw program does.
         read = {(i.source, i.port) for p in scenario.participants for i in p.inputs.values()}
         outputs = {
@@ -82,6 +84,12 @@ def _prepared(
         for s in scenario.participants
     )
     return dataclasses.replace(scenario, participants=specs, faults=())
+
+
+def _format(spec: ParticipantSpec, program: Sequence[str], bridge: str | None) -> str | None:
+    """Return the format of the bridge to the program, None where there is no bridge."""
+    own = None if program or spec.bridge is None else spec.bridge.format
+    return own if bridge is None else bridge
 
 
 def _words(

@@ -34,7 +34,9 @@ class Kit:
     """One participant under test.
 
     material: what is played to it. command: its command line. cwd: where it is started. logs:
-    gets a folder for each start of it. interrupt: ends everything when it is set.
+    gets a folder for each start of it. interrupt: ends everything when it is set. is_scenarios:
+    whether it is the scenario's own program. knows_names: whether it is told the names of its
+    inputs; the raw bridge cannot.
     """
 
     def __init__(
@@ -45,8 +47,12 @@ class Kit:
         cwd: Path,
         logs: Path,
         interrupt: threading.Event,
+        is_scenarios: bool = False,
+        knows_names: bool = True,
     ) -> None:
         self.material = material
+        self.is_scenarios = is_scenarios
+        self.knows_names = knows_names
         self.spec = material.spec
         self.command, self.cwd = tuple(command), cwd
         self.interrupt = interrupt
