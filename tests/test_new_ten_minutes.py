@@ -1,4 +1,4 @@
-"""The ten minutes of examples/README.md, as written there."""
+"""The ten minutes of the README, as written there."""
 
 import re
 import shutil
@@ -11,7 +11,7 @@ from stepbus_orchestrator.reader import Recording
 from stepbus_orchestrator.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.starter import write_starter
 
-PAGE = (Path(__file__).parents[1] / "examples" / "README.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
 def shown(name: str) -> str:

@@ -37,9 +37,11 @@ class LaterStart(Controller):
     """Takes each Start for the first."""
 
     def take_control(self, key, data):
+        first = self.start
         if key == "start":
             self.start = None
         super().take_control(key, data)
+        self.start = self.start or first
 
 
 class FiresAlways(Controller):

@@ -24,7 +24,7 @@ from .link import Block
 from .participant import Bridge, Task
 
 Row = list[float]
-_MODES = ("torque", "velocity", "position", "teleport")
+_MODES = ("torque", "velocity", "position", "teleport", "brake")
 _VECTORS = {
     "JointCommand/1": ("values",),
     "JointReference/1": ("position", "velocity", "acceleration"),
@@ -37,14 +37,20 @@ def width(type_name: str, n: int) -> int:
     return (type_name == "JointCommand/1") + n * len(_VECTORS[type_name])
 
 
-def flatten(message: Message, type_name: str, n: int) -> Row:
-    """Return the numbers of a message; raises RunError where it is not of `n` joints."""
+def flatten(message: Message, type_name: str, n: int, order: Sequence[int] = ()) -> Row:
+    """Return the numbers of a message; raises RunError where it is not of `n` joints.
+
+    order: which entry of each vector comes when; empty: as they are.
+    """
     numbers: Row = [float(_MODES.index(message.mode))] if isinstance(message, JointCommand) else []
     for name in _VECTORS[type_name]:
         vector = getattr(message, name)
         if vector is not None and len(vector) != n:
             raise RunError(f"{name} has {len(vector)} numbers for {n} joints")
-        numbers += [math.nan] * n if vector is None else vector
+        if vector is None:
+            numbers += [math.nan] * n
+        else:
+            numbers += [vector[i] for i in order] if order else vector
     return numbers
 
 
@@ -81,7 +87,7 @@ class RawBridge(Bridge):
         _check(config)
         self._block = Block(1)
         super().__init__(config, task, self._block)
-        self._in: list[tuple[str, str, int]] = []
+        self._in: list[tuple[str, str, int, Sequence[int]]] = []
         self._out: list[tuple[str, str, int]] = []
         self._codes = (struct.Struct(""), struct.Struct(""))
 
@@ -95,6 +101,7 @@ class RawBridge(Bridge):
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Send the header, now that the number of joints is known."""
         named = next((len(row.names) for row in inputs.values() if row.names), 0)
+        joints = [self._joints(name, inputs) for name in self.config.outputs]
         for name, port in self.config.inputs.items():
             n = len(inputs[name].names) or named
             if not n:
@@ -102,18 +109,18 @@ class RawBridge(Bridge):
                     f"raw has to know the joints of input {name!r}; let {port.source} describe "
                     f"its {port.port!r} with names"
                 )
-            self._in.append((name, port.type, n))
-        for name, row in self.config.outputs.items():
-            self._out.append((name, row.type, self._joints(name, inputs)))
-        n_in = 2 + sum(1 + width(kind, n) for _, kind, n in self._in)
+            self._in.append((name, port.type, n, _order(inputs[name].names, joints[0])))
+        for (name, row), names in zip(self.config.outputs.items(), joints, strict=True):
+            self._out.append((name, row.type, len(names)))
+        n_in = 2 + sum(1 + width(kind, n) for _, kind, n, _ in self._in)
         n_out = sum(width(kind, n) for _, kind, n in self._out)
         self._block.count = n_out
         self._codes = (struct.Struct(f"<{n_in}d"), struct.Struct(f"<{n_out}d"))
         header = self._header(n_in, n_out)
         self._link.send(struct.pack(f"<{len(header)}d", *header))
 
-    def _joints(self, output: str, inputs: Mapping[str, Description]) -> int:
-        """Return how many joints an output has; raises WiringError where that is not known."""
+    def _joints(self, output: str, inputs: Mapping[str, Description]) -> Sequence[str]:
+        """Return the joints of an output; raises WiringError where they are not known."""
         said = self._described.get(output, Description())
         names = said.names if said.like is None else inputs[said.like].names
         if not names:
@@ -121,7 +128,7 @@ class RawBridge(Bridge):
                 f"participants.{self.config.name}.bridge: raw has to know the joints of "
                 f"{output!r}; write describe: {{{output}: {{names: […]}}}}"
             )
-        return len(names)
+        return names
 
     def _header(self, n_in: int, n_out: int) -> Row:
         config = self.config
@@ -137,12 +144,14 @@ class RawBridge(Bridge):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Hand the inputs of a step to the program and return its outputs."""
         numbers: Row = [float(step.index), step.t]
-        for name, kind, n in self._in:
+        for name, kind, n, order in self._in:
             message = step.get(name)
             numbers.append(float(message is not None))
             try:
                 numbers += (
-                    [math.nan] * width(kind, n) if message is None else flatten(message, kind, n)
+                    [math.nan] * width(kind, n)
+                    if message is None
+                    else flatten(message, kind, n, order)
                 )
             except RunError as exc:
                 raise RunError(f"input {name!r}: {exc}") from exc
@@ -161,6 +170,13 @@ class RawBridge(Bridge):
                 raise self._link.wrong(f"answered wrongly: {name}: {exc}") from exc
             begin = end
         return found
+
+
+def _order(names: Sequence[str], wanted: Sequence[str]) -> Sequence[int]:
+    """Return where each of the `wanted` joints stands in `names`; empty where nothing is to do."""
+    if list(names) == list(wanted) or sorted(names) != sorted(wanted):
+        return ()
+    return [names.index(name) for name in wanted]
 
 
 def _check(config: Config) -> None:

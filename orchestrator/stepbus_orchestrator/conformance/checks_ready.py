@@ -103,7 +103,10 @@ def _names(ready: Ready, port: str) -> str:
 
 def start_again(kit: Kit) -> str:
     """Say the Start again later, with the joints in another order."""
-    turned = {k: reverse_description(d) for k, d in kit.material.descriptions.items()}
+    # One input only: with all of them turned, a program that takes them in may not be seen to.
+    turned = dict(kit.material.descriptions)
+    for name, description in list(turned.items())[:1]:
+        turned[name] = reverse_description(description)
 
     def play(stage: Stage) -> None:
         stage.walk(kit.material.feed, 0, kit.middle)

@@ -17,6 +17,14 @@ from .model import ParticipantSpec
 from .paths import is_file, is_folder
 from .problems import hint
 
+_PACKAGES = {
+    "java": "openjdk-17-jdk-headless",
+    "node": "nodejs",
+    "octave": "octave",
+    "octave-cli": "octave",
+}
+"""Program → the Debian package that has it, for languages of our examples."""
+
 _FLAGS_WITH_VALUE = ("-X", "-W", "--check-hash-based-pycs")
 
 
@@ -70,10 +78,22 @@ def _find(program: str, folder: Path) -> str:
     found = None if "/" in program else shutil.which(program)
     if found is None:
         where = f"in {folder}" if "/" in program else f"on PATH, nor in {folder}"
-        built = "/" in program and is_file(path.parent / "Makefile")
-        remedy = f"build it with `make -C {path.parent}`" if built else "is it installed?"
-        raise WiringError(f"no program {program!r} {where}; {remedy}")
+        raise WiringError(f"no program {program!r} {where}; {_remedy(program, folder)}")
     return str(Path(found).absolute())
+
+
+def _remedy(program: str, folder: Path) -> str:
+    """Return what to do about a program that is not there."""
+    if "/" not in program:
+        package = _PACKAGES.get(program)
+        return f"install it, e.g. `apt-get install {package}`" if package else "is it installed?"
+    place = (folder / program).parent
+    for above in (place, *place.parents[:3]):
+        if is_file(above / "Makefile"):
+            return f"build it with `make -C {above}`"
+        if is_file(above / "Cargo.toml"):
+            return f"build it with `cargo build --release --manifest-path {above / 'Cargo.toml'}`"
+    return "is it installed?"
 
 
 def python_target(arguments: Sequence[str]) -> tuple[str, str]:
