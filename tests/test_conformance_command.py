@@ -11,7 +11,7 @@ import pytest
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.conformance import CHECKS
 from stepbus_orchestrator.conformance.feeds import repeated, reverse, shifted
-from stepbus_orchestrator.conformance.watchdog import Watchdog
+from stepbus_orchestrator.watchdog import Watchdog
 from stepbus_schemas import JointCommand, encode
 
 DOCS = Path(__file__).parents[1] / "docs"

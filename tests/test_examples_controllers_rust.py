@@ -19,6 +19,9 @@ CHECKOUT = Path(__file__).parents[1]
 EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
 CRATE = CHECKOUT / "clients" / "rust"
 
+# A first build compiles about 290 crates: 11 minutes of processor time, half an hour when busy.
+pytestmark = pytest.mark.timeout(3600)
+
 
 def cargo(folder, *arguments):
     """Run cargo in a folder, at low priority, with the example's build folder; return its output."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from stepbus_schemas import WiringError
 
 from ..pace import Pace
-from ..report import write_report
 from ..result import Result
 from ..run import Options, default_folder, run
 from ..scenario import Scenario, load
@@ -97,6 +96,9 @@ def _report(result: Result) -> list[str]:
     """Make the plots and return what the summary says of the recording."""
     if not result.recording.exists() or result.steps == 0:
         return []
+    # It loads matplotlib, which takes longer than to start a run.
+    from ..report import write_report  # noqa: PLC0415
+
     return write_report(result.recording)
 
 

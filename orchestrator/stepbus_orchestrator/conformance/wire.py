@@ -24,11 +24,11 @@ from ..child import Child
 from ..endpoints import new_token, private_folder
 from ..errors import BusFailed, Interrupted
 from ..launcher import Launcher
+from ..watchdog import Watchdog
 from .material import Material
 from .outcome import Failed
 from .seen import Ear
 from .setup import Setup
-from .watchdog import Watchdog
 
 _TICK_S = 0.02
 # One look at the clock counts for at most this much, as in a run: a machine that slept is

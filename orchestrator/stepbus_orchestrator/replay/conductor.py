@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Sequence
 from typing import Any
@@ -10,12 +11,14 @@ from stepbus import Bus
 from stepbus_schemas import CallRecord, Decoder, MessageError, Outputs
 
 from ..conductor import Conductor
-from ..deadlines import check_start
+from ..deadlines import check_start, owed_step
+from ..errors import StepTimeout
 from ..progress import Observer
 from ..roster import Descriptions, Phase
 from ..scenario import Scenario, Schedule
 from ..sink import Sink
 from ..timing import TimingRecorder
+from ..watchdog import Watchdog
 from .peers import Peers
 
 _decode_outputs = Decoder(Outputs)
@@ -56,8 +59,19 @@ class Replayer(Conductor):
         self._peers = peers
         self._recorded = descriptions
         self._newest: Any = None
+        self._limit_s = scenario.participant(participant).deadlines.step_s
+        self._watchdog = Watchdog(self._limit_s, self._kill)
         # Nobody waits for it, so that only its outputs themselves tell how far it came.
         bus.subscribe(f"out/{participant}", self._see)
+
+    def _kill(self) -> None:
+        """End the participant, which frees whoever sends to it."""
+        for member in self.state.roster.values():
+            member.child.signal(signal.SIGKILL)
+
+    def close(self) -> None:
+        """Watch no longer."""
+        self._watchdog.close()
 
     def _see(self, sample: Any) -> None:
         self._newest = sample
@@ -81,7 +95,19 @@ class Replayer(Conductor):
 
     def _release(self) -> None:
         """Play the peers ahead of the participant, then let it follow."""
-        self._peers.publish_below(self.state.barrier.upto, self.state.barrier.reported)
+        barrier = self.state.barrier
+        with self._watchdog.watching():
+            self._peers.publish_below(barrier.upto, barrier.reported)
+        if self._watchdog.has_bitten:
+            (member,) = self.state.roster.values()
+            step = owed_step(member.name, self.state.roster, barrier)
+            raise StepTimeout(
+                f"{self.state.at(step)}: {member.who()} has taken in nothing for "
+                f"{self._limit_s:g} s, and messages to it piled up; deadline {self._limit_s:g} s "
+                f"(participants.{member.name}.step_timeout)",
+                participant=member.name,
+                step=step,
+            )
         super()._release()
 
     def _close(self) -> None:

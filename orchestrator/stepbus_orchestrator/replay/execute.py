@@ -159,6 +159,7 @@ class _Replay:
             bus = _open_bus(mesh, run)
             stack.callback(bus.close)
             replayer = self._replayer(bus, check, timing)
+            stack.callback(replayer.close)
             self.keeps_log = True
             supervise(replayer, lambda: self._launch(replayer, launcher, mesh))
             self.keeps_log = False
