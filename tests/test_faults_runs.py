@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from large_support import write_large
 from recording_support import messages, metadata
 from run_support import PROGRAM, leftovers, write_scenario
 
@@ -45,7 +46,7 @@ def test_faults_that_only_take_time_change_no_message(tmp_path):
     [
         ("kill plant at 33", ExitCode.DIED, r"step 33 .*: plant \(pid \d+\) was killed by SIGKILL"),
         ("crash controller at 0", ExitCode.DIED, r"step 0 .*: controller .* killed by SIGSEGV"),
-        ("freeze mission at 40", ExitCode.STEP_TIMEOUT, r"step 40 .*: mission .* computing for 1"),
+        ("freeze mission at 40", ExitCode.STEP_TIMEOUT, r"step 40 .*: mission .* stopped by a signal"),
         ("drop plant at 50", ExitCode.STEP_TIMEOUT, r"step 50 .*: controller .*waiting for plant for 1.*were published"),
         ("corrupt controller at 7", ExitCode.STEP_TIMEOUT, r"step 7 .*: plant .*waiting for controller.*dropped \(1 dropped"),
         ("reorder mission at 48", ExitCode.FAULT, r"step \d+ .*mission skipped from step 44 to 52 \(expected 48\)"),
@@ -111,4 +112,17 @@ def test_message_faults_of_a_program_without_our_library_are_refused(tmp_path):
     assert (
         "the fault 'drop controller at 3' needs a participant that uses the Python library"
         in result.reason
+    )
+
+
+@pytest.mark.parametrize("step", [0, 10])
+def test_large_messages_to_a_frozen_participant_hang_nobody_and_it_is_blamed(tmp_path, step):
+    scenario = load(
+        write_large(tmp_path), ["mission.step_timeout=500ms"], [f"freeze reader at {step}"]
+    )
+    result = run(scenario, Options(out=tmp_path / "out"))
+    assert (result.exit_code, result.participant, result.at_step) == (
+        ExitCode.STEP_TIMEOUT,
+        "reader",
+        step,
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from large_support import write_large
 from run_support import fault, run_joints
 
 from stepbus_orchestrator import Options, load, run
@@ -108,44 +109,8 @@ def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-TALKER = """
-import os, signal, sys
-from stepbus import *
-
-class Mission(Participant):
-    def update(self, step):
-        row = [float(step.index)] * 2000
-        return {"reference": JointReference(position=row, velocity=row, acceleration=row)}
-
-class Reader(Participant):
-    def start(self, inputs):
-        if sys.argv[1] == "frozen":
-            os.kill(os.getpid(), signal.SIGSTOP)
-
-    def update(self, step):
-        return {"event": Event(level="info", text=str(step.index))}
-
-raise SystemExit(main(Mission if sys.argv[1] == "mission" else Reader))
-"""
-
-LARGE = """
-name: large
-step: 5ms
-duration: 500ms
-participants:
-  mission: {exec: [python, talk.py, mission], outputs: {reference: JointReference/1}}
-  reader:
-    exec: [python, talk.py, reader]
-    inputs: {reference: mission.reference}
-    outputs: {event: Event/1}
-    step_timeout: 1s
-"""
-
-
 def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_path, own_temp):
-    (tmp_path / "talk.py").write_text(TALKER)
-    (tmp_path / "scenario.yaml").write_text(LARGE)
-    recording = run(load(tmp_path), Options(out=tmp_path / "out")).recording
+    recording = run(load(write_large(tmp_path)), Options(out=tmp_path / "out")).recording
     program = [sys.executable, str(tmp_path / "talk.py"), "frozen"]
     with pytest.raises(
         StepTimeout, match=r"reader \(pid \d+\) has taken in nothing for .* piled up"

@@ -32,7 +32,7 @@ def recorded_steps(result):
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
         ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 1\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
-        ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
         ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),

@@ -81,6 +81,14 @@ class Child:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, number)
 
+    def is_stopped(self) -> bool:
+        """Return whether a signal or a debugger has stopped it; False where nobody knows."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return False
+        return fields[0] in {"T", "t"}
+
     def how_it_ended(self) -> str:
         """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
         code = self.exit_code()

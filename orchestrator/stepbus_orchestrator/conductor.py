@@ -12,11 +12,12 @@ from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
 from stepbus import Bus
-from stepbus_schemas import CallRecord, Start, Stop, Trigger, encode, encoding_of
+from stepbus_schemas import CallRecord, Start, encode
 
+from .announcer import Announcer
 from .barrier import Barrier
 from .calls import CALL_KEY, Calls
-from .deadlines import check_start, check_step, death
+from .deadlines import check_start, check_step, death, took_nothing
 from .descriptions import check_descriptions
 from .emergency import Emergency
 from .errors import Interrupted, RunFailure, StepTimeout
@@ -88,6 +89,9 @@ class Conductor:
         )
         gates = (injector, pace, self._calls)
         self._gates: list[Gate] = [gate for gate in gates if gate is not None]
+        limit_s = max(spec.deadlines.step_s for spec in scenario.participants)
+        self._announcer = Announcer(bus, token, limit_s, self._free)
+        self._freed: list[str] = []
         self._released = 0
         self._completed = 0
         self._began = time.monotonic()
@@ -98,9 +102,6 @@ class Conductor:
     def _open(self) -> None:
         """Subscribe to all we listen to."""
         bus = self._bus
-        self._put_start = bus.publisher("start", encoding_of("Start/1"))
-        self._put_trigger = bus.publisher("trigger", encoding_of("Trigger/1"))
-        self._put_stop = bus.publisher("stop", encoding_of("Stop/1"))
         intake = self._intake
         bus.answer("join", self._to(intake.take_join))
         bus.subscribe("ready/*", self._to(intake.take_ready))
@@ -200,14 +201,14 @@ class Conductor:
             {name: dict(item.outputs) for name, item in ready.items() if item is not None},
             {name: dict(item.versions) for name, item in ready.items() if item is not None},
         )
-        self._start_message = encode(Start(token=self._token, inputs=inputs))
-        self.state.check_size("the descriptions of all inputs", self._start_message)
+        message = encode(Start(token=self._token, inputs=inputs))
+        self.state.check_size("the descriptions of all inputs", message)
         if self._injector is not None:
             self._injector.check(self.state.roster)
         self._timing.event("start")
         self.state.phase = "stepping"
         self.state.started_at = time.monotonic()
-        self._put_start(self._start_message)
+        self._announcer.start(message)
         self._follow(always=True)
 
     def _descriptions(self) -> Descriptions:
@@ -221,7 +222,9 @@ class Conductor:
             before = sum(self.state.barrier.reported.values())
             self._turn(self._check_step)
             if sum(self.state.barrier.reported.values()) == before:
-                self._repeat()
+                # In case somebody has not heard it.
+                is_new = min(self.state.barrier.reported.values()) < 0
+                self._announcer.repeat(start=is_new)
         return self.state.end[1] if self.state.end is not None else "finished"
 
     def _check_step(self, elapsed_s: float) -> None:
@@ -245,12 +248,6 @@ class Conductor:
             return self.state.end[0]
         return self._scenario.steps if self._scenario.steps is not None else 1 << 62
 
-    def _repeat(self) -> None:
-        """Say the newest word again, in case somebody has not heard it."""
-        if min(self.state.barrier.reported.values()) < 0:
-            self._put_start(self._start_message)
-        self._put_trigger(encode(Trigger(token=self._token, upto=self._released)))
-
     def _release(self) -> None:
         """Send the trigger on when the barrier has moved, then record what is complete."""
         upto = self.state.barrier.upto
@@ -258,7 +255,7 @@ class Conductor:
             upto = min(upto, gate.limit(self._released))
         if upto > self._released:
             self._released = upto
-            self._put_trigger(encode(Trigger(token=self._token, upto=upto)))
+            self._announcer.trigger(upto)
             self._timing.trigger(upto)
         self._emergency.follow(self._released)
         self._recorder.write_below(min(self.state.barrier.completed, self._last_step()))
@@ -318,8 +315,7 @@ class Conductor:
         self.ended_at = time.monotonic()
         self.state.phase = "stopping"
         self._calls.close()
-        self._stop_message = encode(Stop(token=self._token, reason=reason, at_step=at_step))
-        self._put_stop(self._stop_message)
+        self._announcer.stop(reason, at_step)
 
     def end_all(self, culprit: str | None) -> list[Member]:
         """End every process, take in what it still has to say, and return those that were late.
@@ -328,10 +324,14 @@ class Conductor:
         got ready: it has nothing to save.
         """
         members = [m for m in self.state.roster.values() if m.phase == Phase.READY]
+        if culprit is not None and culprit in self.state.roster:
+            # Before the others: a process that reads nothing blocks whoever sends to it.
+            self.state.roster[culprit].child.end()
         late = self._await_ends([m for m in members if m.name != culprit])
         for member in self.state.roster.values():
             member.child.end()
         self._salvage(0.0)
+        self._announcer.close()
         return late
 
     def _await_ends(self, members: list[Member]) -> list[Member]:
@@ -341,7 +341,7 @@ class Conductor:
             waited_s = time.monotonic() - began
             if not any(waited_s < self._patience_s(m) for m in left):
                 return left
-            self._put_stop(self._stop_message)
+            self._announcer.repeat_stop()
             self._salvage(TICK_S / 5)
 
     def _patience_s(self, member: Member) -> float:
@@ -392,7 +392,19 @@ class Conductor:
             return
         for member in self.state.roster.values():
             if member.child.exit_code() is not None and member.name != self.state.replaced:
+                if member.name in self._freed:
+                    raise took_nothing(
+                        member, self.state.roster, self.state.barrier, self._scenario.step_ns
+                    )
                 self._mourn(member)
+
+    def _free(self) -> None:
+        """End whoever reads nothing, while a message to it keeps us from everything else."""
+        roster = self.state.roster
+        frozen = [name for name, member in roster.items() if member.child.is_stopped()]
+        for name in frozen or self.state.barrier.holders() or roster:
+            self._freed.append(name)
+            roster[name].child.signal(signal.SIGKILL)
 
     def _hear_last_words(self) -> None:
         deadline = time.monotonic() + _LAST_WORDS_S

@@ -80,6 +80,8 @@ def check_step(roster: Roster, barrier: Barrier, elapsed_s: float, step_ns: int)
     for name in holders:
         roster[name].hold(owed_step(name, roster, barrier), elapsed_s)
     late = [m for m in map(roster.__getitem__, holders) if m.holds_s > seconds(m.spec, "step")]
+    # Whoever sends to a process that is stopped may be held up by it.
+    late = [member for member in late if member.child.is_stopped()] or late
     if late:
         step = _stuck_at(late[0])
         sentences = [_holds(member, barrier) for member in late]
@@ -109,6 +111,11 @@ def _holds(member: Member, barrier: Barrier) -> str:
     limit = f"deadline {deadline:g} s (participants.{member.name}.step_timeout)"
     missing = barrier.missing(member.name)
     waiting = member.waiting
+    if member.child.is_stopped():
+        return (
+            f"{member.who()} has been stopped by a signal or a debugger, and has held the step for "
+            f"{member.holds_s:.1f} s; {limit}"
+        )
     if missing:
         return f"{member.who()} still waits for {', '.join(missing)}; {limit}"
     if waiting is not None and waiting.sources and _waits_in_held_step(member):
@@ -129,6 +136,19 @@ def _holds(member: Member, barrier: Barrier) -> str:
 def _worker(member: Member) -> str:
     """Return who does a participant's work, where it is not the participant itself."""
     return "" if member.spec.bridge is None else f"`{' '.join(member.spec.exec)}` "
+
+
+def took_nothing(member: Member, roster: Roster, barrier: Barrier, step_ns: int) -> StepTimeout:
+    """Return the failure of a participant that was killed because it read nothing any more."""
+    step = owed_step(member.name, roster, barrier)
+    deadline = seconds(member.spec, "step")
+    return StepTimeout(
+        f"{at(step, step_ns)}: {member.who()} has taken in nothing for {deadline:g} s, and "
+        f"messages to it piled up; deadline {deadline:g} s "
+        f"(participants.{member.name}.step_timeout)",
+        participant=member.name,
+        step=step,
+    )
 
 
 def death(member: Member, roster: Roster, barrier: Barrier, step_ns: int) -> RunFailure:

@@ -1,4 +1,8 @@
-"""Kills a program that takes in nothing, so that whoever sends to it is not blocked for good."""
+"""Frees whoever sends to a program that takes in nothing, and would be blocked for good.
+
+Publishers block rather than drop (P2.5). A frozen process reads nothing; when the buffers of its
+link are full, which takes some 250 messages however small, a put to it never returns.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,8 @@ _LOOK_S = 0.1
 class Watchdog:
     """Watches the calls that a program which reads nothing would block for ever.
 
-    limit_s: how long such a call may take [s]. kill: ends the program, which frees the call.
+    limit_s: how long such a call may take [s]. kill: ends the program, which frees the call; it
+    runs on the watchdog's thread.
     """
 
     def __init__(self, limit_s: float, kill: Callable[[], None]) -> None:
@@ -28,11 +33,19 @@ class Watchdog:
     @contextlib.contextmanager
     def watching(self) -> Iterator[None]:
         """Watch what is done in this context."""
-        self._since = time.monotonic()
+        self.begin()
         try:
             yield
         finally:
-            self._since = None
+            self.end()
+
+    def begin(self) -> None:
+        """Watch what is done from now on."""
+        self._since = time.monotonic()
+
+    def end(self) -> None:
+        """Watch no longer, until the next `begin`."""
+        self._since = None
 
     def close(self) -> None:
         """Watch no longer."""
@@ -45,3 +58,4 @@ class Watchdog:
             if since is not None and time.monotonic() - since > self._limit_s:
                 self.has_bitten = True
                 self._kill()
+                self._since = time.monotonic()

@@ -11,8 +11,7 @@ from stepbus import Bus
 from stepbus_schemas import CallRecord, Decoder, MessageError, Outputs
 
 from ..conductor import Conductor
-from ..deadlines import check_start, owed_step
-from ..errors import StepTimeout
+from ..deadlines import check_start, took_nothing
 from ..progress import Observer
 from ..roster import Descriptions, Phase
 from ..scenario import Scenario, Schedule
@@ -59,8 +58,8 @@ class Replayer(Conductor):
         self._peers = peers
         self._recorded = descriptions
         self._newest: Any = None
-        self._limit_s = scenario.participant(participant).deadlines.step_s
-        self._watchdog = Watchdog(self._limit_s, self._kill)
+        limit_s = scenario.participant(participant).deadlines.step_s
+        self._watchdog = Watchdog(limit_s, self._kill)
         # Nobody waits for it, so that only its outputs themselves tell how far it came.
         bus.subscribe(f"out/{participant}", self._see)
 
@@ -100,14 +99,7 @@ class Replayer(Conductor):
             self._peers.publish_below(barrier.upto, barrier.reported)
         if self._watchdog.has_bitten:
             (member,) = self.state.roster.values()
-            step = owed_step(member.name, self.state.roster, barrier)
-            raise StepTimeout(
-                f"{self.state.at(step)}: {member.who()} has taken in nothing for "
-                f"{self._limit_s:g} s, and messages to it piled up; deadline {self._limit_s:g} s "
-                f"(participants.{member.name}.step_timeout)",
-                participant=member.name,
-                step=step,
-            )
+            raise took_nothing(member, self.state.roster, barrier, self._scenario.step_ns)
         super()._release()
 
     def _close(self) -> None:

@@ -1,0 +1,71 @@
+"""A planar arm of three joints, and goals carried out on it without a bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepbus_controller.goals import GoalRunner, Settling
+from stepbus_controller.ik import IkSettings, InverseKinematics
+from stepbus_controller.kinematics import Kinematics
+from stepbus_controller.motion import MotionLimits
+from stepbus_controller.planning import Planner
+from stepbus_schemas import GoalStatus
+
+JOINTS = ("one", "two", "three")
+_LINK = """
+  <link name="link_{n}"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+  <joint name="{name}" type="revolute"><parent link="{parent}"/><child link="link_{n}"/>
+    <origin xyz="{x} 0 0"/><axis xyz="{axis}"/>
+    <limit lower="-2.5" upper="2.5" effort="{effort}" velocity="2"/></joint>"""
+
+
+def write_arm(folder: Path, effort: float = 100.0, axes: tuple[str, ...] = ("0 1 0",) * 3) -> Path:
+    """Return a URDF of three links of 1 m and 1 kg, and a hand at their end."""
+    rows = [
+        _LINK.format(n=n, name=name, parent=f"link_{n - 1}", x=min(n, 1), axis=axis, effort=effort)
+        for n, (name, axis) in enumerate(zip(JOINTS, axes, strict=True))
+    ]
+    rows[0] = rows[0].replace("link_-1", "base")
+    text = (
+        '<robot name="arm"><link name="base"/>'
+        + "".join(rows)
+        + (
+            '<link name="hand"/><joint name="wrist" type="fixed"><parent link="link_2"/>'
+            '<child link="hand"/><origin xyz="1 0 0"/></joint></robot>'
+        )
+    )
+    path = folder / "arm.urdf"
+    path.write_text(text)
+    return path
+
+
+def make_ik(robot: Kinematics, seed: int = 0, **settings: Any) -> InverseKinematics:
+    return InverseKinematics(robot, IkSettings(**settings), seed=seed)
+
+
+def make_runner(robot: Kinematics, *, tries_unholdable: bool = False) -> GoalRunner:
+    one = np.ones(len(robot.joints))
+    limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
+    settling = Settling(position=1e-3, velocity=1e-2, steps=3, timeout=0.5)
+    planner = Planner(robot, limits, seed=0)
+    runner = GoalRunner(
+        robot, make_ik(robot), planner, limits, settling, tries_unholdable=tries_unholdable
+    )
+    runner.hold(np.array([0.5, 0.5, 0.5]))
+    return runner
+
+
+def carry_on(runner: GoalRunner, t: float, seconds: float = 8.0, stuck: bool = False) -> None:
+    """Let perfect motors follow, or none, for some time [s]."""
+    start = runner.at(t)
+    for now_s in np.arange(t, t + seconds, 0.05):
+        now = start if stuck else runner.at(now_s)
+        runner.look(now.position, now.velocity * (not stuck), now_s)
+
+
+def all_news(runner: GoalRunner) -> list[GoalStatus]:
+    return list(iter(runner.news, None))

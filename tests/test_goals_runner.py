@@ -1,0 +1,122 @@
+"""Goals: one at a time, each with the story of its states and the cause of its end."""
+
+import numpy as np
+import pytest
+from arm_support import JOINTS, all_news, carry_on, make_runner, write_arm
+
+from stepbus_controller.kinematics import Kinematics
+from stepbus_schemas import Goal
+
+
+@pytest.fixture
+def robot(tmp_path):
+    return Kinematics(write_arm(tmp_path), JOINTS)
+
+
+def joints(number, *values, **fields):
+    return Goal(id=number, kind="move_joints", joints=list(JOINTS), values=list(values), **fields)
+
+
+def states(runner):
+    return [(status.id, status.state) for status in all_news(runner)]
+
+
+def test_a_goal_is_accepted_then_running_then_succeeds(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 1.0, -1.0, 0.5), 0.0)
+    carry_on(runner, 0.0)
+    assert states(runner) == [(1, "accepted"), (1, "running"), (1, "succeeded")]
+    assert runner.at(9.0).position == pytest.approx([1.0, -1.0, 0.5])
+
+
+def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
+    runner, q = make_runner(robot), np.array([0.9, -0.8, 1.1])
+    x, y, z = (
+        robot.place(np.array([0.5, 0, 0]), "link_0").actInv(robot.place(q, "hand")).translation
+    )
+    half = (q.sum() - 0.5) / 2
+    goal = Goal(id=2, kind="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
+                orientation=(0.0, float(np.sin(half)), 0.0, float(np.cos(half))))  # fmt: skip
+    runner.begin(goal, 0.0)
+    carry_on(runner, 0.0)
+    assert states(runner)[-1] == (2, "succeeded")
+    assert robot.place(runner.at(9.0).position, "hand").isApprox(robot.place(q, "hand"), 1e-4)
+
+
+def test_the_motion_keeps_its_limits_and_is_smooth(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, -1.5, 1.5, 2.0), 0.0)
+    rows = [runner.at(t) for t in np.arange(0, 4, 0.01)]
+    assert max(np.abs(row.velocity).max() for row in rows) <= 2 + 1e-9
+    assert max(np.abs(row.acceleration).max() for row in rows) <= 4 + 1e-9
+    steps = np.diff([row.acceleration for row in rows], axis=0)
+    assert np.abs(steps).max() <= 40 * 0.01 + 1e-9
+
+
+def test_a_duration_is_kept_where_the_limits_allow_it(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=5.0), 0.0)
+    assert "5.00 s of motion" in all_news(runner)[0].text
+
+
+def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    before = runner.at(0.5)
+    runner.begin(joints(2, -1.0, 0.0, 0.0), 0.5)
+    assert (1, "cancelled") in states(runner)
+    assert runner.at(0.5).position == pytest.approx(before.position)
+    assert runner.at(0.5).velocity == pytest.approx(before.velocity)
+
+
+def test_stop_brings_the_joints_to_rest(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.begin(Goal(id=2, kind="stop"), 0.5)
+    carry_on(runner, 0.5)
+    assert states(runner)[-1] == (2, "succeeded")
+    assert not runner.at(9.0).velocity.any()
+    assert runner.at(9.0).position.max() < 1.9
+
+
+def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 0.5, 0.5, 1.5), 0.0)
+    carry_on(runner, 0.0, stuck=True)
+    last = all_news(runner)[-1]
+    assert (last.state, last.cause) == ("failed", "not_settled")
+    assert "three is 57.296° off" in last.text
+    assert runner.at(9.0).position == pytest.approx([0.5, 0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("goal", "text"),
+    [
+        (joints(1, 0.0, 0.0), "2 values for 3 joints"),
+        (joints(1, 0.0, 3.0, 0.0), "two shall go to 3 rad, its limits are [-2.5, 2.5]"),
+        (joints(1, 0.0, float("nan"), 0.0), "two shall go to nan rad"),
+        (joints(1, 0.0, 0.0, 0.0, duration=-1.0), "-1 s is no length of time"),
+        (Goal(id=1, kind="move_joints", joints=["tow"], values=[0.0]), "did you mean 'two'"),
+        (Goal(id=1, kind="move_to_pose", tip="hand"), "needs position and orientation"),
+        (Goal(id=1, kind="move_to_pose", tip="base", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "moves tip 'base'"),
+        (Goal(id=1, kind="move_to_pose", tip="hand", position=(0, 0, 0), orientation=(0, 0, 0, 2)), "has length 2, not 1"),
+        (Goal(id=1, kind="move_to_pose", tip="hand", frame="tabel", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "frame 'tabel'"),
+    ],
+)  # fmt: skip
+def test_a_goal_that_makes_no_sense_fails_and_says_why(robot, goal, text):
+    runner = make_runner(robot)
+    runner.begin(goal, 0.0)
+    (news,) = all_news(runner)
+    assert (news.state, news.cause) == ("failed", "invalid")
+    assert text in news.text
+    assert runner.at(1.0).position == pytest.approx([0.5, 0.5, 0.5])
+
+
+def test_a_pose_that_cannot_be_held_is_refused_or_tried_as_one_likes(tmp_path):
+    robot = Kinematics(write_arm(tmp_path, effort=30.0), JOINTS)
+    out = joints(1, 0.0, 0.3, 0.3)
+    refuses, tries = make_runner(robot), make_runner(robot, tries_unholdable=True)
+    for runner in (refuses, tries):
+        runner.begin(out, 0.0)
+    assert [(n.state, n.cause) for n in all_news(refuses)] == [("failed", "not_holdable")]
+    assert [(n.state, n.cause) for n in all_news(tries)] == [("accepted", "not_holdable")]
