@@ -34,7 +34,7 @@ class Dynamics:
         joints: Sequence[str] | None = None,
         gravity: Sequence[float] = STANDARD_GRAVITY,
     ) -> None:
-        model = _reduced(_read(path), joints, path)
+        model = reduced(read_urdf(path), joints, path)
         model.gravity.linear = np.array(gravity, dtype=np.float64)
         self.joints = tuple(joints) if joints is not None else tuple(model.names)[1:]
         ids = [model.getJointId(name) for name in self.joints]
@@ -88,15 +88,19 @@ class Dynamics:
             self._position[self._in_turning + 1] = np.sin(angle)
 
 
-def _read(path: Path) -> Any:
+def read_urdf(path: Path) -> Any:
+    """Return Pinocchio's model of a robot; raises WiringError for a file that is no URDF."""
     try:
         return pin.buildModelFromUrdf(str(path))
     except ValueError as exc:
         raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
 
 
-def _reduced(model: Any, joints: Sequence[str] | None, path: Path) -> Any:
-    """Return the model with only the wanted joints free to move."""
+def reduced(model: Any, joints: Sequence[str] | None, path: Path) -> Any:
+    """Return the model with only the wanted joints free to move, the others at neutral.
+
+    Raises WiringError for joints that are unknown or have more than one degree of freedom.
+    """
     movable = tuple(model.names)[1:]
     wanted = movable if joints is None else joints
     problems = [

@@ -27,6 +27,7 @@ from stepbus_schemas import (
 from .dynamics import Vector
 from .laws import Reference, read_law
 from .order import JointOrder
+from .smoothing import Smoother, delay_sentence, read_smoother
 from .velocity import VelocityEstimator, read_estimator
 
 
@@ -35,7 +36,8 @@ class ControllerParticipant(Participant):
 
     Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, where the
     scenario wires it, one ControllerStatus/1. The names of the ports are the scenario's. Until
-    both inputs have been there once, nothing is published.
+    both inputs have been there once, nothing is published. Parameter `smoothing` (see
+    `read_smoother`) smooths what is measured; the status says once what delay it costs.
     """
 
     def __init__(self, config: Config) -> None:
@@ -47,12 +49,17 @@ class ControllerParticipant(Participant):
         self._status_port = settings.optional_output_of("ControllerStatus/1")
         settings.outputs_are("JointCommand/1", "ControllerStatus/1")
         self._estimator: VelocityEstimator | None = read_estimator(settings)
+        sensed_every = config.inputs[self._state_port].every if self._state_port else 1
+        sensed_s = max(config.every, sensed_every) * config.step_ns * 1e-9
+        self._smoother: Smoother | None = read_smoother(settings, sensed_s)
+        self._velocity_smoother: Smoother | None = read_smoother(settings, sensed_s)
         self._robot, self._law = read_law(settings)
         self._limit: list[float] = self._robot.effort_limit.tolist()
         self._dt = config.every * config.step_ns * 1e-9
         self._motion: tuple[Vector, Vector] | None = None
         self._reference: Reference | None = None
         self._saturated = [False] * len(self._limit)
+        self._told_delay = False
 
     def describe(self) -> Mapping[str, Description]:
         """Return the controller's joints in its own order, and its effort limits."""
@@ -118,6 +125,8 @@ class ControllerParticipant(Participant):
 
     def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector]:
         q = self._state_order.pick(state.position, "position")
+        if self._smoother is not None:
+            q = self._smoother.update(q)
         if self._estimator is not None:
             return q, self._estimator.update(q, t_ns)
         if state.velocity is None:
@@ -125,7 +134,11 @@ class ControllerParticipant(Participant):
                 f"{self.config.name}: input {self._state_port!r} carries no velocity; set params."
                 "velocity to finite_difference or filtered, or let the plant sense it"
             )
-        return q, self._state_order.pick(state.velocity, "velocity")
+        v = self._state_order.pick(state.velocity, "velocity")
+        if self._velocity_smoother is not None:
+            # By the same delay as the positions.
+            v = self._velocity_smoother.update(v)
+        return q, v
 
     def _checked(self, torque: Any, step: int) -> list[float]:
         """Return the law's torques as a list; raises RunError when they are of no use."""
@@ -148,11 +161,12 @@ class ControllerParticipant(Participant):
         self, error: list[float], wanted: list[float], values: list[float]
     ) -> ControllerStatus:
         """Return the status; a warning marks the step at which a joint begins to saturate."""
+        warnings = [] if self._told_delay else delay_sentence(self._smoother)
+        self._told_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
-        warnings: list[str] = []
         if saturated != self._saturated:
             rows = zip(self._robot.joints, wanted, values, saturated, self._saturated, strict=True)
-            warnings = [
+            warnings += [
                 f"{name} saturates: {w:.1f} N·m wanted, {value:.1f} commanded"
                 for name, w, value, now, before in rows
                 if now and not before

@@ -10,6 +10,7 @@ from stepbus.settings import nearest
 from stepbus_schemas import JointCommand, WiringError
 from stepbus_schemas.messages import JointMode
 
+from .complaints import Complaints, degrees_hint
 from .drives import Drive
 from .errors import CommandError
 from .joints import Joint
@@ -28,9 +29,10 @@ _EXTRAS = {
 class Commander:
     """Carries out the commands of one input; there may be several, one for each arm.
 
-    port: its name, for messages. names: whose values its vectors hold, in their order. owners:
-    joint → the input that drives it; shared by all commanders of a plant.
-    Raises WiringError when names are unknown or stand there twice.
+    port: its name, for messages. names: whose values its vectors hold, in their order. period:
+    substeps from one command to the next. owners: joint → the input that drives it; complaints:
+    what commands ask for in vain; both are shared by all commanders of a plant.
+    Raises WiringError when names are unknown, fixed, or stand there twice.
     """
 
     def __init__(
@@ -40,9 +42,13 @@ class Commander:
         *,
         physics: Physics,
         drives: Sequence[Drive],
+        period: int,
         owners: dict[str, str],
+        complaints: Complaints,
     ) -> None:
         self._port = port
+        self._period = period
+        self._complaints = complaints
         self._physics = physics
         self._owners = owners
         self._mode: JointMode | None = None
@@ -57,7 +63,13 @@ class Commander:
         ]
 
     def _check_names(self, names: Sequence[str], known: dict[str, Joint]) -> None:
-        mistakes = [f"joint {n!r} is unknown; {nearest(n, known)}" for n in names if n not in known]
+        mistakes = [
+            f"joint {n!r} is fixed in its model; no command moves it"
+            if n in self._physics.fixed
+            else f"joint {n!r} is unknown; {nearest(n, known)}"
+            for n in names
+            if n not in known
+        ]
         mistakes += [
             f"joint {n!r} stands there twice" for n in dict.fromkeys(names) if names.count(n) > 1
         ]
@@ -80,8 +92,9 @@ class Commander:
             return
         if command.mode != self._mode:
             self._own(command.mode)
+        self._complaints.check(self._joints, command)
         for drive, rows in self._rows:
-            drive.take(command, rows)
+            drive.take(command, rows, self._period)
 
     def _check_vectors(self, command: JointCommand) -> None:
         self._check_vector("values", command.values)
@@ -110,7 +123,7 @@ class Commander:
     def _own(self, mode: JointMode) -> None:
         """Check that the joints take this mode and that nobody else drives them."""
         for joint in self._joints:
-            if joint.mode != mode:
+            if joint.motor and joint.mode != mode:
                 self._refuse(
                     f"joint {joint.name} takes mode {joint.mode}, the command has mode {mode}; "
                     "change one of them (world file: mode)"
@@ -134,7 +147,7 @@ class Commander:
             if not joint.lower <= position <= joint.upper:
                 self._refuse(
                     f"joint {joint.name} cannot be teleported to {position}; its limits are "
-                    f"[{joint.lower}, {joint.upper}]"
+                    f"[{joint.lower}, {joint.upper}]{degrees_hint(joint, position)}"
                 )
         rows = zip(self._joints, self._at, command.values, velocities, strict=True)
         for joint, (drive, place), position, velocity in rows:

@@ -23,18 +23,23 @@ class Drive:
     """Joints of one body that are driven alike, and the newest target of each.
 
     client: of PyBullet. joints: all of one body, mode and actuation; each keeps its target until
-    a command has another one for it, whoever commands the other joints of the drive.
+    a command has another one for it, whoever commands the other joints of the drive. substep_s:
+    length of a physics substep [s].
     """
 
-    def __init__(self, client: int, joints: Sequence[Joint]) -> None:
+    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         self.joints = list(joints)
         self._client = client
+        self._substep_s = substep_s
         self._body = joints[0].body
         self._indices = [joint.index for joint in joints]
         self._efforts = [joint.effort for joint in joints]
 
-    def take(self, command: JointCommand, rows: Rows) -> None:
-        """Take in what a command says about some of the joints."""
+    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
+        """Take in what a command says about some of the joints.
+
+        period: substeps until the next command is due.
+        """
 
     def jumped(self, place: int, position: float) -> None:
         """Take in that the joint at a place was teleported to a position [rad]."""
@@ -57,13 +62,13 @@ class Drive:
 class DirectTorque(Drive):
     """Mode torque: the engine applies the torque itself."""
 
-    def __init__(self, client: int, joints: Sequence[Joint]) -> None:
-        super().__init__(client, joints)
+    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(client, joints, substep_s)
         self._wanted = [0.0] * len(joints)
         self._applied = self._wanted
         self._braked: set[int] = set()
 
-    def take(self, command: JointCommand, rows: Rows) -> None:
+    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
         """Take in torques, cut at the joints' limits; a joint that is driven has its brake off."""
         values, efforts = command.values, self._efforts
         wanted = self._wanted.copy()
@@ -114,8 +119,8 @@ class _Motors(Drive):
     _velocities: to reach [rad/s]. _forces: largest torques to do it with [N·m].
     """
 
-    def __init__(self, client: int, joints: Sequence[Joint]) -> None:
-        super().__init__(client, joints)
+    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(client, joints, substep_s)
         self._velocities = [0.0] * len(joints)
         self._forces = self._efforts.copy()
         self._changed = True
@@ -153,11 +158,11 @@ class VelocityForce(_Motors):
     A motor that shall reach an unreachable velocity with at most the force |τ| applies τ.
     """
 
-    def __init__(self, client: int, joints: Sequence[Joint]) -> None:
-        super().__init__(client, joints)
+    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(client, joints, substep_s)
         self._forces = [0.0] * len(joints)
 
-    def take(self, command: JointCommand, rows: Rows) -> None:
+    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
         """Take in torques, cut at the joints' limits."""
         for place, source in rows:
             torque = command.values[source]
@@ -169,7 +174,7 @@ class VelocityForce(_Motors):
 class VelocityMotor(_Motors):
     """Mode velocity: a motor that holds a velocity with limited torque."""
 
-    def take(self, command: JointCommand, rows: Rows) -> None:
+    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
         """Take in velocities, cut at the joints' limits."""
         for place, source in rows:
             limit = self.joints[place].max_velocity or math.inf
@@ -179,72 +184,108 @@ class VelocityMotor(_Motors):
 
 
 class PositionMotor(_Motors):
-    """Mode position: a motor that follows a target with limited torque and velocity."""
+    """Mode position: a motor that follows a target with limited torque and velocity.
 
-    def __init__(self, client: int, joints: Sequence[Joint]) -> None:
-        super().__init__(client, joints)
-        self._targets = [joint.start for joint in joints]
+    A target with a feed-forward velocity moves on at it until the next command is due, as in a
+    drive that is given position, velocity and time. A target that stood still in between would
+    make the joint follow stairs, and lag behind.
+    """
 
-    def take(self, command: JointCommand, rows: Rows) -> None:
-        """Take in targets and feed-forward velocities, without which the joint lags behind."""
+    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(client, joints, substep_s)
+        self._commanded = [joint.start for joint in joints]
+        self._age = [0] * len(joints)
+        self._moving: dict[int, int] = {}
+
+    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
+        """Take in targets and feed-forward velocities."""
         ahead = command.velocity
         for place, source in rows:
-            joint = self.joints[place]
-            self._targets[place] = min(max(command.values[source], joint.lower), joint.upper)
-            self._velocities[place] = 0.0 if ahead is None else ahead[source]
+            self._aim(place, command.values[source])
             self._take_limit(command, place, source)
+            if ahead is not None and ahead[source] != 0.0:
+                self._velocities[place] = ahead[source]
+                self._moving[place] = period
         self._changed = True
+
+    def _aim(self, place: int, position: float) -> None:
+        """Have a joint stand still at a position [rad]."""
+        self._commanded[place], self._velocities[place] = position, 0.0
+        self._age[place] = 0
+        self._moving.pop(place, None)
 
     def jumped(self, place: int, position: float) -> None:
         """Hold the new position, instead of pulling the joint back."""
-        self._targets[place], self._velocities[place] = position, 0.0
+        self._aim(place, position)
         self._changed = True
 
     def brake(self, place: int, position: float) -> None:
         """Hold the joint where it is."""
         super().brake(place, position)
-        self._targets[place] = position
+        self._aim(place, position)
 
     def targets(self) -> list[float] | None:
-        """Return the newest targets, cut at the joints' stops [rad]."""
-        return self._targets
+        """Return where the joints shall be now, cut at their stops [rad]."""
+        return [self._target(place) for place in range(len(self.joints))]
+
+    def _target(self, place: int) -> float:
+        joint = self.joints[place]
+        way = self._velocities[place] * self._age[place] * self._substep_s
+        return min(max(self._commanded[place] + way, joint.lower), joint.upper)
+
+    def before_substep(self) -> None:
+        """Set the motors that a command has changed, and move the targets that move."""
+        super().before_substep()
+        for place, period in list(self._moving.items()):
+            if self._age[place] >= period:
+                self._aim(place, self._target(place))
+            self._set_one(place)
+            self._age[place] += 1 if place in self._moving else 0
 
     def _set(self) -> None:
-        for place, joint in enumerate(self.joints):
-            limit = {"maxVelocity": joint.max_velocity} if joint.max_velocity > 0 else {}
-            bullet.setJointMotorControl2(
-                self._body,
-                joint.index,
-                bullet.POSITION_CONTROL,
-                targetPosition=self._targets[place],
-                targetVelocity=self._velocities[place],
-                force=self._forces[place],
-                physicsClientId=self._client,
-                **limit,
-            )
+        for place in range(len(self.joints)):
+            self._set_one(place)
+
+    def _set_one(self, place: int) -> None:
+        joint = self.joints[place]
+        limit = {"maxVelocity": joint.max_velocity} if joint.max_velocity > 0 else {}
+        bullet.setJointMotorControl2(
+            self._body,
+            joint.index,
+            bullet.POSITION_CONTROL,
+            targetPosition=self._target(place),
+            targetVelocity=self._velocities[place],
+            force=self._forces[place],
+            physicsClientId=self._client,
+            **limit,
+        )
 
 
 def _clip(value: float, limit: float) -> float:
     return -limit if value < -limit else min(value, limit)
 
 
-def make_drives(client: int, joints: Iterable[Joint]) -> list[Drive]:
-    """Return one drive per body, mode and actuation, so that each is one call a substep."""
+def make_drives(client: int, joints: Iterable[Joint], substep_s: float) -> list[Drive]:
+    """Return one drive per body, mode and actuation, so that each is one call a substep.
+
+    substep_s: length of a physics substep [s].
+    """
 
     def key(joint: Joint) -> tuple[int, str, str]:
-        return (joint.body, joint.mode, joint.actuation)
+        return (joint.body, joint.told_mode, joint.actuation)
 
     groups = [list(group) for _, group in groupby(sorted(joints, key=key), key)]
-    return [_class_for(group[0])(client, group) for group in groups]
+    return [_class_for(group[0])(client, group, substep_s) for group in groups]
 
 
 def _class_for(joint: Joint) -> type[Drive]:
     torque = DirectTorque if joint.actuation == "direct" else VelocityForce
-    # Nothing drives a joint of mode teleport; it is put where a command says.
+    # Nothing drives a joint of mode teleport, which is put where a command says, or a passive one.
     classes: dict[str, type[Drive]] = {
         "torque": torque,
         "velocity": VelocityMotor,
         "position": PositionMotor,
         "teleport": Drive,
+        "passive": Drive,
     }
-    return classes[joint.mode]
+    return classes[joint.told_mode]

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pybullet as bullet
+
+from stepbus.settings import nearest
+from stepbus_schemas import WiringError
 
 from .world import Actuation, JointSettings, OwnMode
 
@@ -24,7 +27,8 @@ class Joint:
     name: unique in the world; `body/joint` where two bodies share it. body, index: PyBullet's
     numbers of it. kind: revolute, continuous or prismatic. lower, upper: stops [rad]. effort:
     largest torque [N·m]. max_velocity: largest commanded velocity [rad/s]; 0: any. motor: whether
-    it has one; without, it swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m]. start, start_velocity: at t = 0 [rad, rad/s].
+    it has one; without, it swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
+    start, start_velocity: at t = 0 [rad, rad/s].
     Prismatic joints have [m] and [N] in place of [rad] and [N·m].
     """
 
@@ -137,3 +141,19 @@ def name_uniquely(found: Sequence[tuple[str, Joint]]) -> list[Joint]:
         else dataclasses.replace(joint, name=f"{body}/{joint.name}")
         for body, joint in found
     ]
+
+
+def with_efforts(joints: Sequence[Joint], efforts: Mapping[str, float]) -> list[Joint]:
+    """Return joints with other effort limits [N·m or N]; efforts: by unique name.
+
+    Raises WiringError that lists the names that are unknown.
+    """
+    names = [joint.name for joint in joints]
+    mistakes = [
+        f"params.effort: joint {name!r} is unknown; {nearest(name, names)}"
+        for name in efforts
+        if name not in names
+    ]
+    if mistakes:
+        raise WiringError("\n".join(mistakes))
+    return [dataclasses.replace(j, effort=efforts.get(j.name, j.effort)) for j in joints]

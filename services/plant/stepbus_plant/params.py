@@ -52,6 +52,10 @@ class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     resolution: Resolution = Resolution()
     actuation: Actuation = "direct"
     """How mode torque is carried out, where the world does not say it for a joint."""
+    effort: dict[str, NonNegative] = {}
+    """Joint → largest torque of its motor [N·m], over the world's and the URDF's."""
+    poses: list[str] | None = None
+    """Links whose poses an output of type Poses/1 has, in this order. Default: all."""
 
 
 def read_params(name: str, params: Mapping[str, Any]) -> Params:
@@ -82,7 +86,7 @@ def _contradictions(params: Params) -> list[tuple[str, str]]:
             for quantity, value in row.items()
             if value and quantity not in params.sense
         ]
-    for key in ("joints", "sense"):
+    for key in ("joints", "sense", "poses"):
         names = getattr(params, key) or []
         twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
         problems += [(key, f"names {item!r} twice") for item in twice]

@@ -4,31 +4,46 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pybullet as bullet
 
 from stepbus.settings import nearest
+from stepbus_schemas import WiringError
 
 from .checked import Problem
 from .errors import PhysicsError
-from .joints import Joint, is_movable, make_joint, name_uniquely, unsupported_kind
-from .world import Actuation, Body, JointSettings, World
+from .joints import (
+    Joint,
+    is_fixed,
+    is_movable,
+    make_joint,
+    name_uniquely,
+    unsupported_kind,
+    with_efforts,
+)
+from .models import loadable, pairs_without_collision
+from .params import Params
+from .world import Body, JointSettings, World
 
 
 class Physics:
     """One PyBullet client with everything in it; a fresh one per run.
 
-    step_ns: length of a physics substep [ns]. actuation: of joints for which the world has none.
-    joints: all movable ones, in the order of the world's bodies and of their models.
+    step_ns: length of a physics substep [ns]. params: actuation of joints for which the world has
+    none, and efforts over the world's.
+    joints: all movable ones, in the order of the world's bodies and of their models. fixed: names
+    of those that are not.
     Raises WiringError that lists every URDF that cannot be loaded and every joint that the world
     file gets wrong, each with its line.
     """
 
-    def __init__(self, world: World, step_ns: int, actuation: Actuation) -> None:
+    def __init__(self, world: World, step_ns: int, params: Params) -> None:
         self.client: int = bullet.connect(bullet.DIRECT)
-        self._actuation = actuation
+        self._actuation = params.actuation
         self._problems: list[Problem] = []
+        self.fixed: set[str] = set()
         try:
             self._set_up(world, step_ns)
             found = [
@@ -37,7 +52,7 @@ class Physics:
                 for joint in self._load(name, body)
             ]
             world.source.refuse(self._problems)
-            self.joints = name_uniquely(found)
+            self.joints = with_efforts(name_uniquely(found), params.effort)
             for joint in self.joints:
                 self._prepare(joint)
         except BaseException:
@@ -57,19 +72,20 @@ class Physics:
     def _load(self, name: str, body: Body) -> list[Joint]:
         """Load one body and return its movable joints, with the names their URDF has."""
         try:
-            number: int = bullet.loadURDF(
-                body.urdf,
-                basePosition=body.position,
-                baseOrientation=bullet.getQuaternionFromEuler(body.orientation_rpy),
-                useFixedBase=body.fixed_base,
-                # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
-                flags=bullet.URDF_USE_INERTIA_FROM_FILE,
-                physicsClientId=self.client,
-            )
+            with loadable(Path(body.urdf)) as urdf:
+                number: int = bullet.loadURDF(
+                    str(urdf),
+                    basePosition=body.position,
+                    baseOrientation=bullet.getQuaternionFromEuler(body.orientation_rpy),
+                    useFixedBase=body.fixed_base,
+                    flags=_flags(body),
+                    physicsClientId=self.client,
+                )
         except bullet.error as exc:
             self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
             return []
         self._still(number, body)
+        self._let_pass(number, name, body)
         return self._joints_of(number, name, body)
 
     def _still(self, number: int, body: Body) -> None:
@@ -92,15 +108,40 @@ class Physics:
         # By default PyBullet cuts every velocity at 100 rad/s, which hides a divergence.
         bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
 
+    def _let_pass(self, number: int, name: str, body: Body) -> None:
+        """Take away the collisions of the body with itself that its SRDF rules out."""
+        if body.srdf is None:
+            return
+        try:
+            pairs = pairs_without_collision(Path(body.srdf))
+        except WiringError as exc:
+            self._problems.append((("bodies", name, "srdf"), str(exc)))
+            return
+        links = {bullet.getBodyInfo(number, self.client)[0].decode(): -1}
+        links |= {info[12].decode(): info[0] for info in self._infos(number)}
+        unknown = dict.fromkeys(link for pair in pairs for link in pair if link not in links)
+        self._problems += [
+            (
+                ("bodies", name, "srdf"),
+                f"{body.srdf}: link {link!r} is unknown; {nearest(link, links)}",
+            )
+            for link in unknown
+        ]
+        for first, second in pairs:
+            if first not in unknown and second not in unknown:
+                bullet.setCollisionFilterPair(
+                    number, number, links[first], links[second], 0, physicsClientId=self.client
+                )
+
+    def _infos(self, body: int) -> list[Sequence[Any]]:
+        return [bullet.getJointInfo(body, n, self.client) for n in range(self._count(body))]
+
     def _count(self, body: int) -> int:
         count: int = bullet.getNumJoints(body, physicsClientId=self.client)
         return count
 
     def _joints_of(self, number: int, name: str, body: Body) -> list[Joint]:
-        infos = [
-            bullet.getJointInfo(number, index, physicsClientId=self.client)
-            for index in range(self._count(number))
-        ]
+        infos = self._infos(number)
         joints = [
             make_joint(number, info, self._settings(info, body), self._actuation)
             for info in infos
@@ -110,6 +151,7 @@ class Physics:
             if kind := unsupported_kind(info):
                 text = f"joint {info[1].decode()!r} of {body.urdf} is {kind}; this plant has none"
                 self._problems.append((("bodies", name, "urdf"), text))
+        self.fixed |= {info[1].decode() for info in infos if is_fixed(info)}
         self._check_joints(name, body, joints)
         return joints
 
@@ -177,3 +219,13 @@ class Physics:
         if self.client >= 0:
             bullet.disconnect(physicsClientId=self.client)
             self.client = -1
+
+
+def _flags(body: Body) -> int:
+    # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
+    flags: int = bullet.URDF_USE_INERTIA_FROM_FILE
+    if body.srdf is not None:
+        flags |= bullet.URDF_USE_SELF_COLLISION
+    if not body.visuals:
+        flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
+    return flags

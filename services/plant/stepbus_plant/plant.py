@@ -10,11 +10,13 @@ from stepbus.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
 from .commander import Commander
+from .complaints import Complaints
 from .drives import make_drives
 from .errors import PhysicsError
 from .joints import Joint
 from .params import Params
 from .physics import Physics
+from .poses import PoseSensor
 from .sensing import Sensors, Values
 from .world import World
 
@@ -26,23 +28,27 @@ class Plant:
     command names them they swing freely in mode torque, and hold still in modes velocity and
     position.
 
-    period_ns: length of a communication step [ns]. seed: of the sensors' noise.
+    period_ns: length of a communication step [ns]. seed: of the sensors' noise. complaints: what
+    commands have asked for in vain.
     Raises WiringError when the world or a parameter cannot work.
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
         step_ns = world.physics_ns(period_ns)
+        self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
-        self._physics = Physics(world, step_ns, params.actuation)
+        self._step_ns = step_ns
+        self._physics = Physics(world, step_ns, params)
         try:
-            self._joints = _choose(params.joints, self._physics.joints)
+            self._joints = _choose(params.joints, self._physics)
         except WiringError:
             self.close()
             raise
         self.names = [joint.name for joint in self._joints]
         self._sensors = Sensors(params, seed)
-        self._drives = make_drives(self._physics.client, self._physics.joints)
+        self._drives = make_drives(self._physics.client, self._physics.joints, step_ns * 1e-9)
         self._owners: dict[str, str] = {}
+        self.complaints = Complaints()
         self._plan_reading()
 
     def _plan_reading(self) -> None:
@@ -70,17 +76,24 @@ class Plant:
             },
             details={
                 "type": [joint.kind for joint in joints],
-                "mode": [joint.mode for joint in joints],
+                "mode": [joint.told_mode for joint in joints],
             },
         )
 
-    def commander(self, port: str, names: Sequence[str]) -> Commander:
+    def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
         """Return what carries out commands whose vectors are in the order of `names`.
 
+        period_ns: from one command to the next [ns]; none: one comes at every communication step.
         Raises WiringError when they do not fit this world's joints.
         """
         return Commander(
-            port, names, physics=self._physics, drives=self._drives, owners=self._owners
+            port,
+            names,
+            physics=self._physics,
+            drives=self._drives,
+            period=len(self._substeps) if period_ns is None else period_ns // self._step_ns,
+            owners=self._owners,
+            complaints=self.complaints,
         )
 
     def sense(self) -> JointState:
@@ -130,18 +143,27 @@ class Plant:
                 drive.before_substep()
             self._physics.step()
 
+    def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:
+        """Return what reads the true poses of links; None: of all.
+
+        Raises WiringError for links that are unknown.
+        """
+        return PoseSensor(self._physics.client, self._bodies, links)
+
     def close(self) -> None:
         """Leave the physics engine."""
         self._physics.close()
 
 
-def _choose(names: Sequence[str] | None, joints: Sequence[Joint]) -> list[Joint]:
+def _choose(names: Sequence[str] | None, physics: Physics) -> list[Joint]:
     """Return the joints that are sensed, in their order."""
     if names is None:
-        return list(joints)
-    known = {joint.name: joint for joint in joints}
+        return list(physics.joints)
+    known = {joint.name: joint for joint in physics.joints}
     mistakes = [
-        f"params.joints: {name!r} is unknown; {nearest(name, known)}"
+        f"params.joints: {name!r} is fixed in its model"
+        if name in physics.fixed
+        else f"params.joints: {name!r} is unknown; {nearest(name, known)}"
         for name in names
         if name not in known
     ]

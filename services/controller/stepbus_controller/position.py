@@ -1,0 +1,121 @@
+"""A controller for joints with motors of their own: `python -m stepbus_controller.position`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stepbus import main
+from stepbus.config import Config
+from stepbus.participant import Participant
+from stepbus.settings import Settings
+from stepbus.step import Step
+from stepbus_schemas import (
+    ControllerStatus,
+    Description,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+    WiringError,
+)
+
+from .dynamics import Vector
+from .order import JointOrder
+
+
+class PositionController(Participant):
+    """Turns a reference into position targets with a feed-forward velocity.
+
+    Inputs: one JointReference/1 and one JointState/1. Outputs: one JointCommand/1 and, where the
+    scenario wires it, one ControllerStatus/1. A reference that is older than the step is moved on
+    by its own derivatives. The velocity takes each target to the next in exactly one period.
+
+    Parameters: joints; feed_forward (default true): without it the joints lag behind;
+    effort_limit [N·m] (default: the plant's), one number for all joints, a list, or a map by name.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        settings = Settings(config)
+        self._reference_port = settings.input_of("JointReference/1")
+        self._state_port = settings.input_of("JointState/1")
+        self._command_port = settings.output_of("JointCommand/1")
+        self._status_port = settings.optional_output_of("ControllerStatus/1")
+        settings.outputs_are("JointCommand/1", "ControllerStatus/1")
+        self._joints = settings.names("joints")
+        self._feeds_forward = settings.flag("feed_forward", default=True)
+        self._effort_limit: list[float] | None = None
+        if settings.has("effort_limit"):
+            row = settings.per_name("effort_limit", self._joints, bound="not negative")
+            self._effort_limit = row
+        settings.check()
+        self._period = config.every * config.step_ns * 1e-9
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the joints in the order of the commands."""
+        ports = filter(None, (self._command_port, self._status_port))
+        return {port: Description(names=list(self._joints)) for port in ports}
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Map the joints of both inputs by name; raises WiringError for those that are missing."""
+        orders: dict[str, JointOrder] = {}
+        problems: list[str] = []
+        for port in (self._reference_port, self._state_port):
+            try:
+                orders[port] = JointOrder(port, inputs[port].names, self._joints)
+            except WiringError as exc:
+                problems += [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
+        if problems:
+            raise WiringError("\n".join(problems))
+        self._reference_order = orders[self._reference_port]
+        self._state_order = orders[self._state_port]
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the targets of this step, and how far the joints are from them."""
+        reference = step.get(self._reference_port, JointReference)
+        if reference is None:
+            return {}
+        target, velocity = self._target(reference, self._age(step))
+        command = JointCommand(
+            mode="position",
+            values=target.tolist(),
+            velocity=velocity.tolist() if self._feeds_forward else None,
+            effort_limit=self._effort_limit,
+        )
+        return {self._command_port: command, **self._status(step, target)}
+
+    def _age(self, step: Step) -> float:
+        """Return how long ago the newest reference was true [s]."""
+        source = self.config.inputs[self._reference_port]
+        reach = step.index - source.delay
+        return (step.index - (reach - reach % source.every)) * self.config.step_ns * 1e-9
+
+    def _target(self, reference: JointReference, age: float) -> tuple[Vector, Vector]:
+        """Return where the joints shall be now and how fast they get to where they shall be next.
+
+        Both of shape (n,), [rad, rad/s].
+        """
+        pick = self._reference_order.pick
+        q = pick(reference.position, "position")
+        v = pick(reference.velocity, "velocity")
+        a = pick(reference.acceleration, "acceleration")
+        return q + (v + a * (age / 2)) * age, v + a * (age + self._period / 2)
+
+    def _status(self, step: Step, target: Vector) -> Mapping[str, Message]:
+        state = step.get(self._state_port, JointState)
+        if self._status_port is None or state is None:
+            return {}
+        q = self._state_order.pick(state.position, "position")
+        error: list[float] = (target - q).tolist()
+        status = ControllerStatus(error=error, saturated=[False] * len(error))
+        return {self._status_port: status}
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the targets."""
+        return {"numpy": np.__version__}
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(PositionController))

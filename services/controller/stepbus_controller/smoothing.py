@@ -1,0 +1,103 @@
+"""Smoothing of noisy measurements, each kind with the delay that it costs."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Protocol
+
+import numpy as np
+
+from stepbus.settings import Settings
+
+from .dynamics import Vector
+
+KINDS = ("none", "low_pass", "savitzky_golay")
+
+
+class Smoother(Protocol):
+    """What turns a series of measurements into a smoother one.
+
+    delay: by which a slow signal comes later [s].
+    """
+
+    delay: float
+
+    def update(self, values: Vector) -> Vector:
+        """Return the smoothed values, shape (n,); values: the newest measurement, shape (n,)."""
+        ...
+
+
+class LowPass:
+    """y_k = α y_{k−1} + (1 − α) x_k with α = exp(−Δt / τ), a first-order low-pass filter.
+
+    time_constant: τ [s]. period: Δt [s]. Its delay at low frequency is Δt α / (1 − α), the slope
+    of its phase at 0 (Oppenheim and Schafer, Discrete-Time Signal Processing, section 5.1).
+    """
+
+    def __init__(self, time_constant: float, period: float) -> None:
+        self._keep = math.exp(-period / time_constant)
+        self._last: Vector | None = None
+        self.delay = period * self._keep / (1.0 - self._keep)
+
+    def update(self, values: Vector) -> Vector:
+        """See `Smoother`."""
+        last = values if self._last is None else self._last
+        self._last = self._keep * last + (1.0 - self._keep) * values
+        return self._last
+
+
+class SavitzkyGolay:
+    """Value, in the middle of a window, of the quadratic that fits its samples best.
+
+    window: samples, odd. period: between two of them [s]. Its delay is half the window at every
+    frequency (Savitzky and Golay, Analytical Chemistry 36, 1964). Until the window is full, its
+    oldest sample stands for those before it.
+    """
+
+    def __init__(self, window: int, period: float) -> None:
+        half = window // 2
+        powers = np.vander(np.arange(-half, half + 1), 3, increasing=True)
+        self._weights: Vector = np.linalg.pinv(powers)[0]
+        self._samples: deque[Vector] = deque(maxlen=window)
+        self.delay = half * period
+
+    def update(self, values: Vector) -> Vector:
+        """See `Smoother`."""
+        if not self._samples:
+            self._samples.extend([values] * len(self._weights))
+        self._samples.append(values)
+        return self._weights @ np.array(self._samples)
+
+
+def delay_sentence(smoother: Smoother | None) -> list[str]:
+    """Return the sentence that tells of the delay, if there is smoothing at all."""
+    if smoother is None:
+        return []
+    return [f"smoothing delays the measurements by {smoother.delay * 1e3:.1f} ms"]
+
+
+def read_smoother(settings: Settings, period: float) -> Smoother | None:
+    """Return what `smoothing`, `time_constant` and `window` ask for; None: no smoothing.
+
+    period: between two measurements [s].
+    """
+    kind = settings.choice("smoothing", KINDS, default="none")
+    if kind == "low_pass":
+        return _read_low_pass(settings, period)
+    if kind == "savitzky_golay":
+        return _read_savitzky_golay(settings, period)
+    return None
+
+
+def _read_low_pass(settings: Settings, period: float) -> Smoother | None:
+    constant = settings.number("time_constant", bound="positive")
+    return LowPass(constant, period) if constant > 0 else None
+
+
+def _read_savitzky_golay(settings: Settings, period: float) -> Smoother | None:
+    window = settings.number("window")
+    if not (window in range(5, 1000) and window % 2 == 1):
+        settings.note("window", f"is {window:g}, has to be an odd number of samples from 5 on")
+        return None
+    return SavitzkyGolay(int(window), period)
