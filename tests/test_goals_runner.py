@@ -59,6 +59,34 @@ def test_a_duration_is_kept_where_the_limits_allow_it(robot):
     assert "5.00 s of motion" in all_news(runner)[0].text
 
 
+def test_an_hour_long_motion_is_planned_like_any(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=3600.0), 0.0)
+    assert runner.at(1800.0).position == pytest.approx([0.55] * 3, abs=1e-3)
+
+
+def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=86400.0), 0.0)
+    assert [(n.state, n.cause) for n in all_news(runner)] == [("failed", "no_way")]
+
+
+def test_stop_at_rest_succeeds_where_the_joints_are(robot):
+    runner = make_runner(robot)
+    runner.begin(Goal(id=0, kind="stop"), 0.0)
+    carry_on(runner, 0.0, seconds=1.0)
+    assert states(runner) == [(0, "accepted"), (0, "running"), (0, "succeeded")]
+
+
+def test_a_goal_that_is_refused_stops_the_one_before(robot):
+    runner = make_runner(robot)
+    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.begin(joints(2, 9.0, 0.0, 0.0), 0.5)
+    carry_on(runner, 0.5)
+    assert states(runner) == [(1, "accepted"), (1, "cancelled"), (2, "failed")]
+    assert runner.at(9.0).position.max() < 1.9
+
+
 def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
     runner = make_runner(robot)
     runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)

@@ -23,7 +23,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """What the self-test found out about one joint.
 
     commanded, measured: positions [rad or m]; None for a joint without a motor. others: which
-    other joint moved most, and how far. findings: what is wrong, a sentence each; ok: nothing is.
+    other joint moved most, and how far. findings: what is wrong, a sentence each; ok: nothing is,
+    to one side at least. note: what happened on the other side, where that was not so.
     """
 
     joint: str
@@ -34,6 +35,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     others: tuple[str, float] | None = None
     ok: bool = True
     findings: list[str] = []
+    note: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,13 +57,24 @@ def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -
 
     state: what was measured, one sample for each step of the tester.
     """
-    trials = {trial.joint.index: trial for trial in plan}
     return [
-        _verdict(joint, trials[joint.index], joints, state)
-        if joint.index in trials
-        else Verdict(joint=joint.name, type=_kind(joint), mode=joint.mode)
+        _best([_verdict(t.joint, t, joints, state) for t in plan if t.joint is joint])
+        or Verdict(joint=joint.name, type=_kind(joint), mode=joint.mode)
         for joint in joints
     ]
+
+
+def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
+    """Return the first verdict without findings, or else the first; None where there is none."""
+    best = next((verdict for verdict in verdicts if verdict.ok), None)
+    if best is None:
+        return verdicts[0] if verdicts else None
+    notes = [text for verdict in verdicts if not verdict.ok for text in verdict.findings]
+    return (
+        msgspec.structs.replace(best, note="to the other side it " + "; ".join(notes))
+        if notes
+        else best
+    )
 
 
 def _verdict(

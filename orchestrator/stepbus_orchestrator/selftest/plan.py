@@ -1,4 +1,4 @@
-"""What the self-test commands: one trial per joint, the same for tester and judge."""
+"""What the self-test commands: its trials, the same for tester and judge."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ _STROKE = 0.05
 _LEAST = {True: math.radians(10), False: 0.005}
 _SETTLE_S = 0.5
 _PUSH_S = 0.1
+_THERE_AND_BACK = ("position", "velocity")
 # Peak over mean velocity of a motion of least jerk.
 _PEAK = 1.875
 
@@ -39,12 +40,17 @@ class TestedJoint:
     effort: float
     start: float
 
-    def goal(self, angle: float) -> float:
-        """Return where it is sent: to an angle [rad], or as far as its stops allow."""
+    def goals(self, angle: float) -> list[float]:
+        """Return where it is sent: to plus and minus an angle [rad], as far as its stops allow.
+
+        Two, since on one side the robot may be in its own way. Fewer where a stop is too near.
+        """
         want = angle if self.is_rotary else math.copysign(_STROKE, angle)
         ends = [min(max(way, self.lower), self.upper) for way in (want, -want)]
         far = [end for end in ends if abs(end - self.start) >= _LEAST[self.is_rotary]]
-        return (far or sorted(ends, key=lambda end: -abs(end - self.start)))[0]
+        if self.mode in _THERE_AND_BACK:
+            return far or [max(ends, key=lambda end: abs(end - self.start))]
+        return (far or ends)[:1]
 
     @property
     def pace(self) -> float:
@@ -59,7 +65,7 @@ class TestedJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What is done to one joint; steps are those of the tester.
+    """What is done to one joint once; steps are those of the tester.
 
     begin: first step. goal: where it is sent [rad]. rise: steps on the way. settle: steps it is
     then given. measure: step at which it is measured. end: first step of the next trial.
@@ -124,10 +130,8 @@ def make_plan(joints: Sequence[TestedJoint], step_s: float, angle: float) -> lis
     """
     begin = settle = max(1, round(_SETTLE_S / step_s))
     plan: list[Trial] = []
-    for joint in joints:
-        if joint.mode == "passive":
-            continue
-        goal = joint.goal(angle)
+    moved = [joint for joint in joints if joint.mode != "passive"]
+    for joint, goal in ((joint, goal) for joint in moved for goal in joint.goals(angle)):
         way = abs(goal - joint.start)
         rises = {
             "position": math.ceil(_PEAK * way / joint.pace / step_s),
@@ -137,7 +141,7 @@ def make_plan(joints: Sequence[TestedJoint], step_s: float, angle: float) -> lis
         rise = rises.get(joint.mode, 0)
         trial = Trial(joint=joint, goal=goal, begin=begin, rise=rise, settle=settle)
         # Back again, and the same pause before the next.
-        length = 2 * (rise + settle) if joint.mode in ("position", "velocity") else 2 * rise + 8
+        length = 2 * (rise + settle) if joint.mode in _THERE_AND_BACK else 2 * rise + 8
         plan.append(replace(trial, end=begin + length))
         begin = plan[-1].end
     return plan

@@ -141,7 +141,10 @@ class GoalRunner:
         overloaded = solution.verdict == "not_holdable"
         if solution.verdict != "reached" and not (overloaded and self._tries_unholdable):
             raise Refused(solution.verdict, str(solution))
-        motions = self._planner.plan(now, solution.q, goal.duration, holds=not overloaded)
+        try:
+            motions = self._planner.plan(now, solution.q, goal.duration, holds=not overloaded)
+        except RunError as exc:
+            raise Refused("no_way", str(exc)) from exc
         if motions is None:
             raise Refused("no_way", "no motion was found that neither touches nor overloads")
         route = Route(motions)

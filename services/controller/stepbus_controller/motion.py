@@ -124,8 +124,9 @@ def _calculated(given: Any) -> Motion:
     trajectory = ruckig.Trajectory(given.degrees_of_freedom)
     try:
         result = ruckig.Ruckig(given.degrees_of_freedom).calculate(given, trajectory)
-    except ruckig.RuckigError as exc:
-        raise RunError(f"no motion within the limits: {exc}") from exc
+    except (ruckig.RuckigError, ValueError) as exc:
+        # A ValueError is a result that its Python side has no name for, as a duration of hours.
+        raise RunError(f"ruckig has no motion within the limits: {exc}") from exc
     if result != ruckig.Result.Working:
-        raise RunError(f"no motion within the limits: {result}")
+        raise RunError(f"ruckig has no motion within the limits: {result}")
     return Motion(trajectory)

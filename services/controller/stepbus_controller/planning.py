@@ -18,6 +18,9 @@ _SLOWER = (1.0, 1.5, 2.5)
 _CHECKED_EVERY_S = 0.04
 """Distance of the poses of a motion that are looked at [s]."""
 
+_MOST_CHECKED = 1000
+"""Poses of a motion that are looked at: enough for a full turn, however slow it is."""
+
 
 class Planner:
     """Finds motions that neither touch anything nor need more torque than there is.
@@ -113,5 +116,5 @@ class Planner:
 
 
 def _sampled(motion: Motion) -> list[JointMotion]:
-    count = max(math.ceil(motion.duration / _CHECKED_EVERY_S), 1)
+    count = min(max(math.ceil(motion.duration / _CHECKED_EVERY_S), 1), _MOST_CHECKED)
     return [motion.at(motion.duration * i / count) for i in range(count + 1)]
