@@ -1,4 +1,4 @@
-.PHONY: help demo test test-slow chaos check bench clean setup
+.PHONY: help demo test test-slow chaos robots check bench clean setup
 
 PYTHON := .venv/bin/python
 
@@ -8,6 +8,7 @@ help:
 	@echo "make test-slow  run the others"
 	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
+	@echo "make robots     install the models that baxter needs (414 MB)"
 	@echo "make bench      measure steps per second"
 	@echo "make clean      remove .venv and caches; runs/ stays"
 
@@ -34,6 +35,9 @@ check: setup
 
 bench: setup
 	@$(PYTHON) benchmarks/lockstep.py
+
+robots: setup
+	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,robots]'
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist

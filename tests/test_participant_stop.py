@@ -42,7 +42,7 @@ class Bus:
         return sample
 
     def query(self, key, data, encoding, timeout_s):
-        return encode(self.welcome)
+        return [encode(self.welcome)]
 
     def publisher(self, key, encoding):
         return lambda data: self.take(key, data)

@@ -41,6 +41,12 @@ _PORTS: dict[str, dict[str, Value]] = {
     "Goal/1": {
         "minimal": {"id": 0, "kind": "stop"},
         "joints": {"id": 1, "kind": "move_joints", "joints": ["elbow"], "values": [0.5]},
+        "extreme floats": {
+            "id": 4,
+            "kind": "move_joints",
+            "joints": ["elbow"] * len(_FLOATS),
+            "values": _FLOATS,
+        },
         "pose": {
             "id": 2**63,
             "kind": "move_to_pose",
@@ -104,6 +110,7 @@ _PORTS: dict[str, dict[str, Value]] = {
             "position": [[0.5, -0.25, 1.0], [0.0, -0.0, 5e-324]],
             "orientation": [[0.0, 0.0, 0.0, 1.0], [0.5, -0.5, 0.5, -0.5]],
         },
+        "extreme floats": {"position": [_FLOATS[:3], _FLOATS[3:]], "orientation": [_FLOATS[2:]]},
     },
 }
 

@@ -76,7 +76,7 @@ def _row(verdict: Verdict) -> list[str]:
         _people(verdict, verdict.measured),
         f"{verdict.measured:.4f}",
         others,
-        "ok" if verdict.ok else "; ".join(verdict.findings),
+        "; ".join(filter(None, ("ok" if verdict.ok else "", *verdict.findings, verdict.note))),
     ]
 
 
@@ -90,9 +90,10 @@ COMMAND = Command(
     name="selftest",
     summary="command a known angle on every joint and read it back",
     description="Runs the plant of a scenario without its controller and mission, sends every "
-    "joint in turn to 90° or as far as its stops allow, and checks that this joint moves, that "
-    "way, that far, within its limits, and no other. Joints of mode torque are pushed forward "
-    "and back, and put at the angle. Exit code 0: every joint does as it is told, 11: one does "
+    "joint in turn to 90° and to -90°, or as far as its stops allow, and checks that this joint "
+    "moves, that way, that far, within its limits, and no other. One side is enough: on the other "
+    "the robot may be in its own way. Joints of mode torque are pushed forward and back, and put "
+    "at the angle. Exit code 0: every joint does as it is told, 11: one does "
     "not; otherwise those of run.",
     examples=(
         "stepbus selftest two_link",

@@ -6,7 +6,7 @@ import dataclasses
 import shutil
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -21,7 +21,7 @@ from ..result import Result
 from ..run import Options, run
 from ..scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from ..signals import Signal, read_signal
-from .judge import Verdict, judge
+from .judge import Verdict, better, judge
 from .plan import make_plan, modes_of, read_joints
 
 __all__ = ["SelfTest", "SelfTestFailed", "Verdict", "selftest"]
@@ -60,21 +60,36 @@ def selftest(
 ) -> SelfTest:
     """Run the plant of a scenario alone with a tester, and judge each of its joints.
 
-    angle: to send rotary joints to [rad], or as near as their stops allow.
+    angle: to send rotary joints to [rad], or as near as their stops allow. A joint that gets
+    there on neither side is sent half as far: the robot may have been in its own way.
     Raises WiringError where the scenario has no plant that is commanded by joint, SelfTestFailed
     when its run fails; its files are then kept.
     """
     plant, port = _plant_of(scenario)
     said = _said(scenario, plant.name, port, interrupt)
-    folder = Path(tempfile.mkdtemp(prefix="selftest-stepbus-"))
-    tested = _test_scenario(scenario, plant, port, said, angle)
-    result = run(tested, Options(out=folder / "run"), observer, interrupt)
-    if result.exit_code:
-        raise SelfTestFailed(result.reason, result.exit_code)
-    try:
-        return _judged(result, plant, port, angle)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+
+    def attempt(angle: float, only: list[str]) -> SelfTest:
+        folder = Path(tempfile.mkdtemp(prefix="selftest-stepbus-"))
+        aim = {"angle": angle, "only": only}
+        tested = _test_scenario(scenario, plant, port, said, aim)
+        result = run(tested, Options(out=folder / "run"), observer, interrupt)
+        if result.exit_code:
+            raise SelfTestFailed(result.reason, result.exit_code)
+        try:
+            return _judged(result, plant, port, angle, only)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    found = attempt(angle, list(said.names))
+    missed = [verdict.joint for verdict in found.joints if not verdict.ok]
+    if not missed:
+        return found
+    again = attempt(angle / 2, missed)
+    return SelfTest(
+        plant=plant.name,
+        simulated_s=found.simulated_s + again.simulated_s,
+        joints=better(found.joints, [v for v in again.joints if v.joint in missed]),
+    )
 
 
 def _plant_of(scenario: Scenario) -> tuple[ParticipantSpec, str]:
@@ -108,7 +123,11 @@ def _said(
 
 
 def _test_scenario(
-    scenario: Scenario, plant: ParticipantSpec, port: str, said: Description, angle: float
+    scenario: Scenario,
+    plant: ParticipantSpec,
+    port: str,
+    said: Description,
+    aim: Mapping[str, object],
 ) -> Scenario:
     """Return a scenario of the plant and a tester, which has an output for each mode."""
     modes = modes_of(said)
@@ -123,7 +142,7 @@ def _test_scenario(
         inputs={"joint_state": InputSpec(source=plant.name, port=port)},
         outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},
         params={
-            "angle": angle,
+            **aim,
             "names": {mode: [j.name for j in joints if j.mode == mode] for mode in modes},
         },
     )
@@ -142,14 +161,16 @@ def _test_scenario(
     )
 
 
-def _judged(result: Result, plant: ParticipantSpec, port: str, angle: float) -> SelfTest:
+def _judged(
+    result: Result, plant: ParticipantSpec, port: str, angle: float, only: Sequence[str]
+) -> SelfTest:
     recording = Recording.open(result.recording)
     topic: Port = recording.ports[f"{plant.name}/{port}"]
     state = read_signal(recording, topic, _QUANTITIES)
     if state is None or "position" not in state.fields:
         raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
     joints = read_joints(topic.description, _start(state))
-    plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle)
+    plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle, only)
     return SelfTest(
         plant=plant.name,
         simulated_s=result.simulated_s,

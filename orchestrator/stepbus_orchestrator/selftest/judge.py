@@ -24,7 +24,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
 
     commanded, measured: positions [rad or m]; None for a joint without a motor. others: which
     other joint moved most, and how far. findings: what is wrong, a sentence each; ok: nothing is,
-    to one side at least. note: what happened on the other side, where that was not so.
+    to one side at least. note: what went wrong on the other side.
     """
 
     joint: str
@@ -52,13 +52,32 @@ class _Evidence:
     effort: float
 
 
+def better(verdicts: Sequence[Verdict], others: Sequence[Verdict]) -> list[Verdict]:
+    """Return for each joint the better of its verdicts, with a note on the other.
+
+    others: of some of the joints, by the same plant at another angle.
+    """
+    again = {verdict.joint: verdict for verdict in others}
+    return [
+        _merged(verdict, again[verdict.joint]) if verdict.joint in again else verdict
+        for verdict in verdicts
+    ]
+
+
+def _merged(first: Verdict, second: Verdict) -> Verdict:
+    if not second.ok:
+        return first
+    rows = (*(_told(first, text) for text in first.findings), first.note, second.note)
+    return msgspec.structs.replace(second, note="; ".join(filter(None, rows)))
+
+
 def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -> list[Verdict]:
     """Return a verdict for every joint.
 
     state: what was measured, one sample for each step of the tester.
     """
     return [
-        _best([_verdict(t.joint, t, joints, state) for t in plan if t.joint is joint])
+        _best([_verdict(joint, t, joints, state) for t in plan if t.joint is joint])
         or Verdict(joint=joint.name, type=_kind(joint), mode=joint.mode)
         for joint in joints
     ]
@@ -66,15 +85,20 @@ def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -
 
 def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
     """Return the first verdict without findings, or else the first; None where there is none."""
-    best = next((verdict for verdict in verdicts if verdict.ok), None)
-    if best is None:
-        return verdicts[0] if verdicts else None
-    notes = [text for verdict in verdicts if not verdict.ok for text in verdict.findings]
-    return (
-        msgspec.structs.replace(best, note="to the other side it " + "; ".join(notes))
-        if notes
-        else best
+    best = next((verdict for verdict in verdicts if verdict.ok), None) or next(iter(verdicts), None)
+    note = "; ".join(
+        _told(verdict, text)
+        for verdict in verdicts
+        for text in verdict.findings
+        if verdict is not best
     )
+    return best if best is None else msgspec.structs.replace(best, note=note)
+
+
+def _told(verdict: Verdict, finding: str) -> str:
+    goal = verdict.commanded or 0.0
+    is_rotary = verdict.type != "prismatic"
+    return f"sent to {math.degrees(goal):.2f}° it {finding}" if is_rotary else f"else it {finding}"
 
 
 def _verdict(
@@ -173,7 +197,8 @@ def _moved_most(
     joint: TestedJoint, joints: Sequence[TestedJoint], found: _Evidence
 ) -> tuple[str, float] | None:
     """Return which of the joints that are held moved most, and how far."""
-    held = [j for j in joints if j is not joint and j.mode in ("position", "velocity")]
+    others = [j for j in joints if j is not joint and j.effort > 0]
+    held = [j for j in others if j.mode in ("position", "velocity")]
     moved = [(j.name, float(abs(found.after[j.index] - found.before[j.index]))) for j in held]
     return max(moved, key=lambda row: row[1], default=None)
 

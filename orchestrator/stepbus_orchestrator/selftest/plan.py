@@ -123,15 +123,18 @@ def modes_of(said: Description) -> list[str]:
     return list(dict.fromkeys(joint.mode for joint in joints if joint.mode != "passive"))
 
 
-def make_plan(joints: Sequence[TestedJoint], step_s: float, angle: float) -> list[Trial]:
+def make_plan(
+    joints: Sequence[TestedJoint], step_s: float, angle: float, only: Sequence[str]
+) -> list[Trial]:
     """Return the trials, one after the other; joints without a motor have none.
 
-    step_s: from one command to the next [s]. angle: to send rotary joints to [rad].
+    step_s: from one command to the next [s]. angle: to send rotary joints to [rad]. only: names
+    of the joints to test.
     """
     begin = settle = max(1, round(_SETTLE_S / step_s))
     plan: list[Trial] = []
-    moved = [joint for joint in joints if joint.mode != "passive"]
-    for joint, goal in ((joint, goal) for joint in moved for goal in joint.goals(angle)):
+    moved = [joint for joint in joints if joint.mode != "passive" and joint.name in only]
+    for joint, goal in ((item, goal) for item in moved for goal in item.goals(angle)):
         way = abs(goal - joint.start)
         rises = {
             "position": math.ceil(_PEAK * way / joint.pace / step_s),
@@ -187,6 +190,9 @@ def _way(joint: TestedJoint, step: int, trial: Trial | None) -> float:
     there = (step - trial.begin) / max(trial.rise, 1)
     back = (trial.measure + trial.rise - step) / max(trial.rise, 1)
     part = min(max(min(there, back), 0.0), 1.0)
+    if part == 1.0:
+        # Not a rounding error beyond it, where it is a stop.
+        return trial.goal
     share = part**3 * (10 - 15 * part + 6 * part**2)
     return joint.start + share * (trial.goal - joint.start)
 

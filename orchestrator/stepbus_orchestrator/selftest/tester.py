@@ -13,8 +13,8 @@ from .plan import Trial, commands_at, make_plan, read_joints
 class Tester(Participant):
     """Commands every joint in turn, and ends the run after the last.
 
-    Its input is the joint state; its outputs are named as the modes they command. Parameter:
-    angle [rad].
+    Its input is the joint state; its outputs are named as the modes they command. Parameters:
+    angle [rad]; only: names of the joints to test; names: of all joints of each mode.
     """
 
     def describe(self) -> Mapping[str, Description]:
@@ -39,7 +39,8 @@ class Tester(Participant):
             if state.position is None:
                 raise RunError(f"{self.config.name}: the plant senses no positions")
             self._joints = read_joints(self._said, state.position)
-            self._plan = make_plan(self._joints, step_s, self.config.params["angle"])
+            params = self.config.params
+            self._plan = make_plan(self._joints, step_s, params["angle"], params["only"])
         if not self._plan or count >= self._plan[-1].end:
             step.end("all joints have been tested")
         return dict(commands_at(count, self._plan, self._joints, step_s))

@@ -9,7 +9,8 @@ from stepbus_schemas import JointCommand
 
 from .joints import Joint
 
-_FULL_TURN = 2 * math.pi
+# Many a stop is a full turn, rounded up [rad].
+_FULL_TURN = 2 * math.pi + 1e-3
 
 
 class Complaints:
