@@ -1,4 +1,4 @@
-.PHONY: help demo test test-slow chaos robots check bench clean setup
+.PHONY: help demo test test-slow chaos examples robots check bench clean setup
 
 PYTHON := .venv/bin/python
 
@@ -8,6 +8,7 @@ help:
 	@echo "make test-slow  run the others"
 	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
+	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install the models that baxter needs (414 MB)"
 	@echo "make bench      measure steps per second"
 	@echo "make clean      remove .venv and caches; runs/ stays"
@@ -35,6 +36,12 @@ check: setup
 
 bench: setup
 	@$(PYTHON) benchmarks/lockstep.py
+
+examples:
+	@command -v gcc >/dev/null || { echo "no gcc: examples/controllers/c is not built"; exit 0; }; \
+		$(MAKE) --no-print-directory -C examples/controllers/c
+	@command -v cargo >/dev/null || { echo "no cargo: examples/controllers/rust is not built"; exit 0; }; \
+		nice cargo build --release --quiet --manifest-path examples/controllers/rust/Cargo.toml
 
 robots: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,robots]'

@@ -27,7 +27,7 @@ class LiveTable:
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
         """Print a sentence above the table."""
-        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False)
+        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
 
     def close(self) -> None:
         """Take the table away."""
@@ -46,11 +46,13 @@ class PlainLines:
         """Print a line, when the last one is old enough."""
         if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
             self._shown_s = progress.elapsed_s
-            self._console.print(f"{self._title}: {_headline(progress)}", markup=False)
+            self._console.print(
+                f"{self._title}: {_headline(progress)}", markup=False, soft_wrap=True
+            )
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
         """Print a sentence."""
-        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False)
+        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
 
     def close(self) -> None:
         """Nothing is left to do."""

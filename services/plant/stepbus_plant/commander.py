@@ -92,6 +92,8 @@ class Commander:
             return
         if command.mode != self._mode:
             self._own(command.mode)
+            if command.mode == "position":
+                self._complaints.check_start(self._joints, self._positions(), command.values)
         self._complaints.check(self._joints, command)
         for drive, rows in self._rows:
             drive.take(command, rows, self._period)
@@ -137,9 +139,14 @@ class Commander:
         """Hold every joint where it is; what is held already is not moved on."""
         if self._mode == "brake":
             return
-        for joint, (drive, place) in zip(self._joints, self._at, strict=True):
-            drive.brake(place, self._physics.read(joint.body, [joint.index])[0][0])
+        for (drive, place), position in zip(self._at, self._positions(), strict=True):
+            drive.brake(place, position)
         self._mode = "brake"
+
+    def _positions(self) -> list[float]:
+        """Return where the joints are now [rad]."""
+        read = self._physics.read
+        return [read(joint.body, [joint.index])[0][0] for joint in self._joints]
 
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Mapping
 from importlib.metadata import version
 
+from stepbus.calls import Verb
 from stepbus.config import Config
 from stepbus.participant import Participant
 from stepbus.step import Step
@@ -115,6 +116,10 @@ class PlantParticipant(Participant):
         else:
             for text in new:
                 _log.warning(text)
+
+    def calls(self) -> Mapping[str, Verb]:
+        """Return what can be asked about joints between two steps; one can be teleported, too."""
+        return self.plant.questions().verbs()
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of what the physics depend on."""

@@ -17,6 +17,7 @@ from .joints import Joint
 from .params import Params
 from .physics import Physics
 from .poses import PoseSensor
+from .questions import Questions
 from .sensing import Sensors, Values
 from .world import World
 
@@ -149,6 +150,10 @@ class Plant:
         Raises WiringError for links that are unknown.
         """
         return PoseSensor(self._physics.client, self._bodies, links)
+
+    def questions(self) -> Questions:
+        """Return what answers questions about the joints, and teleports them."""
+        return Questions(self._physics, self._drives)
 
     def close(self) -> None:
         """Leave the physics engine."""

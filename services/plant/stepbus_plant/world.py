@@ -137,11 +137,16 @@ def load_world(path: Path) -> World:
     source = Source(path)
     problems = [*find_problems(source.data, WorldFile), *_step_problems(source.data)]
     found: dict[str, dict[str, str]] = {}
+    missing: set[str] = set()
     for name, key, file in _models(source.data):
+        if name in missing:
+            # Both files are of one package; that it is not installed is said once.
+            continue
         try:
             found.setdefault(name, {})[key] = str(_find(file, path.parent))
         except WiringError as exc:
             problems.append((("bodies", name, key), str(exc)))
+            missing.add(name)
     source.refuse(problems)
     content = msgspec.convert(source.data, WorldFile)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
