@@ -12,12 +12,13 @@ from run_support import leftovers, write_scenario
 
 from stepbus_orchestrator import Options, Pace, call, load, run
 from stepbus_orchestrator.calls import recorded_calls
+from stepbus_orchestrator.cli import call_command, main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.progress import Silent
 from stepbus_orchestrator.reader import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.rerun import Preparation
-from stepbus_schemas import JointState, WiringError
+from stepbus_schemas import CallReply, JointState, WiringError
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +56,9 @@ def asked(folder, *calls, overrides=()):
     scenario = load(write_scenario(folder / "source"), overrides)
     out = folder / "out"
     pace = Pace(20)
-    asker = Asker(pace, [lambda words=words: call(out, *words[:2], args=words[2:]) for words in calls])
+    asker = Asker(
+        pace, [lambda words=words: call(out, *words[:2], args=words[2:]) for words in calls]
+    )
     result = run(scenario, Options(out=out, pace=pace), asker)
     if asker.thread is not None:
         asker.thread.join()
@@ -169,3 +172,10 @@ def test_the_command_line_asks_from_a_second_terminal(tmp_path):
     assert answers[0] == "null\n"
     assert json.loads(answers[1]) == {"step": 20, "value": -0.5}
     assert "puts a joint somewhere" in answers[2]
+
+
+def test_the_list_of_calls_shows_units_in_brackets(monkeypatch, capsys):
+    offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
+    monkeypatch.setattr(call_command, "call", lambda _folder: CallReply(value=offered))
+    assert main(["call", "runs/some"]) == 0
+    assert "where it is [rad]" in capsys.readouterr().out
