@@ -1,8 +1,10 @@
 """The scenario `baxter`: two joints follow a sinusoid, the rest stands, and nothing is silent."""
 
 import json
+from importlib import resources
 
 import numpy as np
+import pybullet
 import pytest
 
 from stepbus.config import package_path
@@ -11,6 +13,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.reader import Recording
 from stepbus_orchestrator.signals import read_tracking
 from stepbus_orchestrator.sinusoid import fit_sinusoids, motion_at_rest, sinusoid_lines
+from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import WiringError
 
 try:
@@ -18,6 +21,7 @@ try:
 except WiringError as exc:
     pytest.skip(str(exc), allow_module_level=True)
 
+WORLD = resources.files("stepbus_scenarios") / "baxter" / "world.yaml"
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
 ARMS = [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
 
@@ -78,6 +82,67 @@ def test_the_order_of_joints_of_one_participant_changes_nothing(tracking, tmp_pa
         for joint in ARMS:
             first = tracking.state.of("position", joint)[: len(state.t)]
             assert (state.of("position", joint) == first).all()
+
+
+def test_it_is_the_same_to_the_byte_in_whatever_window(tmp_path):
+    first, second = (
+        run_baxter(tmp_path / str(window), "duration=1s", f"window={window}", "batch=1")
+        for window in (1, 64)
+    )
+    assert (first.exit_code, first.sha256) == (0, second.sha256)
+
+
+def test_what_the_mission_begins_is_recorded_as_an_event(result):
+    ((step, event),) = Recording.open(result.recording).messages("mission/events")
+    assert (step, event.level, event.text.split(" of ")[0]) == (0, "info", "sine")
+
+
+def test_the_srdf_rules_398_pairs_out_and_nothing_touches_at_rest(monkeypatch):
+    ruled_out = []
+    real = pybullet.setCollisionFilterPair
+    monkeypatch.setattr(
+        pybullet, "setCollisionFilterPair", lambda *a, **k: (ruled_out.append(a), real(*a, **k))
+    )
+    plant = Plant(load_world(WORLD), Params(world=WORLD.name), 50_000_000, 0)
+    client = plant._physics.client
+    pybullet.performCollisionDetection(client)
+    assert (len(ruled_out), pybullet.getContactPoints(physicsClientId=client)) == (398, ())
+    plant.close()
+
+
+def test_two_joints_swapped_in_the_mission_are_told(tmp_path):
+    changes = ["mission.params.offset.left_s1=1.94", "mission.params.offset.left_e1=-1.0"]
+    told = [row.text for row in run_baxter(tmp_path / "run", "duration=200ms", *changes).warnings]
+    assert told[0].startswith("step 0: joints left_s1 and left_e1: are at -1 and 1.94 rad")
+    assert told[1:] == [
+        "step 0: joint left_s1: target 1.94 rad is beyond its stop at 1.047; cut there",
+        "step 0: joint left_e1: target -1 rad is beyond its stop at -0.05; cut there",
+    ]
+
+
+def test_describe_lists_the_motor_of_every_joint(capsys):
+    off = "plant.params.effort.left_e0=0"
+    assert main(["describe", "baxter", "--json", "--set", off]) == 0
+    plant = json.loads(capsys.readouterr().out)[0]
+    rows = plant["outputs"][0]["joints"]
+    assert [row["name"] for row in rows] == ARMS
+    assert [row["name"] for row in rows if not row["motor"]] == ["left_e0"]
+    assert rows[1] == {
+        "index": 1, "name": "left_s1", "type": "revolute", "mode": "position", "lower": -2.147,
+        "upper": 1.047, "velocity": 1.5, "effort": 50.0, "motor": True,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("joints", "sentence"),
+    [
+        ("[left_s0, left_s0]", "participants.plant.params.joints: names 'left_s0' twice"),
+        ("[left_so]", "params.joints: 'left_so' is unknown; did you mean 'left_s1' or 'left_s0'"),
+    ],
+)
+def test_joints_there_twice_or_unknown_are_errors(joints, sentence, capsys, own_temp):
+    assert main(["describe", "baxter", "--set", f"plant.params.joints={joints}"]) != 0
+    assert sentence in capsys.readouterr().err
 
 
 def test_a_warning_is_shown_counted_and_recorded(tmp_path, capsys):

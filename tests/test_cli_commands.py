@@ -2,8 +2,11 @@
 
 import re
 import shlex
+import subprocess
+import sys
 
 import pytest
+from run_support import write_scenario
 
 from stepbus_orchestrator.cli import COMMANDS, main, make_parser
 from stepbus_orchestrator.errors import ExitCode
@@ -108,3 +111,19 @@ def test_a_negative_number_of_steps_is_refused(capsys):
     with pytest.raises(SystemExit, match="2"):
         main(["validate", "two_link", "--steps", "-3"])
     assert "'-3' is not a number of steps" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_standard_streams_are_no_mistake(tmp_path, closed):
+    path = write_scenario(tmp_path / "source")
+    words = [sys.executable, "-m", "stepbus_orchestrator", "run", str(path), "--no-report"]
+    line = f"{shlex.join([*words, '--out', str(tmp_path / 'out')])} {closed}"
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_dropped_messages_are_counted_in_words(tmp_path, capsys):
+    path = write_scenario(tmp_path / "source")
+    words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
+    assert main([*words, "--fault", "duplicate controller at 5"]) == 0
+    assert "messages dropped: 1 by plant; from strangers: 0" in capsys.readouterr().out

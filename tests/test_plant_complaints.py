@@ -39,6 +39,36 @@ def test_what_has_no_effect_is_told_with_joint_and_numbers(tmp_path, settings, c
     assert told(plant, command)[0] == sentence
 
 
+def test_joints_whose_targets_are_in_each_others_place_are_told_once(tmp_path):
+    plant = make_plant(tmp_path, POSITION)
+    plant.questions().put("joint1", 0.5)
+    (line,) = told(plant, position(0.01, 0.49), position(0.01, 0.49))
+    assert line == (
+        "joints joint1 and joint2: are at 0.5 and 0 rad, their first targets are 0.01 and 0.49; "
+        "are the two swapped?"
+    )
+
+
+@pytest.mark.parametrize("targets", [(0.5, 0.0), (0.0, 0.0), (0.0, 1.0), (-0.5, 0.5)])
+def test_targets_that_are_far_away_are_not_swapped(tmp_path, targets):
+    plant = make_plant(tmp_path, POSITION)
+    plant.questions().put("joint1", 0.5)
+    assert told(plant, position(*targets)) == []
+
+
+def test_a_target_that_moves_faster_than_its_joint_is_told(tmp_path):
+    command = position(0.0, 0.0, velocity=[20.0, -20.5])
+    assert told(make_plant(tmp_path, POSITION), command) == [
+        "joint joint2: its target moves at -20.5 rad/s, its limit is 20; it falls behind"
+    ]
+
+
+def test_degrees_are_told_after_a_target_beyond_its_stop_too(tmp_path):
+    plant = make_plant(tmp_path, body("w", "wheel", "{mode: position}"))
+    first, second = told(plant, position(1.5), position(20.0))
+    assert ("degrees" in first, "degrees" in second) == (False, True)
+
+
 def test_a_cause_is_told_once_per_joint(tmp_path):
     plant = make_plant(tmp_path, POSITION)
     lines = told(plant, position(7.0, 0.0), position(8.0, 0.0), position(7.0, 7.0))

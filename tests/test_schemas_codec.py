@@ -60,7 +60,7 @@ def test_an_unknown_version_names_the_known_one() -> None:
 
 
 def test_an_unknown_type_names_all_there_are() -> None:
-    with pytest.raises(WiringError, match=r"'Nonsense/1'; known: ControllerStatus/1, Event/1, "):
+    with pytest.raises(WiringError, match=r"'Nonsense/1'; known: BaseCommand/1, BaseState/1, "):
         message_class("Nonsense/1")
 
 

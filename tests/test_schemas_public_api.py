@@ -45,19 +45,19 @@ def test_all_is_complete(name: str) -> None:
 
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
-        "ENVELOPE_TYPES GREETING_STEP MESSAGE_TYPES PROTOCOL_VERSION Call CallRecord "
-        "CallReply CallRequest Called ControllerStatus Decoder Description Envelope Event "
-        "Fault Goal GoalStatus Hello InputConfig JointCommand JointReference JointState Log "
-        "Message MessageError OutputConfig Outputs Poses Ready Refusal RunError Start "
-        "StepbusError Stop Trigger Verb Waiting Welcome WiringError encode encoding_of "
-        "json_schema message_class type_name"
+        "ENVELOPE_TYPES GREETING_STEP MESSAGE_TYPES PROTOCOL_VERSION BaseCommand BaseState Call "
+        "CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description "
+        "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello InputConfig "
+        "JointCommand JointReference JointState Log Message MessageError OutputConfig Outputs "
+        "Poses Ready Refusal RunError Start StepbusError Stop Trigger Verb Waiting Welcome "
+        "WiringError encode encoding_of json_schema message_class type_name"
     )
 
 
 def test_the_participant_library_offers_exactly_this() -> None:
     assert " ".join(stepbus.__all__) == (
-        "Bus BusError CallError Config ControllerStatus Description Endpoint Event Goal "
-        "GoalStatus InputAbsent JointCommand JointReference JointState Message MessageError "
-        "OutputError Participant Poses RunError Step StepbusError Ticket Verb WiringError "
-        "load_ticket main take_part"
+        "BaseCommand BaseState Bus BusError CallError Config Contacts ControllerStatus "
+        "Description Endpoint Event Goal GoalStatus GripperCommand GripperState InputAbsent "
+        "JointCommand JointReference JointState Message MessageError OutputError Participant "
+        "Poses RunError Step StepbusError Ticket Verb WiringError load_ticket main take_part"
     )

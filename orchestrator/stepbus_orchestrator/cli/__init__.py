@@ -27,7 +27,7 @@ from . import (
     verify_command,
 )
 from .command import Command
-from .output import complain
+from .output import complain, open_closed_streams
 
 _COLUMNS = 79
 
@@ -73,6 +73,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code (docs/exit-codes.md)."""
+    open_closed_streams()
     args = make_parser().parse_args(sys.argv[1:] if arguments is None else arguments)
     try:
         code: int = args.execute(args)

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from ..live_file import call
@@ -53,7 +54,7 @@ def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json
         table.add_column(column, overflow="fold")
     for name, verbs in rows.items():
         for verb, item in verbs.items():
-            table.add_row(name, verb, item["help"], "yes" if item["changes"] else "")
+            table.add_row(name, verb, escape(item["help"]), "yes" if item["changes"] else "")
     Console().print(table)
 
 

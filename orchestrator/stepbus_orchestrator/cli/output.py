@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import msgspec
+
+
+def open_closed_streams() -> None:
+    """Put the null device where a standard stream is closed, as after `stepbus run … <&-`.
+
+    Python has None there, and the next file that is opened would get the stream's descriptor.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
 
 
 def say(text: str) -> None:

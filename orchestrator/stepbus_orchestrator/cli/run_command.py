@@ -117,7 +117,7 @@ def _summarise(result: Result, lines: list[str]) -> None:
         )
     for line in lines:
         say(line)
-    dropped = {name: count for name, count in result.drops.items() if count}
+    dropped = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
     if dropped or result.foreign:
         say(f"messages dropped: {dropped or 'none'}; from strangers: {result.foreign}")
     for line in _warnings(result):

@@ -42,14 +42,14 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
 class _Evidence:
     """What was measured in one trial, by the index of the joint.
 
-    before, after: positions of all joints, shape (n,). speed, effort: largest of the joint
-    meanwhile, NaN where not sensed.
+    Each of shape (n,). before, after: positions. speed, effort: largest ones meanwhile, NaN where
+    not sensed.
     """
 
     before: Array
     after: Array
-    speed: float
-    effort: float
+    speed: Array
+    effort: Array
 
 
 def better(verdicts: Sequence[Verdict], others: Sequence[Verdict]) -> list[Verdict]:
@@ -106,12 +106,12 @@ def _verdict(
 ) -> Verdict:
     free = joint.mode in ("torque", "teleport")
     at = trial.jump + 1 if free else trial.measure
-    found = _evidence(state, joint, trial.begin, at)
+    found = _evidence(state, joints, trial.begin, at)
     others = None if free else _moved_most(joint, joints, found)
     findings = [
         *(_pushed(joint, trial, state) if joint.mode == "torque" else ()),
         *_arrived(trial, joints, found, _FALLEN if free else _CLOSE),
-        *_others(others, joints),
+        *_others(others, joints, found),
         *_limits(joint, found, free=free),
     ]
     return Verdict(
@@ -130,10 +130,12 @@ def _kind(joint: TestedJoint) -> str:
     return "revolute" if joint.is_rotary else "prismatic"
 
 
-def _evidence(state: Signal, joint: TestedJoint, begin: int, at: int) -> _Evidence:
-    def largest(quantity: str) -> float:
-        values = state.of(quantity, joint.name)
-        return math.nan if values is None else float(np.abs(values[begin : at + 1]).max())
+def _evidence(state: Signal, joints: Sequence[TestedJoint], begin: int, at: int) -> _Evidence:
+    def largest(quantity: str) -> Array:
+        rows = [state.of(quantity, joint.name) for joint in joints]
+        return np.array(
+            [math.nan if row is None else np.abs(row[begin : at + 1]).max() for row in rows]
+        )
 
     position = state.fields["position"]
     return _Evidence(
@@ -175,8 +177,9 @@ def _arrived(
 
 
 def _at_its_limit(joint: TestedJoint, found: _Evidence) -> str:
-    if found.effort >= 0.999 * joint.effort:
-        return f"; its motor was at its limit of {joint.effort:g} {_unit(joint, 'N·m', 'N')}"
+    if found.effort[joint.index] >= 0.999 * joint.effort:
+        limit = f"{joint.effort:g} {_unit(joint, 'N·m', 'N')}"
+        return f"; its motor was at its limit of {limit}: too weak, or is something in its way?"
     return "; is something in its way?"
 
 
@@ -203,12 +206,18 @@ def _moved_most(
     return max(moved, key=lambda row: row[1], default=None)
 
 
-def _others(others: tuple[str, float] | None, joints: Sequence[TestedJoint]) -> Iterator[str]:
+def _others(
+    others: tuple[str, float] | None, joints: Sequence[TestedJoint], found: _Evidence
+) -> Iterator[str]:
     if others is None:
         return
     other = next(joint for joint in joints if joint.name == others[0])
     if others[1] > _STILL[other.is_rotary]:
-        yield f"moves {other.name} as well, by {_amount(other, others[1])}"
+        tail = ""
+        if found.effort[other.index] >= 0.999 * other.effort:
+            limit = f"{other.effort:g} {_unit(other, 'N·m', 'N')}"
+            tail = f", whose motor was at its limit of {limit}: does something push it?"
+        yield f"moves {other.name} as well, by {_amount(other, others[1])}{tail}"
 
 
 def _limits(joint: TestedJoint, found: _Evidence, *, free: bool) -> Iterator[str]:
@@ -216,11 +225,12 @@ def _limits(joint: TestedJoint, found: _Evidence, *, free: bool) -> Iterator[str
     end = float(found.after[joint.index])
     if not joint.lower - margin <= end <= joint.upper + margin:
         yield f"is at {end:.4f}, beyond its stops [{joint.lower:g}, {joint.upper:g}]"
-    if not free and found.speed > 1.1 * joint.speed:
+    speed, effort = found.speed[joint.index], found.effort[joint.index]
+    if not free and speed > 1.1 * joint.speed:
         unit = _unit(joint, "rad/s", "m/s")
-        yield f"moves at {found.speed:.2f} {unit}, beyond its limit of {joint.speed:g}"
-    if found.effort > 1.001 * joint.effort:
-        yield f"applies {found.effort:.3g}, beyond its limit of {joint.effort:g}"
+        yield f"moves at {speed:.2f} {unit}, beyond its limit of {joint.speed:g}"
+    if effort > 1.001 * joint.effort:
+        yield f"applies {effort:.3g}, beyond its limit of {joint.effort:g}"
 
 
 def _amount(joint: TestedJoint, value: float) -> str:
