@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .errors import StartFailed
+from .last_words import last_words
 
 _TERM_GRACE_S = 1.0
 
@@ -97,12 +98,5 @@ class Child:
         return f"exited with code {code}"
 
     def last_words(self) -> str:
-        """Return the last line it printed, or nothing."""
-        try:
-            with self.log.open("rb") as file:
-                file.seek(max(0, self.log.stat().st_size - 2000))
-                lines = file.read().decode(errors="replace").split("\n")
-        except OSError:
-            return ""
-        said = [line.strip() for line in lines if line.strip()]
-        return said[-1][:300] if said else ""
+        """Return the last complaint it printed, or its last line, or nothing."""
+        return last_words(self.log)

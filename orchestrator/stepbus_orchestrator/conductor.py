@@ -171,7 +171,7 @@ class Conductor:
                 {"participant": member.name, "first": str(first), "until": str(until)},
             )
             self._timing.event("hold", member.name, f"steps {first} to {until - 1}")
-            self._observer.event("error", member.name, first, f"{said}; holding until {until}")
+            self._observer.event("error", member.name, first, f"{said}; holding until step {until}")
             self._follow(always=True)
             self._step()
             self._close()
@@ -431,5 +431,7 @@ class Conductor:
                 name: total / count * 1e-3 for name, (total, count) in self.state.compute.items()
             },
             drops={member.name: sum(member.drops.values()) for member in roster},
-            holders=tuple(self.state.barrier.holders()) if self.state.phase == "stepping" else (),
+            holders=tuple(self.state.barrier.holders())
+            if self.state.phase == "stepping" and not is_paused
+            else (),
         )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
+from ..last_words import last_words
 from .errors import BridgeError
-from .program import Program, last_words
+from .program import Program
 
 MOST_BYTES = 16 << 20
 """Longest message of a program."""
@@ -13,6 +15,9 @@ MOST_BYTES = 16 << 20
 # What is left of a message that has begun has to follow within this [s].
 _REST_S = 1.0
 _LOOK_EVERY = 16
+
+# Our log, where the program's prints go too.
+_OWN_LOG = Path("/proc/self/fd/2")
 _SHOWN = 60
 
 
@@ -131,7 +136,7 @@ class Link:
     def gone(self, half: str = "") -> BridgeError:
         """Return the error of a program from which nothing comes any more."""
         ended = self.program.how_it_ended()
-        said = last_words()
+        said = last_words(_OWN_LOG)
         tail = f'; it last said: "{said}"' if said else ""
         return self.wrong(f"{ended}{half}{tail}")
 

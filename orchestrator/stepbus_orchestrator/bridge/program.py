@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import re
 import select
 import signal
 import time
@@ -20,8 +19,6 @@ _CHUNK = 1 << 16
 _END_WAIT_S = 0.5
 _LOOK_S = 0.005
 _LONGEST_NAME = 80
-_LOG_TAIL = 4000
-_COMPLAINT = re.compile(r"error|exception|panic", re.IGNORECASE)
 
 
 class Program:
@@ -122,16 +119,3 @@ def _spawn(words: Sequence[str], form: str, reads: int, writes: int) -> int:
         # Python ignores these two, which a program would inherit.
         setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
     )
-
-
-def last_words() -> str:
-    """Return the last complaint in our log, where the program's prints go too, or its last line."""
-    try:
-        with Path("/proc/self/fd/2").open("rb") as log:
-            log.seek(max(0, log.seek(0, os.SEEK_END) - _LOG_TAIL))
-            lines = log.read().decode(errors="replace").split("\n")
-    except OSError:
-        return ""
-    said = [line.strip() for line in lines if line.strip()]
-    complaints = [line for line in said if _COMPLAINT.search(line)]
-    return (complaints or said or [""])[-1][:300]

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+from functools import partial
+from queue import SimpleQueue
+
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
@@ -10,6 +15,7 @@ from ..progress import Progress
 from .keys import HELP
 
 _PLAIN_EVERY_S = 2.0
+_LAST_S = 2.0
 
 
 class LiveTable:
@@ -58,12 +64,52 @@ class PlainLines:
         """Nothing is left to do."""
 
 
-def make_display(title: str, *, plain: bool = False) -> LiveTable | PlainLines:
-    """Return the display that fits where stdout goes; plain: others print there too."""
+class EventsOnly(PlainLines):
+    """Shows no progress: somebody else, such as a debugger, has the terminal."""
+
+    def progress(self, progress: Progress) -> None:
+        """Say nothing."""
+
+
+class Aside:
+    """Shows everything from a thread of its own.
+
+    A terminal that nobody reads, or that is held by Ctrl-S, blocks whoever writes to it; the run
+    must go on. What it has no time for is left out, but for sentences.
+    """
+
+    def __init__(self, display: LiveTable | PlainLines) -> None:
+        self._display = display
+        self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="display", daemon=True)
+        self._thread.start()
+
+    def progress(self, progress: Progress) -> None:
+        """Show how far the run is, if there is time for it."""
+        if self._queue.empty():
+            self._queue.put(partial(self._display.progress, progress))
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Show a sentence."""
+        self._queue.put(partial(self._display.event, level, who, step, text))
+
+    def close(self) -> None:
+        """Show what is left, if the terminal takes it, and take the table away."""
+        self._queue.put(self._display.close)
+        self._queue.put(None)
+        self._thread.join(_LAST_S)
+
+    def _work(self) -> None:
+        while (show := self._queue.get()) is not None:
+            show()
+
+
+def make_display(title: str, *, plain: bool = False) -> Aside:
+    """Return the display that fits where stdout goes; plain: somebody else has the terminal."""
     console = Console()
-    if plain or not console.is_terminal:
-        return PlainLines(title, console)
-    return LiveTable(title, console)
+    if plain:
+        return Aside(EventsOnly(title, console))
+    return Aside(LiveTable(title, console) if console.is_terminal else PlainLines(title, console))
 
 
 def _headline(progress: Progress) -> str:

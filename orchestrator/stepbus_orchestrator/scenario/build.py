@@ -29,7 +29,7 @@ from .model import (
     Transport,
 )
 from .override import TOP_KEYS
-from .problems import hint
+from .problems import hint, show
 
 _PHASES = ("spawn", "join", "ready", "step", "stop")
 PARTICIPANT_KEYS = (
@@ -112,6 +112,9 @@ def _bus(field: Field, participants: int) -> BusSpec:
 def _faults(field: Field, setting: Setting) -> tuple[FaultSpec, ...]:
     found: list[FaultSpec] = []
     for item in field.items():
+        if not isinstance(item.value, str):
+            item.wrong(f"must be text, e.g. kill plant at 120, not {show(item.value)}")
+            continue
         try:
             found += parse_fault(item.text(), setting)
         except WiringError as exc:

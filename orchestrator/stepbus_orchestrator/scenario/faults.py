@@ -108,8 +108,8 @@ def _draw(form: re.Match[str], setting: Setting) -> tuple[FaultSpec, ...]:
     last = int(form[3]) if form[3] else setting.steps
     if last is None:
         raise WiringError("a run without duration needs the last step: 'random N to STEP'")
-    if setting.steps is not None:
-        last = min(last, setting.steps)
+    if setting.steps is not None and last > setting.steps:
+        raise WiringError(f"the run has only the steps below {setting.steps}, not up to {last}")
     if not 1 <= count <= _MOST:
         raise WiringError(f"must draw 1 to {_MOST} faults, not {count}")
     if first >= last:
