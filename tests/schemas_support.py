@@ -27,6 +27,8 @@ def _read_notation(value: dict[str, Any]) -> Any:
             return float(text)
         case {"$int": text}:
             return int(text)
+        case {"$bin": text}:
+            return bytes.fromhex(text)
         case _:
             return value
 
@@ -64,6 +66,8 @@ def _scalars(info: msgspec.inspect.Type) -> st.SearchStrategy[Any]:
             return st.floats()
         case msgspec.inspect.StrType():
             return st.text()
+        case msgspec.inspect.BytesType():
+            return st.binary(max_size=9)
         case msgspec.inspect.BoolType():
             return st.booleans()
         case msgspec.inspect.NoneType():

@@ -46,10 +46,10 @@ def test_all_is_complete(name: str) -> None:
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
         "ENVELOPE_TYPES GREETING_STEP MESSAGE_TYPES PROTOCOL_VERSION BaseCommand BaseState Call "
-        "CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description "
-        "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello InputConfig "
+        "CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description Detections "
+        "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello Image InputConfig "
         "JointCommand JointReference JointState Log Message MessageError OutputConfig Outputs "
-        "Poses Ready Refusal RunError Start StepbusError Stop Trigger Verb Waiting Welcome "
+        "Plan PlanRequest Poses Ready Refusal RunError Start StepbusError Stop Trigger Verb Waiting Welcome "
         "WiringError encode encoding_of json_schema message_class type_name"
     )
 
@@ -57,7 +57,7 @@ def test_the_contract_offers_exactly_this() -> None:
 def test_the_participant_library_offers_exactly_this() -> None:
     assert " ".join(stepbus.__all__) == (
         "BaseCommand BaseState Bus BusError CallError Config Contacts ControllerStatus "
-        "Description Endpoint Event Goal GoalStatus GripperCommand GripperState InputAbsent "
+        "Description Detections Endpoint Event Goal GoalStatus GripperCommand GripperState Image InputAbsent "
         "JointCommand JointReference JointState Message MessageError OutputError Participant "
-        "Poses RunError Step StepbusError Ticket Verb WiringError load_ticket main take_part"
+        "Plan PlanRequest Poses RunError Step StepbusError Ticket Verb WiringError load_ticket main take_part"
     )

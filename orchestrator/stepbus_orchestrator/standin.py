@@ -10,8 +10,10 @@ import msgspec
 
 from stepbus import Bus
 from stepbus_schemas import (
+    BaseCommand,
     Decoder,
     Description,
+    Goal,
     JointCommand,
     JointReference,
     Message,
@@ -26,7 +28,15 @@ from .scenario import HoldSpec, ParticipantSpec
 
 _decode_outputs = Decoder(Outputs)
 
-_NEWS = ("Event/1", "ControllerStatus/1", "GoalStatus/1")
+_NEWS = (
+    "ControllerStatus/1",
+    "Detections/1",
+    "Event/1",
+    "GoalStatus/1",
+    "Image/1",
+    "Plan/1",
+    "PlanRequest/1",
+)
 """Types that tell of a moment; to repeat them would be a lie."""
 
 
@@ -126,6 +136,11 @@ class StandIn:
         last = Decoder(cls)(raw) if raw is not None else None
         if cls is JointCommand:
             return JointCommand(mode="brake", values=[0.0] * len(description.names))
+        if cls is BaseCommand:
+            return BaseCommand()
+        if isinstance(last, Goal):
+            # Ids of goals are the sender's own; the next one ends the goal under way.
+            return Goal(id=last.id + 1, kind="stop")
         if isinstance(last, JointReference):
             still = [0.0] * len(last.position)
             return JointReference(position=last.position, velocity=still, acceleration=still)

@@ -22,6 +22,31 @@ _DESCRIPTION: Value = {
 }
 
 _PORTS: dict[str, dict[str, Value]] = {
+    "BaseCommand/1": {
+        "minimal": {},
+        "full": {"vx": 0.5, "wz": -0.25, "wheels": [5.0, -5.0]},
+        "extreme floats": {"vx": _FLOATS[0], "wz": _FLOATS[2], "wheels": [-0.0, _FLOATS[1]]},
+    },
+    "BaseState/1": {
+        "minimal": {"x": 0.0, "y": 0.0, "yaw": 0.0, "vx": 0.0, "wz": 0.0},
+        "full": {"x": 1.5, "y": -0.25, "yaw": 7.5, "vx": 0.5, "wz": -0.5},
+        "extreme floats": dict(zip(("x", "y", "yaw", "vx", "wz"), _FLOATS[:5], strict=True)),
+    },
+    "Contacts/1": {
+        "minimal": {"pairs": [], "force": [], "distance": [], "position": []},
+        "full": {
+            "pairs": [["can", "table"], ["pad_left", _UNICODE]],
+            "force": [3.5, 15.0],
+            "distance": [-0.0005, 0.0],
+            "position": [[0.5, -0.25, 1.0], [0.0, 0.125, 2.0]],
+        },
+        "extreme floats": {
+            "pairs": [["a", "b"]],
+            "force": _FLOATS[:1],
+            "distance": _FLOATS[1:2],
+            "position": [_FLOATS[2:5]],
+        },
+    },
     "ControllerStatus/1": {
         "minimal": {"error": [], "saturated": []},
         "full": {
@@ -31,6 +56,29 @@ _PORTS: dict[str, dict[str, Value]] = {
         },
         "unicode": {"error": [0.0], "saturated": [False], "warnings": [_UNICODE, ""]},
         "extreme floats": {"error": _FLOATS, "saturated": [False] * len(_FLOATS)},
+    },
+    "Detections/1": {
+        "minimal": {
+            "frame": "",
+            "kinds": [],
+            "position": [],
+            "orientation": [],
+            "confidence": [],
+        },
+        "full": {
+            "frame": "chassis",
+            "kinds": ["cola", _UNICODE],
+            "position": [[0.5, -0.25, 1.0], [0.0, 0.125, 2.0]],
+            "orientation": [[0.0, 0.0, 0.0, 1.0], [0.5, 0.5, 0.5, 0.5]],
+            "confidence": [0.75, 1.0],
+        },
+        "extreme floats": {
+            "frame": "a",
+            "kinds": ["b"],
+            "position": [_FLOATS[:3]],
+            "orientation": [_FLOATS[2:6]],
+            "confidence": _FLOATS[:1],
+        },
     },
     "Event/1": {
         "minimal": {"level": "info", "text": ""},
@@ -64,12 +112,62 @@ _PORTS: dict[str, dict[str, Value]] = {
             "orientation": [0.5, 0.5, 0.5, 0.5],
             "frame": "torso",
             "duration": 2.5,
+            "touches": ["can", _UNICODE],
+            "by": -0.5,
+            "base": [1.5, -0.25, 0.5],
+            "width": 0.066,
+            "force": 15.0,
+            "spiral": {
+                "centre": [0.5, 0.25, -0.0],
+                "radius": [0.25, 0.125],
+                "turns": 3.5,
+                "rise": 0.5,
+            },
         },
+        "go to": {"id": 5, "kind": "go_to", "base": _FLOATS[:3]},
     },
     "GoalStatus/1": {
         "minimal": {"id": 0, "state": "accepted"},
         "full": {"id": 7, "state": "failed", "cause": "unreachable", "text": "it is 80.5 mm away"},
         "unicode": {"id": 8, "state": "succeeded", "text": _UNICODE},
+    },
+    "GripperCommand/1": {
+        "minimal": {"width": 0.0, "force": 0.0},
+        "full": {"width": 0.066, "force": 15.0},
+        "odd": {"width": _FLOATS[0], "force": _FLOATS[1]},
+        "extreme floats": {"width": _FLOATS[3], "force": _FLOATS[2]},
+    },
+    "GripperState/1": {
+        "minimal": {"width": 0.0, "force": 0.0, "holding": False},
+        "full": {"width": 0.066, "force": 15.0, "holding": True},
+        "odd": {"width": _FLOATS[0], "force": _FLOATS[1], "holding": True},
+        "extreme floats": {"width": _FLOATS[3], "force": _FLOATS[2], "holding": False},
+    },
+    "Image/1": {
+        "minimal": {
+            "width": 0,
+            "height": 0,
+            "encoding": "rgb8",
+            "data": b"",
+            "focal": [1.0, 1.0],
+            "centre": [0.0, 0.0],
+        },
+        "full": {
+            "width": 2,
+            "height": 1,
+            "encoding": "32FC1",
+            "data": b"\x00\x00\x80\x3f\x00\x00\x00\x40",
+            "focal": [200.5, 200.25],
+            "centre": [0.5, 0.0],
+        },
+        "no text": {
+            "width": 1,
+            "height": 1,
+            "encoding": "rgb8",
+            "data": b"\xff\xc1\x00",
+            "focal": _FLOATS[:2],
+            "centre": _FLOATS[2:4],
+        },
     },
     "JointCommand/1": {
         "minimal": {"mode": "torque", "values": []},
@@ -103,6 +201,34 @@ _PORTS: dict[str, dict[str, Value]] = {
         },
         "empty vectors": {"position": [], "velocity": [], "effort": [], "target": []},
         "extreme floats": {"position": _FLOATS, "effort": _FLOATS},
+    },
+    "Plan/1": {
+        "minimal": {"id": 0},
+        "full": {
+            "id": 3,
+            "cause": "no_way",
+            "text": _UNICODE,
+            "times": [0.0, 0.5],
+            "position": [[0.0, 1.0], [0.5, -1.0]],
+            "velocity": [[0.0, 0.0], [0.25, -0.25]],
+        },
+        "extreme floats": {
+            "id": 2**63,
+            "times": _FLOATS,
+            "position": [_FLOATS, []],
+            "velocity": [_FLOATS],
+        },
+    },
+    "PlanRequest/1": {
+        "minimal": {"id": 0, "start": [], "goal": []},
+        "full": {
+            "id": 3,
+            "start": [0.0, 1.0],
+            "goal": [0.5, -1.0],
+            "held": "cola_a1_3",
+            "touches": ["a_tier1", _UNICODE],
+        },
+        "extreme floats": {"id": 4, "start": _FLOATS, "goal": _FLOATS},
     },
     "Poses/1": {
         "minimal": {"position": [], "orientation": []},

@@ -48,7 +48,7 @@ def refusals(schema: Value, minimal: Value, full: Value) -> Iterator[Refusal]:
         less = {key: item for key, item in minimal.items() if key != name}
         yield Refusal(f"$.{name}: missing", _pack(less), f"$.{name}", f"field `{name}`")
     for name, field in schema["properties"].items():
-        if field.get("type") == "string":
+        if field.get("type") == "string" and "contentEncoding" not in field:
             data = _pack({**minimal, name: "12"}).replace(b"\xa212", b"\xa2\xff\xff")
             yield Refusal(f"$.{name}: no UTF-8", data, f"$.{name}", "utf-8")
         for wrong in _wrong(field, schema.get("$defs", {}), full.get(name)):
@@ -76,6 +76,9 @@ def _wrong(field: Value, types: Value, right: Any) -> Iterator[_Wrong]:
     if "$ref" in kind:
         kind = types[kind["$ref"].rpartition("/")[2]]
     match kind:
+        case {"contentEncoding": _}:
+            yield _Wrong("string for binary", "text")
+            yield _Wrong("number for binary", 7)
         case {"enum": _}:
             yield _Wrong("not one of its values", "neither")
         case {"type": "array"}:

@@ -113,6 +113,8 @@ def _kind(schema: dict[str, Any]) -> str:
 
 def _scalar(schema: dict[str, Any]) -> str:
     match schema:
+        case {"contentEncoding": _}:
+            return "binary"
         case {"enum": values}:
             return ", ".join(f"`{value}`" for value in values)
         case {"type": "integer", "minimum": least}:

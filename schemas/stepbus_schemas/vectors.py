@@ -19,7 +19,8 @@ from .refusals import Refusal, refusals
 from .schema import json_schema, not_null
 
 NOTATION = (
-    "Values are JSON, with three additions. "
+    "Values are JSON, with four additions. "
+    'Binary is {"$bin": "<hex>"}. '
     'A float that JSON cannot hold or may change is {"$float": "nan" | "inf" | "-inf" | "-0.0"}. '
     'An integer beyond ±(2^53 - 1) is {"$int": "<decimal digits>"}. '
     "A number written with a point or an exponent is a float64, any other an integer. "
@@ -66,6 +67,8 @@ def notation(value: Any) -> Any:
         return {key: notation(item) for key, item in value.items()}
     if isinstance(value, list):
         return [notation(item) for item in value]
+    if isinstance(value, bytes):
+        return {"$bin": value.hex()}
     if isinstance(value, float) and not (math.isfinite(value) and str(value) != "-0.0"):
         return {"$float": str(value)}
     if isinstance(value, int) and abs(value) > _SAFE_INTEGER:
@@ -102,6 +105,8 @@ def _widest(value: Any) -> bytes:
             return b"\xdd" + struct.pack(">I", len(value)) + b"".join(map(_widest, value))
         case str():
             return b"\xdb" + struct.pack(">I", len(value.encode())) + value.encode()
+        case bytes():
+            return b"\xc6" + struct.pack(">I", len(value)) + value
         case int() if not isinstance(value, bool):
             return struct.pack(">Bq", 0xD3, value) if value < 2**63 else _pack(value)
         case _:

@@ -26,6 +26,10 @@ fn value(json: &Json) -> Value {
             .parse::<u64>()
             .map_or_else(|_| text.parse::<i64>().unwrap().into(), Value::from);
     }
+    if let Some(hex) = json.get("$bin").and_then(Json::as_str) {
+        let pair = |i| u8::from_str_radix(&hex[i..i + 2], 16).unwrap();
+        return Value::Binary((0..hex.len()).step_by(2).map(pair).collect());
+    }
     match json {
         Json::Null => Value::Nil,
         Json::Bool(flag) => (*flag).into(),

@@ -1,0 +1,1 @@
+"""Perception: which items a camera sees, and where they are."""

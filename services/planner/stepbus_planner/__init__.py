@@ -1,0 +1,1 @@
+"""The planner: ways of the joints that touch nothing, timed within limits."""
