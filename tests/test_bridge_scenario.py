@@ -36,6 +36,8 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
     ("value", "sentence"),
     [
         ("yaml", "bridge: must be json or msgpack or raw, not 'yaml'"),
+        ("[json]", "bridge: must be a format, e.g. json, or {format: json"),
+        ("{format: json, describe: {command: 3}}", "must be a description, e.g. {names: [joint1"),
         ("{describe: {}}", "bridge: the key 'format' is missing"),
         ("{format: json, describe: {komand: {}}}", "no output 'komand'; did you mean 'command'?"),
         ("{format: json, describe: {command: {name: [a]}}}", "unknown key 'name'"),

@@ -179,3 +179,10 @@ def test_the_list_of_calls_shows_units_in_brackets(monkeypatch, capsys):
     monkeypatch.setattr(call_command, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some"]) == 0
     assert "where it is [rad]" in capsys.readouterr().out
+
+
+def test_to_list_the_calls_of_nobody_is_a_mistake(monkeypatch, capsys):
+    offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
+    monkeypatch.setattr(call_command, "call", lambda _folder: CallReply(value=offered))
+    assert main(["call", "runs/some", "plnt"]) != 0
+    assert "'plnt' answers no calls; did you mean 'plant'?" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import subprocess
@@ -48,8 +49,10 @@ class Child:
                     start_new_session=True,
                 )
         except OSError as exc:
+            is_script = exc.errno == errno.ENOEXEC
+            hint = "; a script begins with #! and its interpreter" if is_script else ""
             raise StartFailed(
-                f"{name} could not be started: {' '.join(command)}: {exc.strerror or exc} "
+                f"{name} could not be started: {' '.join(command)}: {exc.strerror or exc}{hint} "
                 f"(participants.{name}.exec)",
                 participant=name,
             ) from exc

@@ -45,7 +45,7 @@ def _late_to_start(member: Member, phase: str, deadline: float) -> str:
     what = {
         "spawn": "has not reached the bus; does its program take part with stepbus?",
         "join": "has reached the bus and not asked to join; does it hang?",
-        "ready": f"has joined and {_worker(member)}is not ready; is its model still loading?",
+        "ready": f"has joined and {_worker(member)}is not ready; {_why_not_ready(member)}",
     }[phase]
     if phase == "ready" and member.waiting is not None:
         sources = ", ".join(member.waiting.sources)
@@ -131,6 +131,13 @@ def _holds(member: Member, barrier: Barrier) -> str:
             f"inputs arrived; does it answer every message? {limit}"
         )
     return f"{member.who()} has been computing for {member.holds_s:.1f} s; inputs arrived; {limit}"
+
+
+def _why_not_ready(member: Member) -> str:
+    loading = "is its model still loading?"
+    if member.spec.bridge is None:
+        return loading
+    return f"{loading} Does it write its answers to descriptor 4, and flush them?"
 
 
 def _worker(member: Member) -> str:

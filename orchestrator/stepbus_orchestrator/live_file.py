@@ -72,7 +72,7 @@ def call(
     try:
         bus = ZenohBus(live.endpoint, live.run)
     except BusError as exc:
-        raise BusFailed(f"{folder}: {exc}") from exc
+        raise BusFailed(f"{folder}: {exc}; was the run killed?") from exc
     try:
         request = CallRequest(token=live.token, participant=participant, verb=verb, args=list(args))
         for answer in bus.query(CALL_KEY, encode(request), encoding_of("CallRequest/1"), _ANSWER_S):
@@ -82,7 +82,10 @@ def call(
             return reply
     finally:
         bus.close()
-    raise BusFailed(f"{folder}: the run does not answer; was it killed?")
+    raise BusFailed(
+        f"{folder}: the run does not answer; was it killed? Then "
+        "`stepbus recover` mends its recording"
+    )
 
 
 def _read(folder: Path) -> Live:

@@ -12,6 +12,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from stepbus.settings import nearest
+from stepbus_schemas import WiringError
+
 from ..live_file import call
 from ..scenario.document import parse_value
 from .command import Command
@@ -45,6 +48,9 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json: bool) -> None:
+    if participant and participant not in offered:
+        who = nearest(participant, offered) if offered else "nobody in this run does"
+        raise WiringError(f"{participant!r} answers no calls; {who}")
     rows = {name: verbs for name, verbs in offered.items() if participant in {"", name}}
     if as_json:
         say_json(rows)

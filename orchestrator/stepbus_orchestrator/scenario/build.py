@@ -194,6 +194,9 @@ def _bridge(field: Field, participant: Field) -> BridgeSpec | None:
     """Return `bridge: json`, or `bridge: {format: json, describe: {port: description}}`."""
     if isinstance(field.value, dict):
         field.check_keys(("format", "describe"), required=("format",))
+    if isinstance(field.value, list):
+        field.wrong("must be a format, e.g. json, or {format: json, describe: {…}}")
+        return None
     form = (field["format"] if isinstance(field.value, dict) else field).choice(FORMATS)
     outputs = participant["outputs"].value
     known = outputs if isinstance(outputs, dict) else {}
@@ -205,6 +208,9 @@ def _description(field: Field, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the description of an output; noted when it is none."""
     if field.name not in outputs:
         field.wrong(f"no output {field.name!r}{hint(field.name, outputs)}")
+    if not isinstance(field.value, dict):
+        field.wrong("must be a description, e.g. {names: [joint1, joint2]} or {like: joint_state}")
+        return {}
     field.check_keys(Description.__struct_fields__)
     try:
         msgspec.convert(field.value, Description)

@@ -109,6 +109,6 @@ class Complaints:
 
 def degrees_hint(joint: Joint, position: float) -> str:
     """Return the end of a sentence where a position looks like degrees given for radians."""
-    if not joint.is_rotary or abs(position) <= _FULL_TURN:
+    if not joint.is_rotary or not _FULL_TURN < abs(position) < math.inf:
         return ""
     return f"; is it in degrees? {position:g}° are {math.radians(position):.4f} rad"
