@@ -13,7 +13,7 @@ STEP_NS = 5_000_000
 
 def link(name: str, mass: float, shape: str, at: str = "0 0 0", more: str = "") -> str:
     """Return a link of one shape, with inertias of a small solid."""
-    inertia = 0.01 * mass
+    inertia = 0.001 * mass
     return (
         f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/>'
         f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
@@ -72,16 +72,23 @@ def write_base(folder: Path) -> None:
     ]
     chassis = link("chassis", 80.0, box("0.5 0.3 0.1"), "0 0 0.1")
     write_urdf(folder, "base", chassis, *wheels, *casters)
+    write_ground(folder)
+
+
+def write_ground(folder: Path) -> None:
+    """Write ground.urdf, whose top is at z = 0."""
     write_urdf(folder, "ground", link("floor", 1.0, box("20 20 1"), "0 0 -0.5", friction(1.0)))
 
 
-def write_gripper(folder: Path, pad: float) -> None:
-    """Write gripper.urdf, on a vertical slide; pad: friction of the pads [-]."""
+def write_gripper(folder: Path) -> None:
+    """Write gripper.urdf, on a vertical slide, with ground.urdf and can.urdf."""
+    write_ground(folder)
+    write_can(folder)
     fingers = [
         part
         for side, sign in (("left", 1), ("right", -1))
         for part in (
-            link(f"{side}_pad", 0.1, box("0.09 0.012 0.03"), f"0 {0.006 * sign} 0", friction(pad)),
+            link(f"{side}_pad", 0.1, box("0.09 0.012 0.03"), f"0 {0.006 * sign} 0"),
             joint(
                 side, "prismatic", "palm", f"{side}_pad", "0 0 -0.1", f"0 {sign} 0", "30 0 0 0.05"
             ),
@@ -95,6 +102,12 @@ def write_gripper(folder: Path, pad: float) -> None:
         joint("lift", "prismatic", "rail", "palm", "0 0 0", "0 0 1", "100 1 0 0.3"),
         *fingers,
     )
+
+
+def write_can(folder: Path) -> None:
+    """Write can.urdf: 0.35 kg, 66 mm wide, 115 mm high."""
+    shape = '<cylinder radius="0.033" length="0.115"/>'
+    write_urdf(folder, "can", link("can", 0.35, shape))
 
 
 def make_stand(

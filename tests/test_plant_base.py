@@ -1,10 +1,12 @@
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from devices_support import make_stand, write_base
 
 from stepbus_plant.errors import CommandError
+from stepbus_plant.world import BaseRow, ContactsRow, GripperRow
 from stepbus_schemas import BaseCommand, JointCommand, WiringError
 
 WORLD = """
@@ -127,3 +129,9 @@ def test_a_port_without_a_device_is_refused(tmp_path):
     write_base(tmp_path)
     with pytest.raises(WiringError, match="hand: takes GripperState/1, the world has no 'gripp"):
         make_stand(tmp_path, WORLD, {"hand": "GripperState/1"}, {})
+
+
+@pytest.mark.parametrize("rows", [BaseRow, ContactsRow, GripperRow])
+def test_every_key_of_a_device_is_documented(rows):
+    text = (Path(__file__).parents[1] / "docs" / "world.md").read_text(encoding="utf-8")
+    assert [key for key in rows.__struct_fields__ if f"`{key}`" not in text] == []

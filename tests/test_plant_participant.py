@@ -108,3 +108,25 @@ def test_a_world_that_does_not_exist_is_refused():
 
 def test_the_versions_that_shape_the_physics_are_recorded():
     assert set(PlantParticipant(config()).versions()) >= {"numpy", "pybullet"}
+
+
+def test_poses_are_published_at_their_own_period():
+    stand = started(gives="Poses/1", poses_period="15ms")
+    shown = []
+    for step in range(7):
+        shown.append("copy" in stand.participant.output(None))
+        stand.update(step)
+    assert shown == [True, False, False, True, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("7ms", "plant: params.poses_period: 7ms is no multiple of the step of 5ms"),
+        ("0s", "plant: params.poses_period: "),
+        ("often", "plant: params.poses_period: "),
+    ],
+)
+def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):
+    with pytest.raises(WiringError, match=sentence):
+        PlantParticipant(config(gives="Poses/1", poses_period=text))

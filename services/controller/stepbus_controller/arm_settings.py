@@ -41,16 +41,13 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     the motors cannot hold. smoothing: see `read_smoother`.
     Raises WiringError with all that is wrong.
     """
-    kinematics = _read_kinematics(settings)
-    joints = kinematics.joints if kinematics is not None else ()
+    kinematics = read_kinematics(settings)
     collisions = _read_collisions(settings, kinematics)
-    urdf = [0.8 * limit for limit in kinematics.velocity_limit] if kinematics is not None else []
-    settings.value("velocity_limit", urdf)
-    fast = settings.has("velocity_limit")
-    velocity = settings.per_name("velocity_limit", joints, bound="positive") if fast else urdf
+    velocity = read_velocity_limit(settings, kinematics)
+    joints = kinematics.joints if kinematics is not None else ()
     acceleration = settings.per_name("acceleration_limit", joints, 4.0, bound="positive")
     jerk = settings.per_name("jerk_limit", joints, 40.0, bound="positive")
-    settling = _read_settling(settings)
+    settling = read_settling(settings)
     tries = settings.choice("not_holdable", ("refuse", "try"), default="refuse") == "try"
     smoother = read_smoother(settings, period)
     settings.check()
@@ -68,7 +65,18 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     )
 
 
-def _read_settling(settings: Settings) -> Settling:
+def read_velocity_limit(settings: Settings, kinematics: Kinematics | None) -> list[float]:
+    """Return what `velocity_limit` says, or else 80 % of the URDF's limits, shape (n,) [rad/s]."""
+    joints = kinematics.joints if kinematics is not None else ()
+    urdf = [0.8 * limit for limit in kinematics.velocity_limit] if kinematics is not None else []
+    settings.value("velocity_limit", urdf)
+    if not settings.has("velocity_limit"):
+        return urdf
+    return settings.per_name("velocity_limit", joints, bound="positive")
+
+
+def read_settling(settings: Settings) -> Settling:
+    """Return what the parameters that begin with `settle_` say."""
     steps = settings.number("settle_steps", 5, bound="positive")
     if steps != int(steps):
         settings.note("settle_steps", f"is {steps:g}, not a whole number")
@@ -80,7 +88,8 @@ def _read_settling(settings: Settings) -> Settling:
     )
 
 
-def _read_kinematics(settings: Settings) -> Kinematics | None:
+def read_kinematics(settings: Settings) -> Kinematics | None:
+    """Return the robot of `model` and `joints`; None: the settings say what is wrong with it."""
     path, joints = settings.file("model"), settings.names("joints")
     if path is None or not joints:
         return None

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pinocchio as pin
 
+from stepbus.config import package_path
+from stepbus.models import read_urdf_text
 from stepbus_schemas import WiringError
 
 from .dynamics import Vector, read_urdf
 from .kinematics import Kinematics
+
+_URL = re.compile(r"package://[^\"'<>]+")
+"""A file of a package, in the text of a URDF."""
 
 Pair = tuple[str, str]
 
@@ -64,12 +70,8 @@ def _load(kinematics: Kinematics, srdf: Path) -> Any:
     """Return the collision geometry of the joints that move."""
     path = kinematics.path
     full = read_urdf(path)
-    # A package is a folder above the URDF, wherever it is installed.
-    folders = [str(folder) for folder in path.resolve().parents]
     try:
-        geometry = pin.buildGeomFromUrdf(
-            full, str(path), pin.GeometryType.COLLISION, package_dirs=folders
-        )
+        geometry = _shapes(full, path)
         _use_hulls(geometry)
         geometry.addAllCollisionPairs()
         pin.removeCollisionPairs(full, geometry, str(srdf))
@@ -83,12 +85,25 @@ def _load(kinematics: Kinematics, srdf: Path) -> Any:
     return moved[0]
 
 
+def _shapes(full: Any, path: Path) -> Any:
+    """Return the collision shapes of a URDF or a `.xacro`."""
+    if path.suffix.lower() == ".xacro":
+        text = _URL.sub(lambda url: str(package_path(url[0])), read_urdf_text(path))
+        return pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
+    # A package is a folder above the URDF, wherever it is installed.
+    folders = [str(folder) for folder in path.resolve().parents]
+    return pin.buildGeomFromUrdf(full, str(path), pin.GeometryType.COLLISION, package_dirs=folders)
+
+
 def _drop_rigid_pairs(geometry: Any) -> None:
     """Leave out pairs of links that our joints do not move against one another."""
+    # Numbers, not Pinocchio's own pairs: those refer to places of a list that shrinks.
+    pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
     links = geometry.geometryObjects
-    for pair in list(geometry.collisionPairs):
-        if links[pair.first].parentJoint == links[pair.second].parentJoint:
-            geometry.removeCollisionPair(pair)
+    geometry.removeAllCollisionPairs()
+    for first, second in pairs:
+        if links[first].parentJoint != links[second].parentJoint:
+            geometry.addCollisionPair(pin.CollisionPair(first, second))
 
 
 def _use_hulls(geometry: Any) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from stepbus.models import read_urdf_text
 from stepbus.settings import nearest
 from stepbus_schemas import WiringError
 
@@ -89,9 +90,13 @@ class Dynamics:
 
 
 def read_urdf(path: Path) -> Any:
-    """Return Pinocchio's model of a robot; raises WiringError for a file that is no URDF."""
+    """Return Pinocchio's model of a robot; raises WiringError for a file that is no URDF.
+
+    path: a URDF, or a `.xacro`, which is expanded.
+    """
+    text = read_urdf_text(path)
     try:
-        return pin.buildModelFromUrdf(str(path))
+        return pin.buildModelFromXML(text)
     except ValueError as exc:
         raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
 

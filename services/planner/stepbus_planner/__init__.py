@@ -1,1 +1,5 @@
-"""The planner: ways of the joints that touch nothing, timed within limits."""
+"""The planner: finds ways of a robot's joints that touch nothing, timed within its limits."""
+
+from .participant import PlannerParticipant
+
+__all__ = ["PlannerParticipant"]

@@ -98,6 +98,9 @@ class Commander:
         for drive, rows in self._rows:
             drive.take(command, rows, self._period)
 
+    def before_step(self) -> None:
+        """Do nothing: the drives carry a command on."""
+
     def _check_vectors(self, command: JointCommand) -> None:
         self._check_vector("values", command.values)
         for field, vector in (

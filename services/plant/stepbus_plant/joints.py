@@ -12,7 +12,7 @@ from typing import Any
 import pybullet as bullet
 
 from stepbus.settings import nearest
-from stepbus_schemas import WiringError
+from stepbus_schemas import Description, WiringError
 
 from .world import Actuation, JointSettings, OwnMode
 
@@ -122,6 +122,23 @@ def make_joint(
         friction=settings.friction or 0.0,
         start=_first(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,
+    )
+
+
+def describe_joints(joints: Sequence[Joint]) -> Description:
+    """Return their names, limits, types and modes."""
+    return Description(
+        names=[joint.name for joint in joints],
+        limits={
+            "lower": [joint.lower for joint in joints],
+            "upper": [joint.upper for joint in joints],
+            "velocity": [joint.max_velocity for joint in joints],
+            "effort": [joint.effort for joint in joints],
+        },
+        details={
+            "type": [joint.kind for joint in joints],
+            "mode": [joint.told_mode for joint in joints],
+        },
     )
 
 

@@ -1,14 +1,15 @@
-"""What PyBullet does not do with model files as they are: massless links and SRDF."""
+"""What PyBullet does not do with model files as they are: xacro, massless links and SRDF."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from stepbus.config import package_path
+from stepbus.models import read_urdf_text
 from stepbus_schemas import WiringError
 
 # S314: the files are the user's own, and expat itself stops an expansion without end.
@@ -19,28 +20,37 @@ _TINY_INERTIAL = """<inertial><mass value="1e-6"/>
 
 
 @contextmanager
-def loadable(urdf: Path) -> Iterator[Path]:
+def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> Iterator[Path]:
     """Give the path of a URDF in which every link has an inertial, for as long as it is needed.
 
-    Links without one are massless by the URDF's definition, and are given next to nothing. A file
-    that needs no change, or is no XML, is given as it is.
+    Links without one are massless by the URDF's definition, and are given next to nothing. A
+    `.xacro` is expanded. edit: further changes to the root of the file. A file that needs no
+    change, or is no XML, is given as it is. Raises WiringError when a `.xacro` cannot be expanded.
     """
+    is_xacro = urdf.suffix.lower() == ".xacro"
     try:
-        tree = ET.parse(urdf)  # noqa: S314
+        root = ET.fromstring(read_urdf_text(urdf)) if is_xacro else ET.parse(urdf).getroot()  # noqa: S314
     except ET.ParseError:
         yield urdf
         return
-    links = [link for link in tree.getroot().findall("link") if link.find("inertial") is None]
-    if not links:
+    links = [link for link in root.findall("link") if link.find("inertial") is None]
+    if not links and not is_xacro and edit is None:
         yield urdf
         return
     for link in links:
         link.append(ET.fromstring(_TINY_INERTIAL))  # noqa: S314
-    for mesh in tree.getroot().iter("mesh"):
+    if edit is not None:
+        edit(root)
+    yield from _copy(root, urdf)
+
+
+def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
+    """Give a copy of a model, in another folder, for as long as it is needed."""
+    for mesh in root.iter("mesh"):
         mesh.set("filename", _absolute(mesh.get("filename", ""), urdf.parent))
     with tempfile.TemporaryDirectory(prefix="stepbus-urdf-") as folder:
-        copy = Path(folder) / urdf.name
-        tree.write(copy, encoding="utf-8")
+        copy = Path(folder) / urdf.name.removesuffix(".xacro")
+        ET.ElementTree(root).write(copy, encoding="utf-8")
         yield copy
 
 

@@ -9,7 +9,9 @@ import msgspec
 
 from stepbus_schemas import WiringError
 
+from .actions import Action, action_problems
 from .checked import NonNegative, Positive, find_problems, without_nulls
+from .stock import StockParams
 from .world import Actuation
 
 Quantity = Literal["position", "velocity", "effort"]
@@ -56,6 +58,14 @@ class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Joint → largest torque of its motor [N·m], over the world's and the URDF's."""
     poses: list[str] | None = None
     """Links whose poses an output of type Poses/1 has, in this order. Default: all."""
+    poses_period: str | None = None
+    """From one Poses/1 to the next, a multiple of the step, e.g. `40ms`. Default: each step."""
+    cameras: bool = True
+    """Whether cameras give images; without them a run is faster."""
+    stock: StockParams | None = None
+    """What stands on the shelves of a world with a stock. Default: that of seed 0."""
+    script: list[Action] = []
+    """What happens to the world in the run."""
 
 
 def read_params(name: str, params: Mapping[str, Any]) -> Params:
@@ -64,7 +74,9 @@ def read_params(name: str, params: Mapping[str, Any]) -> Params:
     name: of the participant. Raises WiringError that lists all mistakes.
     """
     given = without_nulls(params)
-    problems = [(".".join(where), text) for where, text in find_problems(given, Params)]
+    plain = {key: value for key, value in given.items() if key != "script"}
+    found = [*find_problems(plain, Params), *action_problems(given.get("script", []))]
+    problems = [(".".join(where), text) for where, text in found]
     if not problems:
         converted = msgspec.convert(given, Params)
         problems = _contradictions(converted)

@@ -3,30 +3,36 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from typing import Literal
 
 from stepbus.calls import Verb
 from stepbus.config import Config
+from stepbus.durations import format_duration, parse_duration
 from stepbus.participant import Participant
 from stepbus.step import Step
-from stepbus_schemas import Description, Event, JointCommand, JointState, Message, WiringError
+from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
 
-from .commander import Commander
+from . import camera, devices
+from .devices import Driver
 from .params import read_params
 from .plant import Plant
-from .poses import PoseSensor
 from .world import load_world
 
-_TYPES = {"inputs": ("JointCommand/1",), "outputs": ("JointState/1", "Event/1", "Poses/1")}
+_TYPES = {
+    "inputs": ("JointCommand/1", *devices.INPUTS),
+    "outputs": ("JointState/1", "Event/1", "Poses/1", camera.TYPE, *devices.OUTPUTS),
+}
 _log = logging.getLogger("stepbus_plant")
 
 
 class PlantParticipant(Participant):
     """Publishes a JointState on each of its outputs, and obeys a JointCommand on each input.
 
-    On each output of type Poses/1 it publishes where the links of `params.poses` truly are. What
-    commands ask for in vain it tells on outputs of type Event/1, or in its log without one.
+    Bases, grippers and contact sensors of the world have ports of their own types, called like the
+    device. On each output of type Poses/1 it publishes where the links of `params.poses` truly are.
+    What commands ask for in vain it tells on outputs of type Event/1, or in its log without one.
     The scenario gives it `publishes: first`. A joint that was never commanded swings freely in
     mode torque, and holds its place in modes velocity and position.
     """
@@ -36,26 +42,34 @@ class PlantParticipant(Participant):
         problems = self._port_problems()
         try:
             params = read_params(config.name, config.params)
-            world = load_world(config.path(params.world))
+            world = load_world(config.path(params.world), params.stock)
         except WiringError as exc:
             raise WiringError("\n".join([*problems, str(exc)])) from exc
         if problems:
             raise WiringError("\n".join(problems))
         self.plant = Plant(world, params, config.step_ns * config.every, config.seed)
-        self._commanders: dict[str, Commander] = {}
+        self._drivers: dict[str, Driver] = {}
         outputs = config.outputs.items()
         self._state_ports = [name for name, port in outputs if port.type == "JointState/1"]
         self._event_ports = [name for name, port in outputs if port.type == "Event/1"]
         self._pose_ports = [name for name, port in outputs if port.type == "Poses/1"]
-        self._poses = self._pose_sensor(params.poses)
         self._warnings: list[str] = []
-
-    def _pose_sensor(self, links: list[str] | None) -> PoseSensor:
+        self._news: list[str] = []
         try:
-            return self.plant.pose_sensor(links)
+            self._poses = self.plant.pose_sensor(params.poses)
+            self._poses_period = _period(params.poses_period, config.step_ns * config.every)
+            self._views = self.plant.cameras.views(
+                name for name, port in outputs if port.type == camera.TYPE
+            )
+            self._links = self.plant.describe_poses(self._poses) if self._pose_ports else None
+            self._devices = {
+                name: self.plant.devices.sensor(name, port.type)
+                for name, port in outputs
+                if port.type in devices.OUTPUTS
+            }
         except WiringError as exc:
             self.plant.close()
-            raise WiringError(f"{self.config.name}: {exc}") from exc
+            raise WiringError(f"{config.name}: {exc}") from exc
 
     def _port_problems(self) -> list[str]:
         ports = [
@@ -70,52 +84,73 @@ class PlantParticipant(Participant):
         ]
 
     def describe(self) -> Mapping[str, Description]:
-        """Return names, limits, types and modes of the joints, for every joint state."""
+        """Return who the vectors of each output belong to, and what never changes about them."""
         return {
             **dict.fromkeys(self._state_ports, self.plant.describe()),
             **dict.fromkeys(self._event_ports, Description()),
-            **dict.fromkeys(self._pose_ports, Description(names=self._poses.names)),
+            **dict.fromkeys(self._pose_ports, self._links or Description()),
+            **{port: device.describe() for port, device in self._devices.items()},
+            **self._views.describe(),
         }
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints of every command by name."""
+        """Map the joints of every command by name, and find the device of every other one."""
         for port, description in inputs.items():
+            config = self.config.inputs[port]
+            if config.type in devices.INPUTS:
+                self._drivers[port] = self._driver(port, config)
+                continue
             # A sender that names no joints speaks of all, in our order.
             names = description.names or self.plant.names
             if not description.names and len(names) > 1:
                 text = f"names no joints; its values are taken for {', '.join(names)}"
                 self.plant.complaints.add(f"input {port!r}", "names", text)
-            period_ns = self.config.inputs[port].every * self.config.step_ns
-            self._commanders[port] = self.plant.commander(port, names, period_ns)
+            period_ns = config.every * self.config.step_ns
+            self._drivers[port] = self.plant.commander(port, names, period_ns)
+
+    def _driver(self, port: str, config: InputConfig) -> Driver:
+        plant = self.plant
+        return plant.devices.driver(
+            port, config.type, lambda names: plant.commander(port, names), plant.complaints
+        )
 
     def output(self, step: Step) -> Mapping[str, Message]:
         """Return what the sensors show, and the warnings that are new."""
         state: JointState = self.plant.sense()
         messages: dict[str, Message] = dict.fromkeys(self._state_ports, state)
-        if self._pose_ports:
+        if self._pose_ports and self.plant.t_ns % self._poses_period == 0:
             messages.update(dict.fromkeys(self._pose_ports, self._poses.sense()))
-        if self._warnings and self._event_ports:
-            event = Event(level="warning", text="\n".join(self._warnings))
-            messages.update(dict.fromkeys(self._event_ports, event))
-            self._warnings = []
+        messages.update({port: device.sense() for port, device in self._devices.items()})
+        messages.update(self._views.images(self.plant.t_ns))
+        if self._warnings or self._news:
+            messages.update(dict.fromkeys(self._event_ports, self._event()))
         return messages
+
+    def _event(self) -> Event:
+        """Return what has happened since the last one; warnings come first."""
+        level: Literal["warning", "info"] = "warning" if self._warnings else "info"
+        event = Event(level=level, text="\n".join(self._warnings + self._news))
+        self._warnings, self._news = [], []
+        return event
 
     def update(self, step: Step) -> None:
         """Obey the new commands and advance the world by one step."""
-        for port, commander in self._commanders.items():
+        for port, driver in self._drivers.items():
             if step.is_new(port):
-                commander.apply(step.read(port, JointCommand))
-        self._warn(step)
+                driver.apply(step.read(port))
+            driver.before_step()
+        complaints = [f"step {step.index}: {text}" for text in self.plant.complaints.take()]
+        self._tell(complaints, self._warnings, logging.WARNING)
         self.plant.advance()
+        self._tell(self.plant.script.take(), self._news, logging.INFO)
 
-    def _warn(self, step: Step) -> None:
-        """Keep new complaints for the next output; without a port for them, log them."""
-        new = [f"step {step.index}: {text}" for text in self.plant.complaints.take()]
+    def _tell(self, new: Sequence[str], kept: list[str], level: int) -> None:
+        """Keep what is new for the next output; without a port for it, log it."""
         if self._event_ports:
-            self._warnings += new
-        else:
-            for text in new:
-                _log.warning(text)
+            kept += new
+            return
+        for text in new:
+            _log.log(level, text)
 
     def calls(self) -> Mapping[str, Verb]:
         """Return what can be asked about joints between two steps; one can be teleported, too."""
@@ -128,3 +163,17 @@ class PlantParticipant(Participant):
     def close(self) -> None:
         """Leave the physics engine."""
         self.plant.close()
+
+
+def _period(text: str | None, step_ns: int) -> int:
+    """Return the period of the poses [ns]; raises WiringError for one that steps do not meet."""
+    if text is None:
+        return step_ns
+    try:
+        period = parse_duration(text)
+    except WiringError as exc:
+        raise WiringError(f"params.poses_period: {exc}") from exc
+    if period <= 0 or period % step_ns:
+        step = format_duration(step_ns)
+        raise WiringError(f"params.poses_period: {text} is no multiple of the step of {step}")
+    return period

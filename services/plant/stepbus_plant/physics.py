@@ -25,6 +25,7 @@ from .joints import (
 )
 from .models import loadable, pairs_without_collision
 from .params import Params
+from .stock import Item
 from .world import Body, JointSettings, World
 
 
@@ -34,7 +35,7 @@ class Physics:
     step_ns: length of a physics substep [ns]. params: actuation of joints for which the world has
     none, and efforts over the world's.
     joints: all movable ones, in the order of the world's bodies and of their models. fixed: names
-    of those that are not.
+    of those that are not. urdfs: each body's model as it was loaded, in the order of the bodies.
     Raises WiringError that lists every URDF that cannot be loaded and every joint that the world
     file gets wrong, each with its line.
     """
@@ -44,12 +45,13 @@ class Physics:
         self._actuation = params.actuation
         self._problems: list[Problem] = []
         self.fixed: set[str] = set()
+        self.urdfs: list[bytes] = []
         try:
             self._set_up(world, step_ns)
             found = [
                 (name, joint)
                 for name, body in world.bodies.items()
-                for joint in self._load(name, body)
+                for joint in self._load(name, body, world)
             ]
             world.source.refuse(self._problems)
             self.joints = with_efforts(name_uniquely(found), params.effort)
@@ -69,21 +71,28 @@ class Physics:
         bullet.setTimeStep(step_ns * 1e-9, physicsClientId=self.client)
         bullet.setGravity(*world.gravity, physicsClientId=self.client)
 
-    def _load(self, name: str, body: Body) -> list[Joint]:
+    def _load(self, name: str, body: Body, world: World) -> list[Joint]:
         """Load one body and return its movable joints, with the names their URDF has."""
+        item = world.items.get(name)
         try:
-            with loadable(Path(body.urdf)) as urdf:
+            with loadable(Path(body.urdf), None if item is None else item.make) as urdf:
                 number: int = bullet.loadURDF(
                     str(urdf),
                     basePosition=body.position,
                     baseOrientation=bullet.getQuaternionFromEuler(body.orientation_rpy),
                     useFixedBase=body.fixed_base,
-                    flags=_flags(body),
+                    flags=_flags(body, item),
                     physicsClientId=self.client,
                 )
+                self.urdfs.append(urdf.read_bytes())
         except bullet.error as exc:
             self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
             return []
+        except WiringError as exc:
+            self._problems.append((("bodies", name, "urdf"), str(exc)))
+            return []
+        if world.sleeping:
+            self._let_sleep(number)
         self._still(number, body)
         self._let_pass(number, name, body)
         return self._joints_of(number, name, body)
@@ -107,6 +116,16 @@ class Physics:
             )
         # By default PyBullet cuts every velocity at 100 rad/s, which hides a divergence.
         bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
+
+    def _let_sleep(self, number: int) -> None:
+        """Let a body sleep once it has come to rest; one with motors would not wake up by them."""
+        if not any(is_movable(info) for info in self._infos(number)):
+            bullet.changeDynamics(
+                number,
+                -1,
+                activationState=bullet.ACTIVATION_STATE_ENABLE_SLEEPING,
+                physicsClientId=self.client,
+            )
 
     def _let_pass(self, number: int, name: str, body: Body) -> None:
         """Take away the collisions of the body with itself that its SRDF rules out."""
@@ -200,6 +219,15 @@ class Physics:
             joint.body, joint.index, position, velocity, physicsClientId=self.client
         )
 
+    def wake(self, body: int) -> None:
+        """Wake a body up: one that sleeps would stay where it is put, even in the air."""
+        bullet.changeDynamics(
+            body,
+            -1,
+            activationState=bullet.ACTIVATION_STATE_WAKE_UP,
+            physicsClientId=self.client,
+        )
+
     def read(self, body: int, indices: list[int]) -> Any:
         """Return PyBullet's (position, velocity, reaction, applied torque) of joints of a body."""
         return bullet.getJointStates(body, indices, self.client)
@@ -221,11 +249,14 @@ class Physics:
             self.client = -1
 
 
-def _flags(body: Body) -> int:
+def _flags(body: Body, item: Item | None) -> int:
     # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
     flags: int = bullet.URDF_USE_INERTIA_FROM_FILE
     if body.srdf is not None:
         flags |= bullet.URDF_USE_SELF_COLLISION
     if not body.visuals:
         flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
+    if item is not None:
+        # A cylinder made of 32 faces has a margin, and would come to stand 1 mm higher.
+        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
     return flags

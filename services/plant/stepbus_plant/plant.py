@@ -6,18 +6,23 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
+
 from stepbus.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
+from .camera import Cameras
 from .commander import Commander
 from .complaints import Complaints
+from .devices import Devices
 from .drives import make_drives
 from .errors import PhysicsError
-from .joints import Joint
+from .joints import Joint, describe_joints
 from .params import Params
 from .physics import Physics
 from .poses import PoseSensor
 from .questions import Questions
+from .script import Script
 from .sensing import Sensors, Values
 from .world import World
 
@@ -30,18 +35,27 @@ class Plant:
     position.
 
     period_ns: length of a communication step [ns]. seed: of the sensors' noise. complaints: what
-    commands have asked for in vain.
+    commands have asked for in vain. devices: those that the world declares.
+    cameras: likewise. script: what happens to the world. t_ns: simulation time [ns].
     Raises WiringError when the world or a parameter cannot work.
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
         step_ns = world.physics_ns(period_ns)
+        self._world = world
         self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
         self._step_ns = step_ns
+        self._period_ns = period_ns
+        self.t_ns = 0
         self._physics = Physics(world, step_ns, params)
         try:
             self._joints = _choose(params.joints, self._physics)
+            self.devices = Devices(world, self._physics, self._bodies)
+            self.cameras = Cameras(
+                world, self._physics.client, self._bodies, period_ns, enabled=params.cameras
+            )
+            self.script = Script(params.script, self._physics, self._bodies, self.cameras)
         except WiringError:
             self.close()
             raise
@@ -65,21 +79,16 @@ class Plant:
         self._targeted = drives if all(drive.targets() is not None for drive, _ in drives) else []
 
     def describe(self) -> Description:
-        """Return who the vectors of a JointState belong to, and their limits."""
-        joints = self._joints
-        return Description(
-            names=self.names,
-            limits={
-                "lower": [joint.lower for joint in joints],
-                "upper": [joint.upper for joint in joints],
-                "velocity": [joint.max_velocity for joint in joints],
-                "effort": [joint.effort for joint in joints],
-            },
-            details={
-                "type": [joint.kind for joint in joints],
-                "mode": [joint.told_mode for joint in joints],
-            },
-        )
+        """Return who the vectors of a JointState belong to, and their limits.
+
+        In a world with a base or a gripper it also tells which of them each joint is of.
+        """
+        said = describe_joints(self._joints)
+        owners = self.devices.owners
+        if not owners:
+            return said
+        device = [owners.get(name, "") for name in self.names]
+        return msgspec.structs.replace(said, details={**said.details, "device": device})
 
     def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
         """Return what carries out commands whose vectors are in the order of `names`.
@@ -135,14 +144,17 @@ class Plant:
             )
 
     def advance(self) -> None:
-        """Advance by one communication step.
+        """Advance by one communication step, after what the script has for it.
 
         Raises PhysicsError when the physics engine fails.
         """
+        self.script.play(self.t_ns)
         for _ in self._substeps:
             for drive in self._drives:
                 drive.before_substep()
+            self.script.before_substep()
             self._physics.step()
+        self.t_ns += self._period_ns
 
     def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:
         """Return what reads the true poses of links; None: of all.
@@ -150,6 +162,13 @@ class Plant:
         Raises WiringError for links that are unknown.
         """
         return PoseSensor(self._physics.client, self._bodies, links)
+
+    def describe_poses(self, sensor: PoseSensor) -> Description:
+        """Return the names of its links, their shapes and colours, and what body each is of.
+
+        Raises WiringError for shapes of a URDF that cannot be understood.
+        """
+        return sensor.describe(self._world, self._physics.urdfs)
 
     def questions(self) -> Questions:
         """Return what answers questions about the joints, and teleports them."""

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pybullet as bullet
 
 from stepbus.settings import nearest
-from stepbus_schemas import Poses, WiringError
+from stepbus_schemas import Description, Poses, WiringError
+from stepbus_schemas.messages import Point, Quaternion
+
+from .shapes import Look, read_looks
+from .world import World
 
 _BASE = -1
 """PyBullet's number of a body's first link."""
+
+Place = tuple[int, int]
+"""PyBullet's numbers of a body and one of its links."""
 
 
 class PoseSensor:
@@ -24,42 +31,70 @@ class PoseSensor:
 
     def __init__(self, client: int, bodies: Sequence[str], links: Sequence[str] | None) -> None:
         self._client = client
-        known = _links(client, bodies)
+        self._bodies = bodies
+        known = link_places(client, bodies)
         self.names = list(known if links is None else links)
         unknown = [name for name in self.names if name not in known]
         if unknown:
             rows = (f"params.poses: link {n!r} is unknown; {nearest(n, known)}" for n in unknown)
             raise WiringError("\n".join(rows))
         self._places = [known[name] for name in self.names]
+        self._bases = {body: self._to_urdf(body) for body, link in self._places if link == _BASE}
+        self._links = {
+            body: [link for other, link in self._places if other == body and link != _BASE]
+            for body, link in self._places
+            if link != _BASE
+        }
+
+    def _to_urdf(self, body: int) -> tuple[Point, Quaternion]:
+        """Return the URDF's frame of a base; PyBullet tells of the centre of mass."""
+        inertial = bullet.getDynamicsInfo(body, _BASE, self._client)[3:5]
+        inverse: tuple[Point, Quaternion] = bullet.invertTransform(*inertial)
+        return inverse
 
     def sense(self) -> Poses:
         """Return where the links are now."""
-        rows = [self._pose(body, link) for body, link in self._places]
+        found: dict[Place, tuple[Point, Quaternion]] = {}
+        for body, inverse in self._bases.items():
+            centre = bullet.getBasePositionAndOrientation(body, self._client)
+            found[body, _BASE] = bullet.multiplyTransforms(*centre, *inverse)
+        for body, links in self._links.items():
+            states = bullet.getLinkStates(
+                body, links, computeForwardKinematics=True, physicsClientId=self._client
+            )
+            for link, state in zip(links, states, strict=True):
+                found[body, link] = state[4:6]
+        rows = [found[place] for place in self._places]
         return Poses(
             position=[position for position, _ in rows],
             orientation=[orientation for _, orientation in rows],
         )
 
-    def _pose(
-        self, body: int, link: int
-    ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-        if link == _BASE:
-            # PyBullet tells of the centre of mass; the frame of the URDF is what people mean.
-            centre = bullet.getBasePositionAndOrientation(body, self._client)
-            inertial = bullet.getDynamicsInfo(body, link, self._client)[3:5]
-            position, orientation = bullet.multiplyTransforms(
-                *centre, *bullet.invertTransform(*inertial)
-            )
-        else:
-            state = bullet.getLinkState(
-                body, link, computeForwardKinematics=True, physicsClientId=self._client
-            )
-            position, orientation = state[4:6]
-        return position, orientation
+    def describe(self, world: World, urdfs: Sequence[bytes]) -> Description:
+        """Return the names of the links, and what stands still about each of them.
+
+        urdfs: models of all bodies, in the engine's order. Raises WiringError for one with shapes
+        that cannot be understood.
+        """
+        looks = {body: _read_looks(self._bodies[body], urdfs[body]) for body, _ in self._places}
+        rows = [(self._bodies[body], self._look(looks, body, n)) for body, n in self._places]
+        return Description(
+            names=self.names,
+            details={
+                "shape": [look.shape for _, look in rows],
+                "body": [body for body, _ in rows],
+                "kind": [world.kinds.get(body, "") for body, _ in rows],
+                "color": [look.color if world.bodies[body].visuals else "" for body, look in rows],
+            },
+        )
+
+    def _look(self, looks: Mapping[int, Mapping[str, Look]], body: int, link: int) -> Look:
+        names = {number: name for name, number in _links_of(self._client, body)}
+        return looks[body].get(names[link], Look())
 
 
-def _links(client: int, bodies: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Return each link's unique name → PyBullet's numbers of body and link."""
+def link_places(client: int, bodies: Sequence[str]) -> dict[str, Place]:
+    """Return each link's unique name → where it is in the engine."""
     found = [
         (body, name, (number, link))
         for number, body in enumerate(bodies)
@@ -67,6 +102,13 @@ def _links(client: int, bodies: Sequence[str]) -> dict[str, tuple[int, int]]:
     ]
     counts = Counter(name for _, name, _ in found)
     return {name if counts[name] == 1 else f"{body}/{name}": at for body, name, at in found}
+
+
+def _read_looks(body: str, urdf: bytes) -> Mapping[str, Look]:
+    try:
+        return read_looks(urdf)
+    except WiringError as exc:
+        raise WiringError(f"bodies.{body}.urdf: {exc}") from exc
 
 
 def _links_of(client: int, body: int) -> list[tuple[str, int]]:

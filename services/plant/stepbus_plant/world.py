@@ -16,10 +16,12 @@ from stepbus.config import package_path
 from stepbus.durations import parse_duration
 from stepbus_schemas import WiringError
 
-from .checked import Finite, NonNegative, Problem, Source, Vector3, find_problems
+from .checked import Finite, NonNegative, Positive, Problem, Source, Vector3, find_problems
+from .stock import Item, StockParams, StockRow, draw_items, params_problems, stock_problems
 
 Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
+Pixels = Annotated[int, msgspec.Meta(ge=1, le=4096)]
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -88,10 +90,66 @@ class Body(_Row, frozen=True):
     """Joint of the URDF → settings over `joint_defaults`."""
 
 
+class BaseRow(_Row, frozen=True):
+    """A mobile base with two driven wheels on one axle."""
+
+    left: str
+    """Joint of the left wheel; it has mode velocity, and turns forward by positive angles."""
+    right: str
+    """Joint of the right wheel, likewise."""
+    wheel_radius: Positive
+    """[m]"""
+    track: Positive
+    """Distance between the wheels [m]."""
+
+
+class GripperRow(_Row, frozen=True):
+    """A gripper with two prismatic fingers, which are coupled."""
+
+    left: str
+    """Joint of one finger; it has mode velocity, and opens by positive positions."""
+    right: str
+    """Joint of the other finger, likewise."""
+    speed: Positive = 0.1
+    """Largest velocity of each finger [m/s]."""
+
+
+class ContactsRow(_Row, frozen=True):
+    """A sensor of contacts."""
+
+    links: list[str] | None = None
+    """Links whose contacts it shows; `<body>/*`: all links of a body. Default: all."""
+    within: NonNegative = 0.0
+    """It also shows what is this near to `links` and does not touch them, with force 0 [m]."""
+
+
+class CameraRow(_Row, frozen=True):
+    """A camera that shows colours and depth."""
+
+    link: str
+    """Its optical frame: z is the direction of view, x is right, y is down."""
+    period: str
+    """From one image to the next, e.g. `400ms`; a multiple of the plant's step."""
+    width: Pixels = 320
+    """[pixel]"""
+    height: Pixels = 240
+    """[pixel]"""
+    fov: Positive = 1.0
+    """Angle of view from the top to the bottom of the image [rad]."""
+    near: Positive = 0.05
+    """What is nearer than this is not seen [m]."""
+    far: Positive = 3.0
+    """What is farther than this is not seen [m]."""
+
+
 class WorldFile(_Row, frozen=True):
     """What a world file says."""
 
     bodies: dict[str, Body]
+    bases: dict[str, BaseRow] = {}
+    grippers: dict[str, GripperRow] = {}
+    contacts: dict[str, ContactsRow] = {}
+    cameras: dict[str, CameraRow] = {}
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """[m/s²]"""
     physics_step: str | None = None
@@ -99,15 +157,22 @@ class WorldFile(_Row, frozen=True):
     substeps: Annotated[int, msgspec.Meta(ge=1)] | None = None
     """Physics substeps per communication step, instead of `physics_step`. Default: 1."""
     solver_iterations: Annotated[int, msgspec.Meta(ge=1)] = 50
+    sleeping: bool = False
+    """Whether bodies that have come to rest are left out until something moves them: faster."""
+    stock: StockRow | None = None
+    """Goods on shelves; each becomes a body."""
 
 
 class World(WorldFile, frozen=True, kw_only=True):
     """Everything that is simulated; `urdf` and `srdf` of each body are absolute paths.
 
-    source: the file it was read from, which knows the line of each mistake.
+    source: the file it was read from, which knows the line of each mistake. items: body of the
+    stock → what makes it different from its URDF. kinds: body of the stock → what it is.
     """
 
     source: Source
+    items: dict[str, Item] = {}
+    kinds: dict[str, str] = {}
 
     def physics_ns(self, period_ns: int) -> int:
         """Return the length of a physics substep [ns].
@@ -128,9 +193,10 @@ class World(WorldFile, frozen=True, kw_only=True):
         return step_ns
 
 
-def load_world(path: Path) -> World:
+def load_world(path: Path, stock: StockParams | None = None) -> World:
     """Read a world file.
 
+    stock: what the plant's params say about the stock; None: nothing.
     Raises WiringError that lists all mistakes, each with file and line; those that only the URDFs
     can show come when the world is simulated.
     """
@@ -147,13 +213,52 @@ def load_world(path: Path) -> World:
         except WiringError as exc:
             problems.append((("bodies", name, key), str(exc)))
             missing.add(name)
+    problems += _stock_files(source.data, path.parent)
     source.refuse(problems)
     content = msgspec.convert(source.data, WorldFile)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
     fields["bodies"] = {
         name: msgspec.structs.replace(body, **found[name]) for name, body in content.bodies.items()
     }
-    return World(**fields, source=source)
+    items = _items(content, source, stock)
+    fields["bodies"] |= {item.name: _body_of(item, path.parent) for item in items}
+    kinds = {item.name: item.kind for item in items}
+    return World(**fields, source=source, items={item.name: item for item in items}, kinds=kinds)
+
+
+def _stock_files(data: Mapping[str, object], folder: Path) -> Iterator[Problem]:
+    """Return which models of the stock's kinds there are not."""
+    stock = data.get("stock")
+    kinds = stock.get("kinds") if isinstance(stock, Mapping) else None
+    for name, kind in kinds.items() if isinstance(kinds, Mapping) else ():
+        file = kind.get("urdf") if isinstance(kind, Mapping) else None
+        if isinstance(file, str):
+            try:
+                _find(file, folder)
+            except WiringError as exc:
+                yield ("stock", "kinds", str(name), "urdf"), str(exc)
+
+
+def _items(content: WorldFile, source: Source, params: StockParams | None) -> list[Item]:
+    """Return what is on the shelves.
+
+    Raises WiringError for what the stock, or what the params say about it, gets wrong.
+    """
+    stock, given = content.stock, params or StockParams()
+    if stock is not None:
+        source.refuse(stock_problems(stock, given, list(content.bodies)))
+    if params is not None and (problems := params_problems(stock, params)):
+        raise WiringError("\n".join(problems))
+    return [] if stock is None else draw_items(stock, given)
+
+
+def _body_of(item: Item, folder: Path) -> Body:
+    return Body(
+        urdf=str(_find(item.urdf, folder)),
+        position=item.position,
+        orientation_rpy=(0.0, 0.0, item.yaw),
+        friction=Friction(lateral=item.friction, spinning=item.spinning_friction),
+    )
 
 
 def _step_problems(data: Mapping[str, object]) -> Iterator[Problem]:

@@ -1,0 +1,95 @@
+"""Models of robots: URDF as it is, and xacro, expanded."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+from xml.dom import minidom
+from xml.parsers.expat import ExpatError
+
+from stepbus_schemas import WiringError
+
+from .config import package_path
+
+# S318: the files are the user's own, and expat itself stops an expansion without end.
+
+
+def read_urdf_text(path: Path) -> str:
+    """Return the text of a robot's URDF.
+
+    path: a URDF, which is returned as it is, or a `.xacro`, which is expanded by the package
+    xacro. There, `<xacro:include filename="package://<package>/<path>"/>` is found like every
+    `package://` of stepbus, and relative names are relative to the file that has them.
+    Raises WiringError when the file cannot be read or expanded, or a package is missing.
+    """
+    if path.suffix.lower() != ".xacro":
+        try:
+            return path.read_text(encoding="utf-8")
+        except OSError as exc:
+            raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
+        except UnicodeDecodeError as exc:
+            raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
+    return _expand(path)
+
+
+def _expand(path: Path) -> str:
+    xacro = _load_xacro(path)
+    document = _with_includes(path, ())
+    try:
+        # It keeps the files it is in between calls, where one has failed.
+        xacro.init_stacks(str(path))
+        xacro.process_doc(document)
+    except (xacro.XacroException, ExpatError, OSError) as exc:
+        raise WiringError(f"{path}: xacro cannot expand it: {str(exc).strip()}") from exc
+    # PyBullet cuts lines after 1023 characters.
+    text: str = document.toprettyxml(indent="  ")
+    return text
+
+
+def _load_xacro(path: Path) -> Any:
+    try:
+        return importlib.import_module("xacro")
+    except ImportError as exc:
+        raise WiringError(
+            f"{path}: the package xacro, which expands it, is not installed here; "
+            "pip install 'stepbus[robots]'"
+        ) from exc
+
+
+def _with_includes(path: Path, above: tuple[Path, ...]) -> minidom.Document:
+    """Return a file with the content of the files it includes; above: those that include it."""
+    if path in above:
+        raise WiringError(f"{path}: includes itself, by way of {above[-1]}")
+    try:
+        document = minidom.parse(str(path))  # noqa: S318
+    except OSError as exc:
+        raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
+    except ExpatError as exc:
+        raise WiringError(f"{path}: is no XML: {exc}") from exc
+    for element in document.getElementsByTagName("xacro:include"):
+        name = element.getAttribute("filename")
+        # What xacro has to work out, it also has to find.
+        if "$" not in name and not element.hasAttribute("ns"):
+            _replace(element, _with_includes(_included(path, name), (*above, path)))
+    return document
+
+
+def _included(path: Path, name: str) -> Path:
+    if not name.startswith("package://"):
+        return path.parent / name
+    try:
+        return package_path(name)
+    except WiringError as exc:
+        raise WiringError(f"{path}: {exc}") from exc
+
+
+def _replace(element: minidom.Element, included: minidom.Document) -> None:
+    """Put the content of a document where an element of another one is."""
+    parent, document = element.parentNode, element.ownerDocument
+    if parent is None or document is None or included.documentElement is None:
+        return
+    content = document.createDocumentFragment()
+    for child in included.documentElement.childNodes:
+        content.appendChild(document.importNode(child, True))
+    parent.replaceChild(content, element)

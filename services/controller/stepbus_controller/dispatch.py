@@ -1,0 +1,309 @@
+"""Gives each goal to arm, base or gripper, and ends it when something comes in between."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Literal
+
+from stepbus_schemas import BaseState, Contacts, Goal, GoalStatus, GripperState, RunError
+from stepbus_schemas.messages import GoalKind, GoalState
+
+from .base_motion import BaseMotion
+from .dynamics import Vector
+from .goals import Refused
+from .grip import Grip
+from .kinematics import Kinematics
+from .manipulator import Manipulator
+from .monitor import Collision, CollisionMonitor, Moves, Watch
+from .outcome import Outcome
+
+Part = Literal["arm", "base", "hand", "all"]
+
+_PARTS: dict[GoalKind, Part] = {
+    "move_joints": "arm",
+    "move_to_pose": "arm",
+    "move_linear": "arm",
+    "spiral": "arm",
+    "drive": "base",
+    "turn": "base",
+    "go_to": "base",
+    "grip": "hand",
+    "stop": "all",
+}
+"""Which part of the robot carries out a kind of goal."""
+
+_MOVES: dict[Part, Moves] = {"arm": "arm", "hand": "arm", "base": "base", "all": "all"}
+"""What the monitor has to reckon with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensed:
+    """What was measured in a step.
+
+    q, v: of the arm's joints, shape (n,) [rad, rad/s]. contacts: None: nobody senses them.
+    """
+
+    q: Vector
+    v: Vector
+    base: BaseState
+    hand: GripperState
+    contacts: Contacts | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TravelRule:
+    """How the arm has to stand before the base moves.
+
+    frame: of the hand. height: above the floor, at most [m]. reach: from the origin of the base,
+    at most [m].
+    """
+
+    kinematics: Kinematics
+    frame: str
+    height: float
+    reach: float
+
+    def check(self, q: Vector) -> None:
+        """Raise Refused where the hand is too high or too far out at q, shape (n,) [rad]."""
+        place = self.kinematics.place(q, self.frame).translation
+        if place[2] > self.height:
+            raise Refused(
+                "too_high",
+                f"{self.frame} is {place[2]:.3f} m above the floor; the base moves only below "
+                f"{self.height:g} m",
+            )
+        reach = math.hypot(place[0], place[1])
+        if reach > self.reach:
+            raise Refused(
+                "too_far",
+                f"{self.frame} reaches {reach:.3f} m out from the base, which moves only below "
+                f"{self.reach:g} m",
+            )
+
+
+@dataclass(kw_only=True)
+class _Task:
+    """The goal under way.
+
+    failure: what it has failed with already, while the robot still goes back from `collision`.
+    arm_rests: of kind `stop`.
+    """
+
+    goal: Goal
+    part: Part
+    told: bool = False
+    failure: Outcome | None = None
+    collision: Collision | None = None
+    arm_rests: bool = False
+
+
+class Dispatcher:
+    """Carries out one goal at a time; a new one ends the one before.
+
+    monitor: None: contacts are not looked at. back_off: after a collision [m]. In each step:
+    `look`, then `begin` where there is a new goal, then the commands of the parts.
+    """
+
+    def __init__(
+        self,
+        arm: Manipulator,
+        base: BaseMotion,
+        hand: Grip,
+        travel: TravelRule,
+        *,
+        monitor: CollisionMonitor | None = None,
+        back_off: float = 0.05,
+    ) -> None:
+        self._arm, self._base, self._hand = arm, base, hand
+        self._travel = travel
+        self._monitor = monitor
+        self._back_off = back_off
+        self._news: deque[GoalStatus] = deque()
+        self._warnings: list[str] = []
+        self._task: _Task | None = None
+        self._sensed: Sensed | None = None
+        self._touched: tuple[str, str] | None = None
+        self._is_slow = False
+
+    def news(self) -> GoalStatus | None:
+        """Return the next status nobody has been told of, if there is one."""
+        return self._news.popleft() if self._news else None
+
+    def warnings(self) -> list[str]:
+        """Return the sentences that were not told yet."""
+        told, self._warnings = self._warnings, []
+        return told
+
+    def hold(self, sensed: Sensed) -> None:
+        """Stand still, as everything stands when it all begins."""
+        self._sensed = sensed
+        self._arm.hold(sensed.q)
+        self._base.hold(sensed.base)
+        self._hand.hold(sensed.hand)
+
+    def begin(self, goal: Goal, t: float) -> None:
+        """Take in a goal at a time [s]; what is wrong with it becomes its status."""
+        if self._task is not None:
+            text = f"goal {goal.id} came before it was done"
+            self._tell(self._task.goal.id, "cancelled", text=text)
+        part = _PARTS[goal.kind]
+        self._touched, self._is_slow = None, False
+        self._rest_all(t, but=part)
+        if self._monitor is not None:
+            self._monitor.begin(goal.touches, grips=goal.kind == "grip", moves=_MOVES[part])
+        try:
+            text = self._begin(goal, part, t)
+        except Refused as exc:
+            self._tell(goal.id, "failed", exc.cause, str(exc))
+            self._rest_all(t)
+            self._task = None
+            return
+        self._tell(goal.id, "accepted", text=text)
+        self._task = _Task(goal=goal, part=part)
+
+    def _begin(self, goal: Goal, part: Part, t: float) -> str:
+        now = self._now()
+        if part == "arm":
+            return self._arm.begin(goal, now.q, now.base, t, held=self._held())
+        if part == "base":
+            self._travel.check(now.q)
+            return self._base.begin(goal, now.base)
+        if part == "hand":
+            return self._hand.begin(goal, t)
+        self._arm.stop(t)
+        return "stop"
+
+    def _held(self) -> str:
+        return self._monitor.held if self._monitor is not None else ""
+
+    def _rest_all(self, t: float, but: Part | None = None) -> None:
+        """Bring to rest what the goal before has set in motion; but: not this part."""
+        part = self._task.part if self._task is not None else None
+        if part is None or part == but:
+            return
+        if part == "arm":
+            self._arm.stop(t)
+        elif part == "base":
+            self._base.stop()
+        elif part == "hand":
+            self._hand.stop()
+
+    def look(self, sensed: Sensed, t: float, dt: float) -> None:
+        """Take in what was measured at a time [s], dt after the step before [s]."""
+        self._sensed = sensed
+        watch = self._watch(sensed, dt)
+        scale = watch.scale if watch is not None else 1.0
+        self._arm.advance(dt, scale)
+        self._base.advance(dt, scale)
+        ends: dict[Part, Outcome | None] = {
+            "arm": self._arm.look(sensed.q, sensed.v, t),
+            "base": self._base.look(sensed.base),
+            "hand": self._hand.look(sensed.hand, t),
+        }
+        collision = self._new_collision(watch)
+        lost = self._hand.lost(t)
+        task = self._task
+        if task is None:
+            self._warn(str(collision) if collision is not None else "", lost)
+            return
+        if not task.told:
+            task.told = True
+            self._tell(task.goal.id, "running")
+        if task.part == "all":
+            self._warn(lost)
+            self._look_stopping(task, ends["arm"])
+        elif task.failure is not None:
+            self._warn(lost)
+            self._look_backing_off(task, ends[task.part], collision, t)
+        elif collision is not None:
+            self._collide(task, collision, t)
+        elif lost:
+            self._rest_all(t)
+            self._end(Outcome(state="failed", cause="slipped", text=lost))
+        else:
+            end = ends[task.part]
+            if end is not None:
+                self._end(end)
+
+    def _watch(self, sensed: Sensed, dt: float) -> Watch | None:
+        """Return what the monitor sees; say when the robot begins to slow down."""
+        if self._monitor is None or sensed.contacts is None:
+            return None
+        watch = self._monitor.look(sensed.contacts, holding=sensed.hand.holding, dt=dt)
+        is_slow = watch.near is not None
+        if is_slow and not self._is_slow and self._task is not None and watch.near is not None:
+            ours, other = watch.near
+            self._warn(f"{ours} is {watch.gap * 1e3:.0f} mm from {other}: slower")
+        self._is_slow = is_slow
+        return watch
+
+    def _new_collision(self, watch: Watch | None) -> Collision | None:
+        """Return a collision when it begins; the same one is told once for each goal."""
+        collision = watch.collision if watch is not None else None
+        pair = collision.pair if collision is not None else None
+        is_old, self._touched = pair == self._touched, pair
+        return None if is_old else collision
+
+    def _look_stopping(self, task: _Task, end: Outcome | None) -> None:
+        if end is not None and end.state == "failed":
+            self._end(end)
+            return
+        task.arm_rests = task.arm_rests or end is not None
+        if task.arm_rests and not self._base.is_moving:
+            self._end(Outcome(state="succeeded", text="all is at rest"))
+
+    def _collide(self, task: _Task, collision: Collision, t: float) -> None:
+        """Stop, go back the way the robot came, and fail when that is done."""
+        text = f"{collision}; stopped"
+        if task.part == "hand":
+            self._hand.stop()
+            self._end(Outcome(state="failed", cause="collision", text=text))
+            return
+        way = self._go_back(task.part, t)
+        text = f"{text}, went back {way * 1e3:.0f} mm" if way > 0.0 else text
+        task.failure = Outcome(state="failed", cause="collision", text=text)
+        task.collision = collision
+        if self._monitor is not None:
+            self._monitor.begin(task.goal.touches, moves=_MOVES[task.part])
+
+    def _go_back(self, part: Part, t: float) -> float:
+        """Begin to go back; return how far [m]."""
+        if part == "base":
+            return self._base.back_off(self._back_off)
+        try:
+            return self._arm.back_off(t, self._back_off)
+        except RunError:
+            # There is no way back to go, or none within the limits.
+            self._arm.stop(t)
+            return 0.0
+
+    def _look_backing_off(
+        self, task: _Task, end: Outcome | None, collision: Collision | None, t: float
+    ) -> None:
+        assert task.failure is not None and task.collision is not None  # noqa: S101, PT018
+        stands = task.part == "base" and not self._base.is_moving
+        is_other = collision is not None and collision.pair != task.collision.pair
+        if not is_other and end is None and not stands:
+            return
+        if is_other:
+            self._rest_all(t)
+            self._warn(f"on the way back {collision}")
+        self._end(task.failure)
+
+    def _end(self, outcome: Outcome) -> None:
+        assert self._task is not None  # noqa: S101  asked by the callers
+        self._tell(self._task.goal.id, outcome.state, outcome.cause, outcome.text)
+        self._task = None
+
+    def _warn(self, *texts: str) -> None:
+        self._warnings += [text for text in texts if text]
+
+    def _tell(self, number: int, state: GoalState, cause: str = "", text: str = "") -> None:
+        self._news.append(GoalStatus(id=number, state=state, cause=cause, text=text))
+
+    def _now(self) -> Sensed:
+        if self._sensed is None:
+            raise RunError("nothing has been measured yet")
+        return self._sensed

@@ -1,0 +1,249 @@
+"""Watches the contacts of a robot: what it must not touch, and how close that is."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from stepbus_schemas import Contacts
+
+Moves = Literal["arm", "base", "all"]
+"""What a goal moves; the hand belongs to the arm."""
+
+_APART = 5e-3
+"""So far away, a thing that the pads had between them is let go [m]."""
+
+_GROUND_WITHIN = 5e-3
+"""What the wheels are so close to when it all begins is what they stand on [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonitorSettings:
+    """What a robot may touch, and how it slows down near everything else.
+
+    links: of the robot; base_links: those that only the base moves, not the arm. pads: those that
+    may touch the goal's `touches` and what is held. ignore: wheels and casters, which may touch
+    what they stand on at the start. force: from which a touch is a collision [N]. more_force: the
+    same, on top of what was there when the goal began [N].
+    within: distance from which the robot slows down [m]. slowest: its share of the full speed at
+    distance 0. rate: largest change of that share [1/s].
+    """
+
+    links: frozenset[str]
+    pads: tuple[str, str]
+    base_links: frozenset[str] = frozenset()
+    ignore: frozenset[str] = frozenset()
+    force: float = 0.5
+    more_force: float = 5.0
+    within: float = 0.08
+    slowest: float = 0.2
+    rate: float = 4.0
+
+
+class _Row(NamedTuple):
+    """One pair of links, the robot's own (or what it holds) first."""
+
+    ours: str
+    other: str
+    force: float
+    distance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collision:
+    """A touch that must not be; ours: the robot's link, or what it holds. force: [N]."""
+
+    ours: str
+    other: str
+    force: float
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Return the names of both links."""
+        return self.ours, self.other
+
+    def __str__(self) -> str:
+        return f"{self.ours} touches {self.other} with {self.force:.1f} N"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch:
+    """What the monitor saw.
+
+    collision: the hardest touch that must not be; None: there is none. near: the closest thing
+    that must not be touched, and `gap` how close it is [m]; None: nothing is near. held: link of
+    the world between the pads; empty: none. scale: share of the full speed, 0 to 1.
+    """
+
+    collision: Collision | None
+    near: tuple[str, str] | None
+    gap: float
+    held: str
+    scale: float
+
+
+class CollisionMonitor:
+    """Tells what a robot touches against its goal's will, step by step.
+
+    Allowed are the pads at `touches` and at what is held, until they have let go of it; the pads at
+    anything while they grip; what is held at `touches` and at what it touched when it was taken;
+    wheels and casters at the ground. A touch that was there when a goal began counts only when it
+    becomes harder: a robot has to be allowed to leave. Near things, other than what is held and
+    moves along, slow it down: its scale goes linearly from `slowest` at distance 0 to 1 at `within`
+    (the idea of speed and separation monitoring, ISO/TS 15066, 2016, section 5.5.4).
+    """
+
+    def __init__(self, settings: MonitorSettings) -> None:
+        self._settings = settings
+        self._ground: set[str] = set()
+        self._held = ""
+        self._stood_on: set[str] = set()
+        self._around: set[str] = set()
+        self._between: set[str] = set()
+        self._touches: frozenset[str] = frozenset()
+        self._grips = False
+        self._moves: Moves = "all"
+        self._known: dict[tuple[str, str], float] = {}
+        self._last: list[_Row] = []
+        self._scale = 1.0
+
+    @property
+    def held(self) -> str:
+        """Return the link of the world between the pads; empty: none."""
+        return self._held
+
+    def begin(
+        self, touches: Collection[str] = (), *, grips: bool = False, moves: Moves = "all"
+    ) -> None:
+        """Begin to watch a goal; touches: links of the world that it may touch.
+
+        grips: whether it moves the pads. moves: what it moves; what cannot come closer by that
+        makes nothing slower.
+        """
+        self._touches = frozenset(touches)
+        self._grips, self._moves = grips, moves
+        self._known = {(row.ours, row.other): row.force for row in self._last if row.force > 0.0}
+
+    def look(self, contacts: Contacts, *, holding: bool, dt: float) -> Watch:
+        """Take in the contacts of a step, dt [s] after the one before.
+
+        holding: whether the gripper holds something between its pads.
+        """
+        self._learn_ground(contacts)
+        self._learn_held(contacts, holding)
+        self._last = list(self._rows(contacts))
+        watched = [row for row in self._last if not self._is_allowed(row)]
+        closing = [row for row in watched if self._may_close(row)]
+        nearest = min(closing, key=lambda row: row.distance, default=None)
+        gap = max(nearest.distance, 0.0) if nearest else self._settings.within
+        self._slow_down(gap, dt)
+        return Watch(
+            collision=self._hardest(watched),
+            near=(nearest.ours, nearest.other) if nearest else None,
+            gap=gap,
+            held=self._held,
+            scale=self._scale,
+        )
+
+    def _slow_down(self, gap: float, dt: float) -> None:
+        settings = self._settings
+        share = min(gap / settings.within, 1.0)
+        wanted = settings.slowest + (1.0 - settings.slowest) * share
+        most = settings.rate * dt
+        self._scale += min(max(wanted - self._scale, -most), most)
+
+    def _hardest(self, watched: list[_Row]) -> Collision | None:
+        settings = self._settings
+        hard = [
+            row
+            for row in watched
+            if row.force > settings.force
+            and row.force > self._known.get((row.ours, row.other), -1e9) + settings.more_force
+        ]
+        if not hard:
+            return None
+        worst = max(hard, key=lambda row: row.force)
+        return Collision(ours=worst.ours, other=worst.other, force=worst.force)
+
+    def _rows(self, contacts: Contacts) -> Iterator[_Row]:
+        """Yield the pairs of the robot, or of what it holds, with anything else."""
+        rows = zip(contacts.pairs, contacts.force, contacts.distance, strict=True)
+        for (one, other), force, distance in rows:
+            if self._is_ours(one):
+                yield _Row(one, other, force, distance)
+            elif self._is_ours(other):
+                yield _Row(other, one, force, distance)
+
+    def _is_ours(self, link: str) -> bool:
+        return link in self._settings.links or (bool(self._held) and link == self._held)
+
+    def _is_allowed(self, row: _Row) -> bool:
+        settings, pair = self._settings, {row.ours, row.other}
+        if pair & settings.ignore and pair & self._ground:
+            return True
+        pads = pair.intersection(settings.pads)
+        if pads:
+            others = pair - pads
+            soft = self._touches | self._between | {self._held}
+            return self._grips or not others or bool(others & soft)
+        if self._held in pair:
+            return bool((pair - {self._held}) & (self._touches | self._stood_on))
+        return False
+
+    def _may_close(self, row: _Row) -> bool:
+        """Return whether a gap can become smaller by the goal under way.
+
+        It cannot between what is held and a link around it, as the palm of the hand; between the
+        world and a base that stands; and between two links of a robot of which the base moves.
+        """
+        pair = {row.ours, row.other}
+        if self._held in pair and pair & self._around:
+            return False
+        both_ours = self._is_ours(row.other)
+        if self._moves == "base":
+            return not both_ours
+        stands = self._moves == "arm" and row.ours in self._settings.base_links
+        return both_ours or not stands
+
+    def _learn_ground(self, contacts: Contacts) -> None:
+        """Take what wheels and casters touch first for the ground."""
+        if self._ground:
+            return
+        for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
+            if distance < _GROUND_WITHIN and self._settings.ignore.intersection(pair):
+                self._ground.update(set(pair) - self._settings.links)
+
+    def _learn_held(self, contacts: Contacts, holding: bool) -> None:
+        """Find what is held, and what the pads have or had between them."""
+        touched = {pad: self._touched_by(contacts, pad) for pad in self._settings.pads}
+        close = {link for pad in self._settings.pads for link in self._near(contacts, pad, _APART)}
+        one, other = (touched[pad] for pad in self._settings.pads)
+        if self._grips:
+            self._between |= set(one) | set(other)
+        self._between &= close
+        both = [link for link in one if link in other]
+        if holding and both and self._held not in both:
+            self._held = both[0]
+            near = set(self._near(contacts, self._held, self._settings.within))
+            self._around = near & self._settings.links
+            self._stood_on = set(self._near(contacts, self._held, 1e-3)) - self._settings.links
+        elif not holding and self._held and self._held not in both:
+            self._between.add(self._held)
+            self._held, self._stood_on, self._around = "", set(), set()
+
+    def _touched_by(self, contacts: Contacts, link: str) -> list[str]:
+        """Return what presses on a link, the hardest first."""
+        rows = zip(contacts.pairs, contacts.force, strict=True)
+        found = [
+            (-force, _other(pair, link)) for pair, force in rows if link in pair and force > 0.0
+        ]
+        return [name for _, name in sorted(found)]
+
+    def _near(self, contacts: Contacts, link: str, within: float) -> list[str]:
+        rows = zip(contacts.pairs, contacts.distance, strict=True)
+        return [_other(pair, link) for pair, gap in rows if link in pair and gap < within]
+
+
+def _other(pair: tuple[str, str], link: str) -> str:
+    return pair[1] if pair[0] == link else pair[0]

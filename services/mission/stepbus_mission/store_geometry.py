@@ -1,0 +1,86 @@
+"""A little geometry of things that stand on level ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stepbus_schemas import BaseState
+from stepbus_schemas.messages import Point, Quaternion
+
+_QUARTER = math.pi / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spot:
+    """A point with a heading: x, y [m], yaw [rad], in the frame of odometry."""
+
+    x: float
+    y: float
+    yaw: float
+
+    def ahead(self, distance: float, left: float = 0.0) -> Spot:
+        """Return the spot so far ahead and to the left [m], with the same heading."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Spot(
+            x=self.x + c * distance - s * left, y=self.y + s * distance + c * left, yaw=self.yaw
+        )
+
+    def left_of(self, x: float, y: float) -> float:
+        """Return how far a point lies to the left of the line ahead [m]."""
+        return math.cos(self.yaw) * (y - self.y) - math.sin(self.yaw) * (x - self.x)
+
+
+def spot_of(base: BaseState) -> Spot:
+    """Return where a base believes to be."""
+    return Spot(x=base.x, y=base.y, yaw=base.yaw)
+
+
+def hand_down(yaw: float) -> Quaternion:
+    """Return the orientation of a hand that points down and opens along a heading [rad].
+
+    Its z looks down, its y along the heading; quaternion x, y, z, w.
+    """
+    c, s = math.cos(yaw / 2), math.sin(yaw / 2)
+    half = math.sqrt(0.5)
+    return (half * (c - s), half * (c + s), 0.0, 0.0)
+
+
+def yaw_of(q: Quaternion) -> float:
+    """Return how far a thing is turned about the vertical [rad]; 0 for a quaternion of zeros."""
+    x, y, z, w = q
+    return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def tilt_of(q: Quaternion) -> float:
+    """Return the angle between a thing's z and the vertical [rad]."""
+    x, y, z, w = q
+    length = x * x + y * y + z * z + w * w
+    return math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y) / length)))
+
+
+def nearest_quarter(yaw: float, towards: float) -> float:
+    """Return the yaw of the same box, turned by whole quarters, nearest to another one [rad]."""
+    return yaw - _QUARTER * round((yaw - towards) / _QUARTER)
+
+
+def distance(a: Sequence[float], b: Sequence[float]) -> float:
+    """Return the distance of two points [m]."""
+    return math.dist(a, b)
+
+
+def extents(size: Point, q: Quaternion) -> Point:
+    """Return how far a turned box reaches along x, y and z [m], from end to end."""
+    rows = _rotation(q)
+    x, y, z = (sum(abs(cell) * side for cell, side in zip(row, size, strict=True)) for row in rows)
+    return (x, y, z)
+
+
+def _rotation(q: Quaternion) -> tuple[Point, Point, Point]:
+    x, y, z, w = q
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )

@@ -1,0 +1,73 @@
+"""Camera frames as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_schemas import Image, RunError
+
+_CHANNELS = {"rgb8": ("u1", 3), "32FC1": ("<f4", 1)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A colour and a depth image of one camera at one time.
+
+    rgb: shape (h, w, 3), bytes. depth: along the optical axis, shape (h, w) [m]. focal, centre:
+    x, y [pixel]; the middle of the first pixel is at 0, 0.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float64]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+
+
+def make_view(images: dict[str, Image]) -> View:
+    """Return a colour and a depth image together; images: by input port.
+
+    Raises RunError for images that do not belong together or are cut short.
+    """
+    for port, image in images.items():
+        _check(port, image)
+    by_encoding = {image.encoding: image for image in images.values()}
+    if len(by_encoding) != len(_CHANNELS):
+        found = ", ".join(f"{port!r} is {image.encoding}" for port, image in images.items())
+        raise RunError(f"of the two images one has to be rgb8 and one 32FC1 (depth); {found}")
+    rgb, depth = by_encoding["rgb8"], by_encoding["32FC1"]
+    if _optics(rgb) != _optics(depth):
+        raise RunError(
+            f"the images are not of one camera: width, height, focal, centre are {_optics(rgb)} "
+            f"in colour and {_optics(depth)} in depth"
+        )
+    return View(
+        rgb=_pixels(rgb),
+        depth=_pixels(depth)[:, :, 0].astype(np.float64),
+        focal=rgb.focal,
+        centre=rgb.centre,
+    )
+
+
+def _optics(image: Image) -> tuple[int, int, tuple[float, float], tuple[float, float]]:
+    return image.width, image.height, image.focal, image.centre
+
+
+def _check(port: str, image: Image) -> None:
+    kind, channels = _CHANNELS[image.encoding]
+    size = image.width * image.height * channels * np.dtype(kind).itemsize
+    if len(image.data) != size or size == 0:
+        raise RunError(
+            f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} are {size} "
+            f"bytes, {len(image.data)} came"
+        )
+    if min(image.focal) <= 0:
+        raise RunError(f"input {port!r}: focal length {image.focal} is not positive")
+
+
+def _pixels(image: Image) -> NDArray[Any]:
+    kind, channels = _CHANNELS[image.encoding]
+    return np.frombuffer(image.data, kind).reshape(image.height, image.width, channels)

@@ -1,0 +1,142 @@
+"""Perception: a participant that tells which items there are, and where."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from importlib.metadata import version
+
+from stepbus.config import Config
+from stepbus.participant import Participant
+from stepbus.step import Step
+from stepbus_schemas import (
+    Description,
+    Detections,
+    Image,
+    JointState,
+    Message,
+    Poses,
+    RunError,
+    WiringError,
+)
+
+from .geometry import turn_about_z
+from .images import View, make_view
+from .kinds import Goods, read_goods
+from .robot import JointReader
+from .sources import CameraSettings, TruthSettings, read_settings
+from .truth import Truth
+
+_log = logging.getLogger("stepbus_perception")
+
+
+class Eye:
+    """Finds items in images of a camera on a robot.
+
+    goods: what to look for. described: the description of the joint states.
+    """
+
+    def __init__(
+        self, settings: CameraSettings, frame: str, goods: Goods, described: Description
+    ) -> None:
+        # Without OpenCV ground truth still works.
+        from .detector import Detector  # noqa: PLC0415
+
+        self._frame = frame
+        self._mount = settings.mount
+        self._detector = Detector(goods, settings.min_confidence)
+        joints = settings.mount.joints
+        self._reader = JointReader(settings.joint_state, described.names, joints)
+
+    def detections(self, view: View, state: JointState) -> Detections:
+        """Return what is in a view; state: the joints at its time."""
+        found = self._detector.find(view, self._mount.pose(self._reader.read(state)))
+        return Detections(
+            frame=self._frame,
+            kinds=[item.kind for item in found],
+            position=[item.position for item in found],
+            orientation=[turn_about_z(item.yaw) for item in found],
+            confidence=[item.confidence for item in found],
+        )
+
+
+class PerceptionParticipant(Participant):
+    """Says which items there are, where, and how sure that is.
+
+    Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
+    description says what kinds of items there are and how they look. Output: one Detections/1.
+    Source camera: published whenever a new pair of images has come; ground truth is not looked
+    at. Source truth: all items, every period; needs the poses only. Parameters: see
+    `read_settings`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self._settings = read_settings(config)
+        self._seen_at = 0.0
+        self._warned = False
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Learn from the descriptions what there is to find.
+
+        Raises WiringError for poses without items, or joints that are not sensed.
+        """
+        settings, described = self._settings, inputs[self._settings.poses]
+        try:
+            goods = read_goods(settings.poses, described)
+            if isinstance(settings.source, CameraSettings):
+                joints = inputs[settings.source.joint_state]
+                self._eye = Eye(settings.source, settings.frame, goods, joints)
+            else:
+                self._truth = Truth(settings.poses, described.names, goods, settings.frame)
+        except WiringError as exc:
+            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
+            raise WiringError("\n".join(lines)) from exc
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the detections, when it is time for new ones."""
+        source = self._settings.source
+        try:
+            if isinstance(source, TruthSettings):
+                found = self._know(step, source)
+            else:
+                found = self._look(step, source)
+        except RunError as exc:
+            raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
+        return {} if found is None else {self._settings.detections: found}
+
+    def _know(self, step: Step, source: TruthSettings) -> Detections | None:
+        poses = step.get(self._settings.poses, Poses)
+        due = (step.index // self.config.every) % source.every == 0
+        return self._truth.detections(poses) if due and poses is not None else None
+
+    def _look(self, step: Step, source: CameraSettings) -> Detections | None:
+        if not all(step.is_new(port) for port in source.images):
+            self._miss(step, source)
+            return None
+        self._seen_at, self._warned = step.t, False
+        images = {port: step.read(port, Image) for port in source.images}
+        return self._eye.detections(make_view(images), step.read(source.joint_state, JointState))
+
+    def _miss(self, step: Step, source: CameraSettings) -> None:
+        if step.t - self._seen_at < source.timeout or self._warned:
+            return
+        self._warned = True
+        _log.warning(
+            "%s: step %d: no new images of %s for %g s; is the camera on?",
+            self.config.name,
+            step.index,
+            " and ".join(source.images),
+            source.timeout,
+        )
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the result."""
+        camera = isinstance(self._settings.source, CameraSettings)
+        names = {"numpy": "numpy", "pin": "pin"}
+        return {
+            short: version(name)
+            for short, name in (
+                names | ({"opencv": "opencv-python-headless"} if camera else {})
+            ).items()
+        }

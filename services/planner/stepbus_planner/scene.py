@@ -1,0 +1,200 @@
+"""One request's scene: the robot among the things around it, and what may touch what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from .robot import PlannedRobot, Vector, radius_from
+from .world import Link
+
+_CLOSER = 0.5
+"""Share of a gap at the start or the goal that is left where the gap is below the margin."""
+
+_DEEPER = 5e-4
+"""How much deeper a held thing may get into what it stands on [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """How close links may come [m].
+
+    robot: the robot to the world and to itself. held: a held thing to the world and the robot.
+    standing: how deep a held thing may be in what it stands on, at the start and at the goal.
+    """
+
+    robot: float = 0.01
+    held: float = 0.003
+    standing: float = 0.003
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """What is around the robot at the time of a request.
+
+    links: of the world, by name. placements: of each, in the root link of the robot. held: name
+    of the link in the gripper, or empty. touches: names of links that the robot may touch.
+    tip: frame of the robot that the held link moves with.
+    """
+
+    links: Mapping[str, Link]
+    placements: Mapping[str, Any]
+    held: str = ""
+    touches: frozenset[str] = frozenset()
+    tip: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Touch:
+    """Two links that touch; distance: between them, below 0: how deep they are in [m]."""
+
+    first: str
+    second: str
+    distance: float
+
+    def __str__(self) -> str:
+        depth = max(0.0, -self.distance * 1e3)
+        return f"{self.first} touches {self.second} ({depth:.1f} mm deep)"
+
+
+class Scene:
+    """Checks positions of the joints against everything that they might touch.
+
+    start: where the joints are, shape (n,) [rad]; a held thing keeps its place in the tip from
+    there on. Things out of reach are left out.
+    """
+
+    def __init__(
+        self, robot: PlannedRobot, around: Surroundings, start: Vector, margins: Margins
+    ) -> None:
+        self._robot = robot
+        self._data = robot.model.createData()
+        self._geometry = robot.geometry.copy()
+        self._links = [
+            robot.model.frames[item.parentFrame].name for item in robot.geometry.geometryObjects
+        ]
+        own = range(len(self._links))
+        held = self._add_held(around, start)
+        world = self._add_world(around, held)
+        self._pair(own, held, world, around.touches)
+        pairs = self._geometry.collisionPairs
+        with_held = np.array([not {pair.first, pair.second}.isdisjoint(held) for pair in pairs])
+        self._allowed = np.where(with_held, margins.held, margins.robot)
+        self._deepest = np.where(with_held, -margins.standing, 0.0)
+        self._distances = self._geometry.createData()
+
+    def _add_held(self, around: Surroundings, start: Vector) -> list[int]:
+        """Add the shapes of the held link to the link that the tip is rigid with."""
+        if not around.held:
+            return []
+        robot = self._robot
+        frame = robot.model.frames[robot.frame_id(around.tip)]
+        in_tip = robot.place(start, around.tip).inverse() * around.placements[around.held]
+        return self._add(around.links[around.held], frame.parentJoint, frame.placement * in_tip)
+
+    def _add_world(self, around: Surroundings, held: Iterable[int]) -> list[int]:
+        centre, reach = self._robot.reach()
+        for number in held:
+            shape = self._geometry.geometryObjects[number].geometry
+            reach += 2 * float(shape.aabb_radius)
+        near: list[int] = []
+        for name, link in around.links.items():
+            if name != around.held:
+                at = around.placements[name]
+                away = float(np.linalg.norm(at.translation - centre))
+                if any(away < reach + radius_from(s.placement, s.geometry) for s in link.shapes):
+                    near += self._add(link, 0, at)
+        return near
+
+    def _add(self, link: Link, joint: int, at: Any) -> list[int]:
+        numbers = []
+        for shape in link.shapes:
+            name = f"world/{len(self._links)}"
+            item = pin.GeometryObject(name, joint, at * shape.placement, shape.geometry)
+            numbers.append(self._geometry.addGeometryObject(item))
+            self._links.append(link.name)
+        return numbers
+
+    def _pair(
+        self,
+        own: Iterable[int],
+        held: Iterable[int],
+        world: Iterable[int],
+        touches: frozenset[str],
+    ) -> None:
+        """Let the moving robot be checked against the world, and the held thing against both."""
+        items, add = self._geometry.geometryObjects, self._geometry.addCollisionPair
+        for other in world:
+            for mine in own:
+                if items[mine].parentJoint and self._links[other] not in touches:
+                    add(pin.CollisionPair(mine, other))
+            for thing in held:
+                add(pin.CollisionPair(thing, other))
+        for thing in held:
+            for mine in own:
+                if items[mine].parentJoint != items[thing].parentJoint:
+                    add(pin.CollisionPair(mine, thing))
+
+    def touch(self, q: Vector) -> Touch | None:
+        """Return the two links that touch most at q, shape (n,) [rad]; None: none do."""
+        distance = self._distances_at(q)
+        if not len(distance):
+            return None
+        worst = int(np.argmin(distance - self._deepest))
+        if distance[worst] > self._deepest[worst]:
+            return None
+        pair = self._geometry.collisionPairs[worst]
+        first, second = self._links[pair.first], self._links[pair.second]
+        return Touch(first=first, second=second, distance=float(distance[worst]))
+
+    def _distances_at(self, q: Vector) -> Vector:
+        robot = self._robot
+        pin.computeDistances(
+            robot.model, self._data, self._geometry, self._distances, robot.in_model(q)
+        )
+        return np.array([result.min_distance for result in self._distances.distanceResults])
+
+    def checker(self, ends: Iterable[Vector], share: float = 1.0) -> Checker:
+        """Return a check of positions between two ends that do not touch anything.
+
+        Pairs that are closer than the margin at an end may be almost as close on the way. share:
+        of every margin that is wanted.
+        """
+        allowed = self._allowed
+        for q in ends:
+            gap = self._distances_at(q)
+            allowed = np.minimum(allowed, np.where(gap > 0, gap * _CLOSER, gap - _DEEPER))
+        wanted = np.where(allowed > 0, allowed * share, allowed)
+        return Checker(self._robot, self._geometry, wanted)
+
+
+class Checker:
+    """Fast check of whether anything is closer than its margin.
+
+    margins: of each pair, shape (pairs,) [m].
+    """
+
+    def __init__(self, robot: PlannedRobot, geometry: Any, margins: Vector) -> None:
+        self._robot = robot
+        self._data = robot.model.createData()
+        results = geometry.createData()
+        for request, margin in zip(results.collisionRequests, margins, strict=True):
+            request.security_margin = float(margin)
+        # The manager only refers to them; without this it would read freed memory.
+        self._referred = (geometry, results)
+        # For tens of shapes faster than the trees: 31 µs against 59 µs for UR5 and 30 shapes.
+        self._broad = pin.BroadPhaseManager_NaiveCollisionManager(robot.model, geometry, results)
+        self.checks = 0
+
+    def is_free(self, q: Vector) -> bool:
+        """Return whether everything keeps its distance at q, shape (n,) [rad]."""
+        self.checks += 1
+        robot = self._robot
+        found: bool = pin.computeCollisions(
+            robot.model, self._data, self._broad, robot.in_model(q), True
+        )
+        return not found

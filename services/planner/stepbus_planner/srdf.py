@@ -1,0 +1,83 @@
+"""Write an SRDF: `python -m stepbus_planner.srdf robot.urdf joint …` prints it.
+
+It names the pairs of links that never touch, or always do, wherever the named joints stand.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_schemas import WiringError
+
+from .robot import PlannedRobot, drop_rigid_pairs
+
+_SAMPLES = 10_000
+_ALWAYS = 0.95
+"""Share of the positions; meshes of neighbours may part in a few odd ones."""
+
+
+def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str:
+    """Return an SRDF of the pairs that never or always touch in random positions of the joints.
+
+    path: URDF or xacro. Neighbours are among the pairs. Raises WiringError for what is wrong
+    with the file or the joints.
+    """
+    robot = PlannedRobot(path, joints)
+    model, geometry = robot.model, robot.geometry
+    geometry.addAllCollisionPairs()
+    drop_rigid_pairs(geometry)
+    data, results = model.createData(), geometry.createData()
+    random = np.random.Generator(np.random.PCG64(0))
+    hits = np.zeros(len(geometry.collisionPairs))
+    for _ in range(samples):
+        q = robot.in_model(random.uniform(robot.lower, robot.upper))
+        pin.computeCollisions(model, data, geometry, results, q, False)
+        hits += [result.isCollision() for result in results.collisionResults]
+    rows = (
+        (pair, _reason(model, geometry, pair, share))
+        for pair, share in zip(geometry.collisionPairs, hits / samples, strict=True)
+    )
+    lines = [
+        f'  <disable_collisions link1="{_link(model, geometry, pair.first)}" '
+        f'link2="{_link(model, geometry, pair.second)}" reason="{reason}"/>'
+        for pair, reason in rows
+        if reason
+    ]
+    return "\n".join([f'<robot name="{model.name}">', *lines, "</robot>"]) + "\n"
+
+
+def _reason(model: Any, geometry: Any, pair: Any, share: float) -> str:
+    """Return why a pair need not be looked at, or nothing; share: of positions where it touches."""
+    first, second = (geometry.geometryObjects[k].parentJoint for k in (pair.first, pair.second))
+    if first == model.parents[second] or second == model.parents[first]:
+        return "Adjacent"
+    if share == 0:
+        return "Never"
+    return "Always" if share > _ALWAYS else ""
+
+
+def _link(model: Any, geometry: Any, number: int) -> str:
+    name: str = model.frames[geometry.geometryObjects[number].parentFrame].name
+    return name
+
+
+def _main(arguments: Sequence[str]) -> int:
+    if len(arguments) < 2:
+        sys.stderr.write("which robot, and which joints? e.g. srdf robot.urdf elbow wrist\n")
+        return 2
+    try:
+        sys.stdout.write(srdf_text(Path(arguments[0]), arguments[1:]))
+    except WiringError as exc:
+        sys.stderr.write(f"{exc}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(_main(sys.argv[1:]))

@@ -1,0 +1,181 @@
+"""A gripper with two coupled fingers: width, force, and whether it holds something."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pybullet as bullet
+
+from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
+
+from .commander import Commander
+from .complaints import Complaints
+from .errors import CommandError
+from .joints import Joint, describe_joints
+from .physics import Physics
+from .poses import Place
+from .world import GripperRow
+
+# How fast the last of the way is closed; below it the fingers slow down [1/s].
+_GAIN = 10.0
+
+# Of the cosine between a finger's push and the line from one finger to the other: 45°.
+_AGAINST_EACH_OTHER = math.sqrt(0.5)
+
+
+@dataclass(frozen=True)
+class _Push:
+    """All that one finger presses on one thing: force [N], its centre [m], its direction ±."""
+
+    force: float
+    centre: tuple[float, ...]
+    direction: tuple[float, ...]
+
+
+class Gripper:
+    """Two prismatic fingers that open by positive positions, and move alike.
+
+    width: the sum of both positions [m].
+    """
+
+    def __init__(self, row: GripperRow, left: Joint, right: Joint, physics: Physics) -> None:
+        self.joints = (left, right)
+        self.speed = row.speed
+        self.max_force = min(left.effort, right.effort)
+        self.widths = (left.lower + right.lower, left.upper + right.upper)
+        self._body = left.body
+        self._fingers = [left.index, right.index]
+        self._physics = physics
+        self._couple()
+
+    def _couple(self) -> None:
+        """Let the engine keep both positions equal; uncoupled fingers drift with what they hold."""
+        client = self._physics.client
+        left, right = self._fingers
+        zero = (0.0, 0.0, 0.0)
+        gear = bullet.createConstraint(
+            self._body,
+            left,
+            self._body,
+            right,
+            bullet.JOINT_GEAR,
+            jointAxis=(1.0, 0.0, 0.0),
+            parentFramePosition=zero,
+            childFramePosition=zero,
+            physicsClientId=client,
+        )
+        bullet.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=100, physicsClientId=client)
+
+    def width(self) -> float:
+        """Return how far the fingers are apart now [m]."""
+        left, right = self._physics.read(self._body, self._fingers)
+        width: float = left[0] + right[0]
+        return width
+
+    def describe(self) -> Description:
+        """Return names and limits of its fingers."""
+        return describe_joints(self.joints)
+
+    def sense(self) -> GripperState:
+        """Return width and force now, and whether something is held.
+
+        The force is that of the weaker finger, which is what squeezes. What the other one has
+        beyond it pushes the thing aside, until the fingers have centred it.
+        """
+        left, right = (self._pushes(finger) for finger in self._fingers)
+        force = min(sum(push.force for push in side.values()) for side in (left, right))
+        holding = any(
+            _against_each_other(push, right[thing])
+            for thing, push in left.items()
+            if thing in right
+        )
+        return GripperState(width=self.width(), force=force, holding=holding)
+
+    def _pushes(self, finger: int) -> dict[Place, _Push]:
+        """Return what a finger presses on, other than its own body."""
+        points = bullet.getContactPoints(
+            bodyA=self._body, linkIndexA=finger, physicsClientId=self._physics.client
+        )
+        groups: dict[Place, list[Sequence[Any]]] = {}
+        for point in points:
+            if point[9] > 0.0 and point[2] != self._body:
+                groups.setdefault((point[2], point[4]), []).append(point)
+        return {thing: _sum(group) for thing, group in groups.items()}
+
+
+def _sum(points: Sequence[Sequence[Any]]) -> _Push:
+    force = sum(point[9] for point in points)
+    centre = tuple(sum(point[9] * point[5][i] for point in points) / force for i in range(3))
+    strongest = max(points, key=lambda point: point[9])
+    return _Push(force, centre, strongest[7])
+
+
+def _against_each_other(one: _Push, other: _Push) -> bool:
+    """Return whether two pushes hold a thing, instead of both resting on it.
+
+    They do where each points along the line from one to the other (V.-D. Nguyen: Constructing
+    Force-Closure Grasps, 1988). The sign of a contact's direction is PyBullet's own choice.
+    """
+    line = [there - here for here, there in zip(one.centre, other.centre, strict=True)]
+    least = _AGAINST_EACH_OTHER * math.hypot(*line)
+    return all(abs(sum(map(operator.mul, push.direction, line))) > least for push in (one, other))
+
+
+class GripperDriver:
+    """Carries out the commands of one input to a gripper; a command holds until the next one.
+
+    port: name of the input, for messages. commander: of the fingers. complaints: what a command
+    asks for in vain.
+    """
+
+    def __init__(
+        self, port: str, gripper: Gripper, commander: Commander, complaints: Complaints
+    ) -> None:
+        self._port = port
+        self._gripper = gripper
+        self._commander = commander
+        self._complaints = complaints
+        self._command: GripperCommand | None = None
+
+    def apply(self, command: GripperCommand) -> None:
+        """Carry out a command from now on.
+
+        Raises CommandError for a value that is no finite number, and a force below 0.
+        """
+        for field, value in (("width", command.width), ("force", command.force)):
+            if not math.isfinite(value):
+                raise CommandError(f"input {self._port!r}: {field} is {value}, not a finite number")
+        if command.force < 0.0:
+            raise CommandError(
+                f"input {self._port!r}: force {command.force:g} N is negative; the width says "
+                "whether to open or to close"
+            )
+        self._complain(command)
+        self._command = command
+
+    def _complain(self, command: GripperCommand) -> None:
+        subject = f"input {self._port!r}"
+        least, most = self._gripper.widths
+        if not least <= command.width <= most:
+            text = f"width {command.width:g} m is out of reach ({least:g} to {most:g} m)"
+            self._complaints.add(subject, "width", text)
+        if command.force > self._gripper.max_force:
+            limit = self._gripper.max_force
+            text = f"force {command.force:g} N is beyond its limit of {limit:g}; cut there"
+            self._complaints.add(subject, "force", text)
+
+    def before_step(self) -> None:
+        """Move both fingers towards the width, no harder than the command allows."""
+        if self._command is None:
+            return
+        gap = self._command.width - self._gripper.width()
+        speed = self._gripper.speed
+        velocity = min(max(_GAIN * gap / 2, -speed), speed)
+        force = self._command.force
+        self._commander.apply(
+            JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=[force] * 2)
+        )

@@ -1,0 +1,46 @@
+"""The store of `mission_store_support` as a participant; its second argument are its faults."""
+
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(sys.argv[2])))
+
+from mission_store_support import FakeStore, shelf_a
+
+from stepbus import main
+from stepbus.participant import Participant
+from stepbus_schemas import Description, Goal
+
+
+class Store(Participant):
+    """Plant, perception and controller in one."""
+
+    def __init__(self, config):
+        super().__init__(config)
+        faults = json.loads(sys.argv[1])
+        goods = shelf_a(("cola", 2), ("cola", 3), ("water", 4))
+        self.store = FakeStore(goods, **faults)
+
+    def describe(self):
+        return {
+            **dict.fromkeys(self.config.outputs, Description()),
+            "poses": self.store.description(),
+        }
+
+    def output(self, step):
+        store = self.store
+        messages = {"poses": store.poses(), "odometry": store.odometry(), "hand": store.hand()}
+        if store.news and (status := store.news.pop(0)) is not None:
+            messages["goal_status"] = status
+        if step.index % 5 == 0 and (found := store.detections()) is not None:
+            messages["detections"] = found
+        return messages
+
+    def update(self, step):
+        if step.is_new("goal"):
+            self.store.carry_out(step.read("goal", Goal), "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(Store))

@@ -1,0 +1,211 @@
+"""The base on a simulated differential drive, whose wheels lag, jam, or turn with noise."""
+
+import math
+import random
+
+import pytest
+
+from stepbus_controller.base_motion import BaseMotion, BaseSettings
+from stepbus_controller.goals import Refused
+from stepbus_schemas import BaseState, Goal
+
+DT = 0.008
+TRACK = 0.5
+
+
+class DiffDrive:
+    """Wheels that follow their commands by a time constant; odometry sees all they do.
+
+    noise: of the speed of each wheel, as a share. jam: wheel that stands from a time on [s].
+    """
+
+    def __init__(self, noise=0.0, lag=0.02, start=(0.0, 0.0, 0.0), **settings):
+        self.motion = BaseMotion(BaseSettings(**settings))
+        self.x, self.y, self.yaw = start
+        self.wheels = [0.0, 0.0]
+        self.noise, self.lag, self.jam = noise, lag, None
+        self.random = random.Random(1)
+        self.t, self.speeds, self.path = 0.0, [], []
+        self.motion.hold(self.state())
+
+    def state(self):
+        left, right = self.wheels
+        return BaseState(
+            x=self.x, y=self.y, yaw=self.yaw, vx=(left + right) / 2, wz=(right - left) / TRACK
+        )
+
+    def step(self, scale=1.0):
+        """Move on by a step; returns what the controller says of the goal."""
+        self.motion.advance(DT, scale)
+        outcome = self.motion.look(self.state())
+        command = self.motion.command()
+        self.speeds.append(command.vx)
+        for side, sign in ((0, -1), (1, 1)):
+            wanted = command.vx + sign * TRACK / 2 * command.wz
+            wanted *= 1 + self.random.gauss(0, self.noise)
+            self.wheels[side] += (wanted - self.wheels[side]) * min(1.0, DT / self.lag)
+        if self.jam is not None and self.t >= self.jam[1]:
+            self.wheels[self.jam[0]] = 0.0
+        now = self.state()
+        self.x += now.vx * DT * math.cos(self.yaw + now.wz * DT / 2)
+        self.y += now.vx * DT * math.sin(self.yaw + now.wz * DT / 2)
+        self.yaw += now.wz * DT
+        self.t += DT
+        self.path.append((self.x, self.y, self.yaw))
+        return outcome
+
+    def go(self, seconds=30.0, scale=1.0, **goal):
+        """Return how a goal has ended; None: not in time."""
+        self.motion.begin(Goal(id=0, **goal), self.state())
+        return self.wait(seconds, scale)
+
+    def wait(self, seconds=30.0, scale=1.0):
+        for _ in range(round(seconds / DT)):
+            outcome = self.step(scale)
+            if outcome is not None:
+                return outcome
+        return None
+
+
+@pytest.mark.parametrize("distance", [1.5, -1.5, 0.02])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_drive_ends_within_a_millimetre(distance, noise):
+    base = DiffDrive(noise=noise)
+    outcome = base.go(kind="drive", by=distance)
+    assert outcome.state == "succeeded"
+    assert (base.x, base.y, base.yaw) == pytest.approx((distance, 0.0, 0.0), abs=1.2e-3)
+    assert max(map(abs, base.speeds)) <= 0.5 * 1.2
+
+
+@pytest.mark.parametrize("angle", [math.pi / 2, -math.pi / 2, math.pi, 4.0])
+def test_a_turn_ends_within_a_tenth_of_a_degree(angle):
+    base = DiffDrive(noise=0.05)
+    assert base.go(kind="turn", by=angle).state == "succeeded"
+    assert base.yaw == pytest.approx(angle, abs=math.radians(0.11))
+    assert math.hypot(base.x, base.y) < 2e-3
+
+
+@pytest.mark.parametrize(
+    "target", [(1.5, 0.0, 0.0), (0.0, -1.5, -math.pi / 2), (1.0, 1.0, math.pi), (0.0, 0.0, 1.0)]
+)
+def test_a_place_is_reached_to_millimetres(target):
+    base = DiffDrive(noise=0.05, start=(0.1, -0.05, 0.2))
+    assert base.go(kind="go_to", base=target).state == "succeeded"
+    assert (base.x, base.y) == pytest.approx(target[:2], abs=3e-3)
+    assert math.remainder(base.yaw - target[2], 2 * math.pi) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_place_behind_is_backed_up_to_without_turning_round():
+    base = DiffDrive(start=(1.5, 0.0, 0.0))
+    assert base.go(kind="go_to", base=(0.0, 0.0, 0.0)).state == "succeeded"
+    assert max(abs(yaw) for _, _, yaw in base.path) < 0.02
+    assert base.x == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_base_that_is_pushed_aside_comes_back_to_its_line():
+    base = DiffDrive()
+    base.motion.begin(Goal(id=0, kind="drive", by=1.5), base.state())
+    base.wait(seconds=1.5)
+    base.y += 0.02
+    assert base.wait().state == "succeeded"
+    assert abs(base.y) < 2e-3
+
+
+def test_a_goal_without_a_way_is_done_at_once():
+    assert DiffDrive().go(kind="drive", by=0.0, seconds=0.1).state == "succeeded"
+
+
+def test_a_jammed_wheel_is_named_with_numbers():
+    base = DiffDrive()
+    base.jam = (0, 1.5)
+    outcome = base.go(kind="drive", by=1.5)
+    assert (outcome.state, outcome.cause) == ("failed", "jammed")
+    assert "the left wheel rolls at 0.00 m/s instead of" in outcome.text
+    assert "of 1.500 m" in outcome.text
+    assert base.t < 2.5
+    assert base.motion.command().vx == 0.0
+
+
+def test_a_base_that_does_not_start_is_jammed():
+    base = DiffDrive(lag=1e9)
+    outcome = base.go(kind="turn", by=1.0)
+    assert outcome.cause == "jammed"
+    assert "left wheel" in outcome.text
+    assert "right wheel" in outcome.text
+
+
+def test_speed_changes_no_faster_than_the_limit_even_where_the_scale_jumps():
+    base = DiffDrive(lag=0.001)
+    base.motion.begin(Goal(id=0, kind="drive", by=2.5), base.state())
+    base.wait(seconds=1.6)
+    base.wait(seconds=1.5, scale=0.2)
+    assert base.speeds[-1] == pytest.approx(0.2 * 0.5, rel=0.2)
+    base.wait(scale=1.0)
+    # The limit of the profile and that of the scale may add up, each 0.4 m/s².
+    steps = [abs(b - a) / DT for a, b in zip(base.speeds, base.speeds[1:], strict=False)]
+    assert max(steps) < 0.9
+    assert base.x == pytest.approx(2.5, abs=1.2e-3)
+
+
+def test_a_scale_of_zero_pauses_the_way():
+    base = DiffDrive()
+    base.go(kind="drive", by=1.5, seconds=1.0)
+    base.wait(seconds=2.0, scale=0.0)
+    here = base.x
+    assert base.wait(seconds=1.0, scale=0.0) is None
+    assert base.x == pytest.approx(here, abs=5e-4)
+    assert base.wait().state == "succeeded"
+
+
+def test_a_stop_brings_the_base_to_rest_within_its_limits():
+    base = DiffDrive()
+    base.go(kind="go_to", base=(1.5, 0.0, 0.0), seconds=1.5)
+    here, speed = base.x, base.speeds[-1]
+    base.motion.stop()
+    assert base.wait().state == "succeeded"
+    base.wait(seconds=1.0)
+    assert base.x - here == pytest.approx(speed**2 / 2 / 0.4, rel=0.5)
+    assert not base.motion.is_moving
+
+
+def test_backing_off_goes_back_the_way_that_the_base_came():
+    base = DiffDrive()
+    base.go(kind="drive", by=-1.0, seconds=2.0)
+    furthest = base.motion.back_off(0.05)
+    assert furthest == pytest.approx(0.05)
+    assert base.wait().state == "succeeded"
+    turned_at = min(x for x, _, _ in base.path)
+    assert base.x - turned_at == pytest.approx(0.05, abs=3e-3)
+
+
+def test_a_new_goal_begins_where_the_old_one_is_brought_to_rest():
+    base = DiffDrive()
+    base.go(kind="drive", by=1.5, seconds=1.5)
+    assert base.go(kind="go_to", base=(0.0, 0.0, 0.0)).state == "succeeded"
+    assert (base.x, base.y, base.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "goal", [{"kind": "drive", "by": math.nan}, {"kind": "turn", "by": math.inf},
+             {"kind": "go_to"}, {"kind": "go_to", "base": (0.0, math.nan, 0.0)}]
+)  # fmt: skip
+def test_a_goal_without_sense_is_refused(goal):
+    with pytest.raises(Refused):
+        DiffDrive().go(**goal)
+
+
+def test_a_base_at_rest_goes_slowly_back_to_its_place():
+    base = DiffDrive()
+    assert base.go(kind="drive", by=0.5).state == "succeeded"
+    base.x -= 0.01
+    base.wait(seconds=2.0)
+    assert base.x == pytest.approx(0.5, abs=2e-4)
+    assert max(map(abs, base.speeds[-240:])) <= 0.02
+
+
+def test_a_base_that_is_pushed_far_away_does_not_push_back():
+    base = DiffDrive()
+    base.step()
+    base.x += 0.2
+    base.wait(seconds=1.0)
+    assert base.x == pytest.approx(0.2)

@@ -1,0 +1,115 @@
+"""Goals of kind grip on a gripper of which every state is written down here."""
+
+import pytest
+
+from stepbus_controller.goals import Refused
+from stepbus_controller.grip import Grip, GripSettings
+from stepbus_schemas import Goal, GripperState
+
+DT = 0.008
+
+
+class Hand:
+    """A gripper that closes at 0.1 m/s around a thing of a given width, or around nothing."""
+
+    def __init__(self, width=0.1, thing=None, is_dead=False, grip=None):
+        self.grip = grip or Grip(GripSettings())
+        self.width, self.thing, self.is_dead, self.t = width, thing, is_dead, 0.0
+        self.grip.hold(self.state())
+
+    def state(self):
+        holding = self.thing is not None and self.width <= self.thing
+        return GripperState(width=self.width, force=15.0 * holding, holding=holding)
+
+    def step(self):
+        """Move on by a step; returns the outcome and what was said to be lost."""
+        self.t += DT
+        least = self.thing or 0.0
+        gap = self.grip.command().width - self.width
+        if not self.is_dead:
+            self.width = max(self.width + min(max(gap, -0.1 * DT), 0.1 * DT), least)
+        return self.grip.look(self.state(), self.t), self.grip.lost(self.t)
+
+    def go(self, width, force=15.0, seconds=3.0):
+        """Return the outcome of a goal; None: there was none in time."""
+        self.grip.begin(Goal(id=0, kind="grip", width=width, force=force), self.t)
+        for _ in range(round(seconds / DT)):
+            outcome, _ = self.step()
+            if outcome is not None:
+                return outcome
+        return None
+
+
+def test_closing_on_a_can_ends_held_with_its_width_and_the_force():
+    hand = Hand(thing=0.066)
+    outcome = hand.go(0.0)
+    assert (outcome.state, outcome.text) == ("succeeded", "held: 66.0 mm wide, 15.0 N")
+    assert hand.t == pytest.approx(0.34 + 0.1, abs=0.02)
+
+
+def test_closing_on_nothing_ends_at_the_width_and_says_so():
+    outcome = Hand().go(0.02)
+    assert (outcome.state, outcome.text) == ("succeeded", "20.0 mm wide, holds nothing")
+
+
+def test_a_hand_that_does_not_move_is_stuck():
+    outcome = Hand(is_dead=True).go(0.0)
+    assert (outcome.state, outcome.cause) == ("failed", "stuck")
+    assert "have not moved: 100.0 mm wide instead of 0.0 mm" in outcome.text
+
+
+def test_a_hand_that_something_blocks_without_being_held_is_stuck():
+    hand = Hand(thing=0.04)
+    hand.state = lambda: GripperState(width=hand.width, force=0.0, holding=False)
+    outcome = hand.go(0.0)
+    assert outcome.cause == "stuck"
+    assert "stopped after 60.0 mm" in outcome.text
+
+
+@pytest.mark.parametrize(
+    ("width", "force", "cause"),
+    [(0.05, 0.0, "no_force"), (0.05, -1.0, "invalid"), (0.2, 5.0, "invalid"),
+     (float("nan"), 5.0, "invalid"), (0.05, float("nan"), "invalid")],
+)  # fmt: skip
+def test_a_grip_without_sense_is_refused(width, force, cause):
+    with pytest.raises(Refused) as caught:
+        Hand().go(width, force)
+    assert caught.value.cause == cause
+
+
+def test_what_slips_out_is_told_once():
+    hand = Hand(thing=0.066)
+    hand.go(0.0)
+    assert hand.grip.holds
+    hand.thing = None
+    said = [lost for _, lost in (hand.step() for _ in range(100)) if lost]
+    assert len(said) == 1
+    assert "held at 66.0 mm is gone" in said[0]
+    assert not hand.grip.holds
+
+
+def test_a_contact_that_flickers_is_not_lost():
+    hand = Hand(thing=0.066)
+    hand.go(0.0)
+    for k in range(100):
+        loose = GripperState(width=0.066, force=0.0, holding=k % 10 == 0)
+        hand.grip.look(loose, hand.t + k * DT)
+        assert hand.grip.lost(hand.t + k * DT) == ""
+
+
+def test_letting_go_on_purpose_is_no_loss():
+    hand = Hand(thing=0.066)
+    hand.go(0.0)
+    assert hand.go(0.1).text == "100.0 mm wide, holds nothing"
+    assert not any(hand.step()[1] for _ in range(50))
+
+
+def test_a_stop_leaves_the_fingers_where_they_are_but_keeps_what_is_held():
+    hand = Hand()
+    hand.go(0.0, seconds=0.4)
+    hand.grip.stop()
+    assert hand.grip.command().width == pytest.approx(0.06, abs=1e-3)
+    holder = Hand(thing=0.066)
+    holder.go(0.0)
+    holder.grip.stop()
+    assert holder.grip.command().width == 0.0

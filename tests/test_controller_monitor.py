@@ -1,0 +1,177 @@
+"""The collision monitor on contacts that are written down here."""
+
+import pytest
+
+from stepbus_controller.monitor import CollisionMonitor, MonitorSettings
+from stepbus_schemas import Contacts
+
+LINKS = frozenset({"chassis", "left_wheel", "elbow", "hand", "left_pad", "right_pad"})
+FLOOR = ("floor", "left_wheel", 400.0, 0.0)
+PADS_AT_CAN = (("can", "left_pad", 15.0, 0.0), ("can", "right_pad", 15.0, 0.0))
+
+
+def contacts(*rows):
+    """Return a message; rows: two links, force [N], distance [m]."""
+    rows = sorted(rows)
+    return Contacts(
+        pairs=[row[:2] for row in rows],
+        force=[row[2] for row in rows],
+        distance=[row[3] for row in rows],
+        position=[(0.0, 0.0, 0.0)] * len(rows),
+    )
+
+
+class Stand:
+    def __init__(self, **settings):
+        given = {
+            "links": LINKS,
+            "pads": ("left_pad", "right_pad"),
+            "ignore": frozenset({"left_wheel"}),
+        }
+        self.monitor = CollisionMonitor(MonitorSettings(**given | settings))
+        self.look(FLOOR)
+
+    def look(self, *rows, holding=False, dt=1.0):
+        return self.monitor.look(contacts(*rows), holding=holding, dt=dt)
+
+    def take_can(self, *others):
+        """Close the pads around a can; others: more contacts."""
+        self.monitor.begin(["can"], grips=True)
+        self.look(FLOOR, *PADS_AT_CAN, *others, holding=True)
+        self.monitor.begin()
+
+
+def test_a_robot_that_stands_on_its_wheels_touches_nothing():
+    watch = Stand().look(FLOOR)
+    assert (watch.collision, watch.near, watch.scale) == (None, None, 1.0)
+
+
+def test_a_hard_touch_names_both_links_and_the_force():
+    watch = Stand().look(FLOOR, ("elbow", "pillar", 12.34, 0.0))
+    assert str(watch.collision) == "elbow touches pillar with 12.3 N"
+
+
+def test_a_touch_below_half_a_newton_is_none():
+    assert Stand().look(("elbow", "pillar", 0.4, 0.0)).collision is None
+
+
+def test_a_wheel_may_touch_the_ground_but_nothing_else():
+    watch = Stand().look(FLOOR, ("left_wheel", "pillar", 9.0, 0.0))
+    assert watch.collision.other == "pillar"
+
+
+def test_the_elbow_may_not_touch_the_ground():
+    assert Stand().look(FLOOR, ("elbow", "floor", 9.0, 0.0)).collision.ours == "elbow"
+
+
+def test_a_touch_of_two_links_of_the_robot_is_a_collision():
+    assert Stand().look(("chassis", "elbow", 5.0, 0.0)).collision is not None
+
+
+def test_only_pads_may_touch_what_the_goal_allows():
+    stand = Stand()
+    stand.monitor.begin(["can"])
+    assert stand.look(("can", "left_pad", 5.0, 0.0)).collision is None
+    assert stand.look(("can", "hand", 5.0, 0.0)).collision.ours == "hand"
+    assert stand.look(("bottle", "left_pad", 5.0, 0.0)).collision.other == "bottle"
+
+
+def test_pads_that_grip_may_touch_anything():
+    stand = Stand()
+    stand.monitor.begin(grips=True)
+    assert (
+        stand.look(("bottle", "left_pad", 5.0, 0.0), ("left_pad", "right_pad", 9.0, 0.0)).collision
+        is None
+    )
+
+
+def test_what_both_pads_hold_is_found_and_may_be_held_on():
+    stand = Stand()
+    stand.take_can()
+    watch = stand.look(*PADS_AT_CAN, holding=True)
+    assert (watch.held, watch.collision) == ("can", None)
+
+
+def test_what_is_held_may_touch_what_it_stood_on_and_nothing_else():
+    stand = Stand()
+    stand.take_can(("can", "shelf", 3.0, 0.0))
+    assert stand.look(*PADS_AT_CAN, ("can", "shelf", 3.0, 0.0), holding=True).collision is None
+    watch = stand.look(*PADS_AT_CAN, ("bottle", "can", 3.0, 0.0), holding=True)
+    assert str(watch.collision) == "can touches bottle with 3.0 N"
+
+
+def test_the_hand_around_what_is_held_does_not_slow_down_but_another_link_near_it_does():
+    stand = Stand()
+    palm = ("can", "hand", 0.0, 0.013)
+    stand.take_can(palm)
+    assert stand.look(*PADS_AT_CAN, palm, holding=True).scale == 1.0
+    watch = stand.look(*PADS_AT_CAN, palm, ("can", "chassis", 0.0, 0.04), holding=True)
+    assert (watch.scale, watch.near) == (pytest.approx(0.6), ("can", "chassis"))
+
+
+def test_what_is_held_must_not_be_pressed_on_the_robot_itself():
+    stand = Stand()
+    stand.take_can()
+    watch = stand.look(*PADS_AT_CAN, ("can", "chassis", 9.0, 0.0), holding=True)
+    assert str(watch.collision) == "can touches chassis with 9.0 N"
+
+
+def test_what_is_held_may_be_put_where_the_goal_allows_it():
+    stand = Stand()
+    stand.take_can()
+    stand.monitor.begin(["table"])
+    assert stand.look(*PADS_AT_CAN, ("can", "table", 3.0, 0.0), holding=True).collision is None
+
+
+def test_what_the_pads_let_go_may_be_touched_until_they_are_away():
+    stand = Stand()
+    stand.take_can()
+    assert stand.look(("can", "left_pad", 2.0, 0.0)).held == ""
+    assert stand.look(("can", "left_pad", 2.0, 0.0)).collision is None
+    stand.look(("can", "left_pad", 0.0, 0.03))
+    assert stand.look(("can", "left_pad", 2.0, 0.0)).collision is not None
+
+
+def test_a_touch_from_before_the_goal_counts_only_when_it_becomes_harder():
+    stand = Stand()
+    stand.look(("elbow", "pillar", 10.0, 0.0))
+    stand.monitor.begin()
+    assert stand.look(("elbow", "pillar", 12.0, 0.0)).collision is None
+    assert stand.look(("elbow", "pillar", 16.0, 0.0)).collision is not None
+
+
+@pytest.mark.parametrize(("gap", "scale"), [(-0.01, 0.2), (0.0, 0.2), (0.04, 0.6), (0.08, 1.0)])
+def test_the_scale_is_linear_in_the_gap(gap, scale):
+    watch = Stand().look(FLOOR, ("elbow", "pillar", 0.0, gap))
+    assert watch.scale == pytest.approx(scale)
+    assert watch.near == ("elbow", "pillar")
+
+
+def test_the_scale_changes_no_faster_than_its_rate():
+    stand = Stand(rate=4.0)
+    scales = [stand.look(("elbow", "pillar", 0.0, 0.0), dt=0.1).scale for _ in range(3)]
+    assert scales == pytest.approx([0.6, 0.2, 0.2])
+
+
+def test_pads_near_what_they_may_touch_do_not_slow_down():
+    stand = Stand()
+    stand.monitor.begin(["can"])
+    assert stand.look(("can", "left_pad", 0.0, 0.01)).scale == 1.0
+    assert stand.look(("bottle", "left_pad", 0.0, 0.01)).scale < 1.0
+
+
+def test_what_is_near_a_base_that_stands_slows_no_arm_down():
+    stand = Stand(base_links=frozenset({"chassis", "left_wheel"}))
+    near = ("chassis", "pillar", 0.0, 0.02)
+    stand.monitor.begin(moves="arm")
+    assert stand.look(near).scale == 1.0
+    assert stand.look(near, ("chassis", "elbow", 0.0, 0.04)).scale == pytest.approx(0.6)
+    stand.monitor.begin()
+    assert stand.look(near).scale == pytest.approx(0.4)
+
+
+def test_links_of_the_robot_that_are_near_each_other_do_not_slow_the_base_down():
+    stand = Stand()
+    stand.monitor.begin(moves="base")
+    assert stand.look(("chassis", "elbow", 0.0, 0.02)).scale == 1.0
+    assert stand.look(("elbow", "pillar", 0.0, 0.04)).scale == pytest.approx(0.6)

@@ -1,0 +1,226 @@
+"""Failed sales: an emergency stop, one sentence with its cause, and a run that has failed."""
+
+import itertools
+
+import pytest
+from mission_store_support import FakeStore, sell, shelf_a
+
+from stepbus_schemas import GripperState
+
+GOODS = (("cola", 2), ("cola", 3), ("water", 4))
+REST = "; everything stands still"
+DARK = ("order", 0)
+
+
+def failed(store, **params):
+    result = sell(store, **params)
+    assert result.goals[-1].kind == "stop"
+    assert result.error == result.errors[-1]
+    assert result.summary.splitlines()[-1] == result.error
+    assert not result.end
+    return result.error
+
+
+@pytest.mark.parametrize(
+    ("faults", "params", "sentence"),
+    [
+        (
+            {"slips": 9},
+            {},
+            "sale 1 (cola_a1_2) failed while lifting: slipped, width 0.000 m, after 2 attempts",
+        ),
+        (
+            {"empty_grips": 9},
+            {"attempts": 1},
+            "sale 1 (cola_a1_2) failed while grasping: not held, width 0.000 m, after 1 attempt",
+        ),
+        (
+            {"fails": {("down", 1): "unreachable"}},
+            {},
+            "sale 1 (cola_a1_2) failed while going down: unreachable, as the test wants it",
+        ),
+        (
+            {"fails": {("down", 1): "collision", ("down", 2): "collision"}},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while going down: collision, as the test wants it, "
+                "after 2 attempts"
+            ),
+        ),
+        (
+            {"fails": {("home", 1): "jammed"}},
+            {},
+            "sale 1 (cola_a1_2) failed while driving home: jammed, as the test wants it",
+        ),
+        (
+            {"drops": (("home", 1),)},
+            {},
+            "sale 1 (cola_a1_2) failed while driving home: dropped, width 0.000 m",
+        ),
+        (
+            {"hidden": ("cola_a1_2", "cola_a1_3")},
+            {},
+            (
+                "sale 1 (cola) failed while choosing an item: shelf empty, nothing of kind cola is "
+                "left; 0 sold, 2 missing"
+            ),
+        ),
+        (
+            {"hidden": ("cola_a1_3",)},
+            {"orders": [{"item": "cola_a1_3"}]},
+            (
+                "sale 1 (cola_a1_3) failed while choosing an item: shelf empty, cola_a1_3 is not "
+                "there; 0 sold, 1 missing"
+            ),
+        ),
+        (
+            {},
+            {"orders": ["cole"]},
+            (
+                "sale 1 (cole) failed while choosing an item: shelf empty, nothing of kind cole is "
+                "left; 0 sold, 0 missing; did you mean 'cola'?"
+            ),
+        ),
+        (
+            {},
+            {"opening": 0.06},
+            (
+                "sale 1 (cola_a1_2) failed while choosing an item: too wide, 0.066 m, and the hand "
+                "opens to 0.060 m"
+            ),
+        ),
+        (
+            {"dark": DARK},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while looking for it: the camera shows nothing: no "
+                "detections for 3 s above the shelf"
+            ),
+        ),
+        (
+            {"dark": ("approach", 1)},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while looking at it from near: the camera shows nothing: "
+                "no detections for 3 s above the shelf"
+            ),
+        ),
+        (
+            {"silent": (("drive", 1),)},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while driving to the shelf: the controller does not "
+                "answer: goal 1 (go_to) has no status after 2 s; is it running?"
+            ),
+        ),
+        (
+            {"endless": (("look", 1),)},
+            {"waits": {"motion": 5}},
+            (
+                "sale 1 (cola_a1_2) failed while moving above its place: not done, goal 3 "
+                "(move_to_pose) is still running after 5 s"
+            ),
+        ),
+        (
+            {"place_shift": 0.0142},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while checking where it stands: misplaced, 14.2 mm from "
+                "its spot"
+            ),
+        ),
+        (
+            {"tips": True},
+            {},
+            "sale 1 (cola_a1_2) failed while checking where it stands: not upright, tilted by 86°",
+        ),
+        (
+            {"pushes": {("down", 1): ("water_a1_4", 0.0031)}},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while checking where it stands: water_a1_4 was moved by "
+                "3.1 mm"
+            ),
+        ),
+        (
+            {"seen_width": 0.03},
+            {"attempts": 1},
+            (
+                "sale 1 (cola_a1_2) failed while grasping: not held, width 0.030 m instead of "
+                "0.066 m, after 1 attempt"
+            ),
+        ),
+        (
+            {"fails": {("look", 1): "as_the_test"}},
+            {},
+            "sale 1 (cola_a1_2) failed while moving above its place: as the test wants it",
+        ),
+        (
+            {"fails": {("park", 1): "no_plan"}},
+            {},
+            (
+                "the mission failed while tucking the arm in after the last sale: no plan, as the "
+                "test wants it"
+            ),
+        ),
+    ],
+)
+def test_a_failure_is_one_sentence_with_its_cause(faults, params, sentence):
+    assert failed(FakeStore(shelf_a(*GOODS), **faults), **params) == sentence + REST
+
+
+def test_what_is_held_is_kept_in_an_emergency_stop():
+    store = FakeStore(shelf_a(*GOODS), fails={("home", 1): "jammed"})
+    failed(store)
+    assert store.held == "cola_a1_2"
+    assert [goal.width for goal in store.goals if goal.kind == "grip"] == [0.09, 0.0]
+
+
+def test_a_base_that_does_not_come_to_rest_is_named():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 1): "jammed"}, drifts=True)
+    end = "; not at rest after 10 s, the base moves with 0.050 m/s and 0.000 rad/s"
+    assert failed(store).endswith(end)
+
+
+def test_a_controller_that_does_not_answer_the_stop_is_named():
+    store = FakeStore(shelf_a(*GOODS), silent=(("drive", 1), ("stop", 1)))
+    assert failed(store).endswith("; not at rest after 10 s, the controller does not answer")
+
+
+def test_a_stop_that_fails_is_named():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 1): "jammed", ("stop", 1): "not_settled"})
+    end = "; not at rest after 10 s, the controller says failed, as the test wants it"
+    assert failed(store).endswith(end)
+
+
+def test_the_sales_before_a_failure_are_in_the_summary():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 2): "jammed"})
+    result = sell(store, orders=["cola", "water"])
+    assert "cola_a1_2" in result.summary.splitlines()[1]
+    assert "1 of 2 sales in " in result.summary
+    assert result.error.startswith("sale 2 (water_a1_4) failed while driving to the shelf: jammed")
+
+
+def test_the_run_fails_one_step_after_the_sentence_is_out():
+    result = sell(FakeStore(shelf_a(*GOODS), dark=DARK))
+    assert result.events[-1].level == "error"
+    assert result.events[-1].text == result.error
+
+
+def test_a_short_loss_of_the_grip_is_no_failure():
+    store = FakeStore(shelf_a(*GOODS))
+    hand, calls = store.hand, itertools.count()
+
+    def flickers():
+        state = hand()
+        is_lost = store.sent.get("home") and next(calls) < 3
+        return GripperState(width=state.width, force=0.0, holding=False) if is_lost else state
+
+    store.hand = flickers
+    assert sell(store).end
+    assert next(calls) > 3
+
+
+def test_detections_in_an_unknown_frame_are_refused():
+    result = sell(FakeStore(shelf_a(*GOODS), frame="chasis"))
+    assert result.error == "detections are given in 'chasis'; did you mean 'chassis'?"

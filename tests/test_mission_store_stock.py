@@ -1,0 +1,101 @@
+"""The stock: measures out of the plant's description, shelves out of names, moves out of poses."""
+
+import math
+
+import pytest
+
+from stepbus_mission.store_geometry import Spot, nearest_quarter, tilt_of, yaw_of
+from stepbus_mission.store_report import Row, summary
+from stepbus_mission.store_stock import Stock, measures
+from stepbus_schemas import Description, Poses
+
+HALF = math.sqrt(0.5)
+CAN = "cylinder 0.033 0.115 @ 0 0 0.0575 0 0 0 1"
+BOTTLE = "cylinder 0.032 0.1 @ 0 0 0.05 0 0 0 1; cylinder 0.015 0.05 @ 0 0 0.125 0 0 0 1"
+
+
+def stock(*names):
+    kinds = [name.partition("_")[0] if "_" in name else "" for name in names]
+    shapes = [CAN if kind else "" for kind in kinds]
+    details = {"kind": kinds, "shape": shapes}
+    return Stock(Description(names=list(names), details=details), ["a", "b"])
+
+
+def poses(*points):
+    return Poses(position=list(points), orientation=[(0.0, 0.0, 0.0, 1.0)] * len(points))
+
+
+def test_a_bottle_has_a_body_and_a_neck():
+    bottle = measures("water", BOTTLE)
+    assert bottle.width == pytest.approx((0.064, 0.064))
+    assert (bottle.bottom, bottle.body_top, bottle.top) == pytest.approx((0.0, 0.1, 0.15))
+
+
+def test_a_shape_that_is_turned_in_its_link_is_measured_as_it_stands():
+    lying = measures("juice", f"box 0.12 0.06 0.05 @ 0 0 0 0 {HALF} 0 {HALF}")
+    assert lying.width == pytest.approx((0.05, 0.06))
+    assert lying.top - lying.bottom == pytest.approx(0.12)
+
+
+def test_items_know_their_shelf_by_their_name():
+    goods = stock("cola_a1_3", "floor", "cola_b2_1")
+    goods.take(poses((0, 0, 0.2), (0, 0, 0), (1, 0, 0.2)))
+    assert [(item.name, item.shelf) for item in goods.items.values()] == [
+        ("cola_a1_3", "a"),
+        ("cola_b2_1", "b"),
+    ]
+
+
+def test_the_largest_move_leaves_out_the_item_that_is_sold():
+    goods = stock("cola_a1_1", "cola_a1_2", "cola_a1_3")
+    goods.take(poses((0, 0, 0), (1, 0, 0), (2, 0, 0)))
+    now = poses((0, 0.5, 0), (1, 0, 0.003), (2, 0.001, 0))
+    assert goods.largest_move(now, besides="cola_a1_1") == (pytest.approx(0.003), "cola_a1_2")
+
+
+def test_an_item_that_was_put_elsewhere_has_moved_from_there():
+    goods = stock("cola_a1_1")
+    goods.take(poses((0, 0, 0)))
+    goods.put("cola_a1_1", poses((5, 0, 0)))
+    assert goods.largest_move(poses((5, 0.001, 0)))[0] == pytest.approx(0.001)
+
+
+def test_the_width_of_a_box_depends_on_the_side_that_is_gripped():
+    details = {"kind": ["juice"], "shape": ["box 0.07 0.04 0.12"]}
+    goods = Stock(Description(names=["juice_a1_1"], details=details), ["a"])
+    goods.take(poses((0, 0, 0)))
+    item = goods.items["juice_a1_1"]
+    assert [item.width_along(yaw) for yaw in (0.1, math.pi / 2 - 0.1, math.pi)] == [
+        0.07,
+        0.04,
+        0.07,
+    ]
+
+
+def test_a_box_is_turned_by_whole_quarters_to_the_nearest_side():
+    assert nearest_quarter(math.radians(100), 0.0) == pytest.approx(math.radians(10))
+    assert nearest_quarter(math.radians(50), math.radians(90)) == pytest.approx(math.radians(50))
+
+
+def test_a_thing_that_lies_is_tilted_by_a_right_angle():
+    assert tilt_of((HALF, 0.0, 0.0, HALF)) == pytest.approx(math.pi / 2)
+    assert yaw_of((0.0, 0.0, HALF, HALF)) == pytest.approx(math.pi / 2)
+
+
+def test_a_spot_is_left_of_the_heading():
+    spot = Spot(x=1.0, y=2.0, yaw=math.pi / 2).ahead(0.5, left=0.1)
+    assert (spot.x, spot.y) == pytest.approx((0.9, 2.5))
+
+
+def test_the_columns_of_the_summary_are_aligned():
+    rows = [
+        Row(number=n, item=item, attempts=1, detection_error=1e-3, place_error=6e-4, moved=0.0, duration=31.2)
+        for n, item in ((1, "cola_a1_3"), (2, "juice_b2_12"))
+    ]  # fmt: skip
+    assert summary(rows, 3, 80.0, "sale 3 failed").splitlines() == [
+        "sale  item         attempts  detection  place   others  duration",
+        "1     cola_a1_3    1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
+        "2     juice_b2_12  1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
+        "2 of 3 sales in 80.0 s; placed within 0.6 mm, other items moved up to 0.0 mm",
+        "sale 3 failed",
+    ]

@@ -1,0 +1,86 @@
+"""URDF and xacro."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from scenario_support import changed, load_text, write
+
+from stepbus.models import read_urdf_text
+from stepbus_orchestrator.scenario import files
+from stepbus_schemas import WiringError
+
+HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
+
+def xacro(folder: Path, content: str, name: str = "r.urdf.xacro") -> Path:
+    return write(folder, f"{HEAD}{content}</robot>", name)
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(WiringError) as caught:
+        read_urdf_text(path)
+    return str(caught.value)
+
+
+def test_a_urdf_is_returned_as_it_is(tmp_path):
+    text = '<?xml version="1.0"?>\n<robot name="r">  <!-- ${x} é --></robot>'
+    assert read_urdf_text(write(tmp_path, text, "r.urdf")) == text
+
+
+def test_a_xacro_is_expanded(tmp_path):
+    macro = '<xacro:macro name="l" params="n"><link name="${n}_${2*3}"/></xacro:macro>'
+    assert '<link name="arm_6"/>' in read_urdf_text(xacro(tmp_path, f'{macro}<xacro:l n="arm"/>'))
+
+
+def test_included_files_are_found_beside_their_own_file_and_in_packages(tmp_path):
+    url = "package://example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
+    xacro(tmp_path, f'<xacro:include filename="{url}"/>', "parts/arm.xacro")
+    xacro(tmp_path, '<xacro:include filename="arm.xacro"/>', "parts/all.xacro")
+    text = read_urdf_text(xacro(tmp_path, '<xacro:include filename="parts/all.xacro"/>'))
+    assert 'name="shoulder_pan_joint"' in text
+
+
+def test_no_line_is_longer_than_pybullet_reads(tmp_path):
+    links = "".join(f'<link name="link_{n}"/>' for n in range(200))
+    assert max(map(len, read_urdf_text(xacro(tmp_path, links)).splitlines())) < 1000
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ('<link name="${unknown}"/>', "xacro cannot expand it: .*unknown"),
+        ('<xacro:include filename="gone.xacro"/>', "gone.xacro: cannot be read: No such file"),
+        ('<xacro:include filename="package://no-such/x"/>', "package 'no-such' is not installed"),
+        ('<xacro:include filename="r.urdf.xacro"/>', "includes itself"),
+        ("<link", "is no XML"),
+    ],
+)
+def test_what_cannot_be_expanded_is_refused_with_its_file(tmp_path, content, told):
+    path = xacro(tmp_path, content)
+    message = refusal(path)
+    assert message.startswith(str(tmp_path))
+    with pytest.raises(WiringError, match=told):
+        read_urdf_text(path)
+
+
+def test_a_mistake_leaves_nothing_behind_for_the_next_file(tmp_path):
+    refusal(xacro(tmp_path, '<link name="${unknown}"/>'))
+    assert '<link name="x"/>' in read_urdf_text(xacro(tmp_path, '<link name="x"/>'))
+
+
+def test_without_the_package_xacro_the_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    assert "pip install 'stepbus[robots]'" in refusal(xacro(tmp_path, ""))
+
+
+@pytest.mark.parametrize("name", ["r.urdf", "r.xacro"])
+def test_a_file_that_is_not_there_is_refused(tmp_path, name):
+    assert "cannot be read: No such file" in refusal(tmp_path / name)
+
+
+def test_included_files_become_part_of_a_recording(tmp_path):
+    xacro(tmp_path, '<xacro:include filename="arm.xacro"/>', "parts/all.xacro")
+    xacro(tmp_path, "", "parts/arm.xacro")
+    found = files(load_text(tmp_path, changed("law: pd", "model: parts/all.xacro")))
+    assert list(found) == ["parts/all.xacro", "parts/arm.xacro"]
