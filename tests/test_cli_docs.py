@@ -42,7 +42,9 @@ def test_every_command_line_of_the_page_can_be_parsed():
 
 
 def test_every_built_in_scenario_is_named():
-    assert set(re.findall(r"`((?:two_link|baxter)\S*)`", INTRODUCTION)) == set(builtin_names())
+    assert set(re.findall(r"`((?:two_link|baxter|store)[^`\s]*)`", INTRODUCTION)) == set(
+        builtin_names()
+    )
 
 
 def test_the_page_of_exit_codes_has_every_code():

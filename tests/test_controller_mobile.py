@@ -20,8 +20,10 @@ from stepbus_schemas import (
     JointState,
     OutputConfig,
     Plan,
+    RunError,
     WiringError,
 )
+from stepbus_schemas.messages import Spiral
 
 MS = 1_000_000
 DT = 0.008
@@ -325,16 +327,7 @@ def test_with_a_planner_the_arm_moves_by_its_plan(tmp_path):
     robot.start(0, "move_joints", joints=["pan"], values=[0.3], touches=["can"])
     request = robot.requests[0]
     assert (request.start, request.touches) == (pytest.approx(READY), ["can"])
-    times = np.linspace(0.0, 1.0, 51)
-    share = 10 * times**3 - 15 * times**4 + 6 * times**5
-    speed = 30 * times**2 - 60 * times**3 + 30 * times**4
-    way = np.array(request.goal) - np.array(request.start)
-    plan = Plan(
-        id=request.id, times=times.tolist(),
-        position=(np.array(request.start) + np.outer(share, way)).tolist(),
-        velocity=np.outer(speed, way).tolist(),
-    )  # fmt: skip
-    robot.step(plan=plan)
+    robot.step(plan=answered(request))
     robot.run(2.0)
     assert robot.states(0) == ["accepted", "running", "succeeded"]
     assert robot.q[0] == pytest.approx(0.3, abs=1e-3)
@@ -346,6 +339,102 @@ def test_a_plan_that_is_none_fails_the_goal_with_its_cause(tmp_path):
     robot.step(plan=Plan(id=robot.requests[0].id, cause="no_way", text="all ways are blocked"))
     robot.run(0.1)
     assert (robot.news[-1].cause, robot.news[-1].text) == ("no_way", "all ways are blocked")
+
+
+def answered(request):
+    """Return a plan that goes straight to what is asked for in a second."""
+    times = np.linspace(0.0, 1.0, 51)
+    share = 10 * times**3 - 15 * times**4 + 6 * times**5
+    speed = 30 * times**2 - 60 * times**3 + 30 * times**4
+    way = np.array(request.goal) - np.array(request.start)
+    return Plan(
+        id=request.id, times=times.tolist(),
+        position=(np.array(request.start) + np.outer(share, way)).tolist(),
+        velocity=np.outer(speed, way).tolist(),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def planned(tmp_path):
+    """Return a robot on the way that a planner has found, 0.4 s after its start."""
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    robot.step(plan=answered(robot.requests[0]))
+    robot.run(0.4)
+    assert abs(robot.v[0]) > 0.5
+    return robot
+
+
+def finish(robot):
+    """Answer the second request, and return the states of the goal until it has ended."""
+    robot.run(0.5)
+    assert np.abs(robot.v).max() < 1e-9
+    assert robot.requests[1].start == pytest.approx(robot.q, abs=1e-6)
+    assert robot.requests[1].goal == robot.requests[0].goal
+    robot.step(plan=answered(robot.requests[1]))
+    robot.run(9.0)
+    return robot.states(0)
+
+
+def test_when_its_way_is_blocked_the_arm_stops_and_goes_on_by_another_one(planned):
+    robot = planned
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
+    robot.step()
+    assert robot.news[-1].text == "crate is in the way; stopped, asked for another way (1 of 3)"
+    assert finish(robot) == ["accepted", "running", "running", "succeeded"]
+    assert robot.q[0] == pytest.approx(0.8, abs=1e-3)
+
+
+def test_what_comes_too_close_on_a_planned_way_is_gone_around(planned):
+    robot = planned
+    robot.touching = [("hand", "crate", 0.0, 0.003)]
+    robot.step()
+    assert robot.news[-1].text.startswith("hand is 3 mm from crate; stopped, asked for another")
+    assert finish(robot)[-1] == "succeeded"
+    assert len(robot.requests) == 2
+
+
+def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(planned):
+    robot = planned
+    robot.touching = [("hand", "crate", 7.5, -0.001)]
+    robot.step()
+    touched = robot.place("grasp").translation.copy()
+    robot.touching = []
+    while len(robot.requests) < 2:
+        robot.step()
+    assert np.linalg.norm(robot.place("grasp").translation - touched) > 0.02
+    assert "hand touches crate with 7.5 N; stopped, went back 50 mm; " in robot.news[-1].text
+    assert finish(robot)[-1] == "succeeded"
+
+
+def test_a_goal_is_given_other_ways_so_many_times_and_no_more(tmp_path):
+    robot = Robot(config(tmp_path, plans=True, replans=1))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    for number in range(2):
+        robot.step(plan=answered(robot.requests[-1]))
+        robot.run(0.3)
+        robot.step(plan=Plan(id=robot.requests[-1].id, cause="blocked", text="a cat"))
+        robot.run(0.5)
+        assert len(robot.requests) == 2, number
+    end = robot.news[-1]
+    assert (end.state, end.cause, end.text) == (
+        "failed",
+        "no_way",
+        "a cat; stopped, after 1 other way",
+    )
+    assert np.abs(robot.v).max() < 1e-9
+
+
+def test_when_the_planner_has_failed_everything_stops_and_nothing_begins_again(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "drive", by=1.0)
+    robot.run(1.0)
+    robot.step(plan=Plan(id=0, cause="planner_failed", text="the planner has failed"))
+    assert (robot.news[-1].state, robot.news[-1].cause) == ("failed", "no_plan")
+    robot.run(2.0)
+    assert abs(robot.vx) < 1e-3
+    assert robot.go(1, "drive", by=-1.0).text == "the planner has failed"
+    assert robot.go(2, "stop").state == "succeeded"
 
 
 def test_two_runs_are_equal_to_the_byte(tmp_path):
@@ -372,3 +461,59 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
                  "base_sped: is unknown; did you mean 'base_speed'",
                  "a planner needs an input of type Plan/1"):  # fmt: skip
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("goal", "cause"),
+    [
+        ({"kind": "drive", "by": 1e300}, "invalid"),
+        ({"kind": "turn", "by": 1e9}, "invalid"),
+        ({"kind": "go_to", "base": (0.0, -1e200, 0.0)}, "invalid"),
+        ({"kind": "move_to_pose", "position": (1e300, 0.0, 0.0)}, "unreachable"),
+        ({"kind": "move_linear", "position": (-9e3, 0.0, 0.0)}, "unreachable"),
+        ({"kind": "spiral", "spiral": {"turns": 1e9}}, "invalid"),
+        ({"kind": "spiral", "spiral": {"rise": 1e300}}, "invalid"),
+    ],
+)
+def test_a_goal_with_absurd_numbers_fails_at_once_and_nothing_else_does(tmp_path, goal, cause):
+    robot = Robot(config(tmp_path))
+    robot.step()
+    wanted = {
+        "tip": "grasp",
+        "position": (0.6, 0.0, 0.4),
+        "orientation": (0.0, 0.0, 0.0, 1.0),
+        **goal,
+    }
+    if "spiral" in goal:
+        usual = {"centre": (0.6, 0.0, 0.4), "radius": (0.05, 0.1), "turns": 1.0, "rise": 0.1}
+        wanted["spiral"] = Spiral(**{**usual, **goal["spiral"]})
+    robot.step(goal=Goal(id=5, **wanted))
+    assert [(news.state, news.cause) for news in robot.news] == [("failed", cause)]
+
+
+@pytest.mark.parametrize(
+    ("message", "sentence"),
+    [
+        (
+            {"contacts": Contacts(pairs=[("hand", "x")], force=[], distance=[0.0], position=[])},
+            "the contacts have 1 pairs, 0 forces, 1 distances",
+        ),
+        (
+            {"joint_state": JointState(position=[math.nan] * 6)},
+            "measured of the joints are not finite numbers: .*nan",
+        ),
+        (
+            {"odometry": BaseState(x=0.0, y=math.inf, yaw=0.0, vx=0.0, wz=0.0)},
+            "measured of the base are not finite numbers: .*inf",
+        ),
+        (
+            {"hand": GripperState(width=math.nan, force=0.0, holding=False)},
+            "measured of the gripper are not finite numbers: .*nan",
+        ),
+    ],
+)
+def test_a_message_that_is_none_is_refused_in_one_sentence(tmp_path, message, sentence):
+    robot = Robot(config(tmp_path))
+    robot.step()
+    with pytest.raises(RunError, match=sentence):
+        robot.stand.update(1, **{**robot.sense(), **message})

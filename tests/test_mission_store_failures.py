@@ -1,7 +1,10 @@
 """Failed sales: an emergency stop, one sentence with its cause, and a run that has failed."""
 
 import itertools
+import math
+import re
 
+import msgspec
 import pytest
 from mission_store_support import FakeStore, sell, shelf_a
 
@@ -224,3 +227,21 @@ def test_a_short_loss_of_the_grip_is_no_failure():
 def test_detections_in_an_unknown_frame_are_refused():
     result = sell(FakeStore(shelf_a(*GOODS), frame="chasis"))
     assert result.error == "detections are given in 'chasis'; did you mean 'chassis'?"
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"orientation": []}, r"detections have 3 kinds, 3 positions, 0 orientations"),
+        (
+            {"position": [(0.5, 0.0, math.nan)] * 3},
+            r"cola was detected at \(0.5, 0.0, nan\), turned by .*: that is no pose",
+        ),
+    ],
+)
+def test_detections_that_are_none_end_the_mission_with_one_sentence(changes, sentence):
+    store = FakeStore(shelf_a(*GOODS))
+    honest = store.detections
+    store.detections = lambda: msgspec.structs.replace(honest(), **changes)
+    result = sell(store)
+    assert re.fullmatch(sentence, result.error)

@@ -7,7 +7,7 @@ import pytest
 from stepbus_mission.store_geometry import Spot, nearest_quarter, tilt_of, yaw_of
 from stepbus_mission.store_report import Row, summary
 from stepbus_mission.store_stock import Stock, measures
-from stepbus_schemas import Description, Poses
+from stepbus_schemas import Description, Poses, RunError, WiringError
 
 HALF = math.sqrt(0.5)
 CAN = "cylinder 0.033 0.115 @ 0 0 0.0575 0 0 0 1"
@@ -99,3 +99,29 @@ def test_the_columns_of_the_summary_are_aligned():
         "2 of 3 sales in 80.0 s; placed within 0.6 mm, other items moved up to 0.0 mm",
         "sale 3 failed",
     ]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (poses((0.0, 0.0, 0.0)), "2 poses expected, 1 came"),
+        (poses((0.0, 0.0, 0.0), (1.0, math.nan, 0.0)), r"cola_a1_1 is at \(1.0, nan, 0.0\)"),
+    ],
+)
+def test_poses_that_are_none_are_refused(given, sentence):
+    found = stock("chassis", "cola_a1_1")
+    with pytest.raises(RunError, match=sentence):
+        found.check(given)
+    found.check(poses((math.nan, 0.0, 0.0), (1.0, 2.0, 3.0)))
+
+
+def test_a_description_with_too_few_kinds_is_refused():
+    details = {"kind": ["cola"], "shape": [CAN]}
+    with pytest.raises(WiringError, match="1 kinds and 1 shapes for 2 links"):
+        Stock(Description(names=["cola_a1_1", "chassis"], details=details), ["a"])
+
+
+@pytest.mark.parametrize("shape", ["mesh", "cylinder 0 0.1", "box nan 1 1", "sphere -1", ""])
+def test_an_item_without_a_size_is_refused(shape):
+    with pytest.raises(WiringError, match="item 'cola_a1_1' has the shape"):
+        measures("cola_a1_1", shape)

@@ -54,6 +54,9 @@ def test_no_line_is_longer_than_pybullet_reads(tmp_path):
         ('<xacro:include filename="package://no-such/x"/>', "package 'no-such' is not installed"),
         ('<xacro:include filename="r.urdf.xacro"/>', "includes itself"),
         ("<link", "is no XML"),
+        ("<xacro:property/>", "xacro cannot expand it: .*missing attribute 'name'"),
+        ('<xacro:macro name="m" params=""><xacro:m/></xacro:macro><xacro:m/>', "recursion"),
+        ('<link name="${a b}"/>', "invalid syntax .* when evaluating expression 'a b'$"),
     ],
 )
 def test_what_cannot_be_expanded_is_refused_with_its_file(tmp_path, content, told):

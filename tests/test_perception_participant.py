@@ -14,6 +14,7 @@ from perception_support import JOINTS, TOPS, Item, open_store, write_robot
 from stepbus.config import Config
 from stepbus_perception import PerceptionParticipant
 from stepbus_perception.geometry import rotation
+from stepbus_perception.robot import CameraMount
 from stepbus_schemas import (
     Description,
     Image,
@@ -171,6 +172,13 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
     )
     with pytest.raises(RunError, match="not of one camera"):
         stand.update(5, **{**messages, "depth": small})
+    for changes, sentence in (
+        ({"focal": (math.nan, 300.0)}, r"focal length \(nan, 300.0\) is not positive"),
+        ({"centre": (0.0, math.inf)}, r"centre \(0.0, inf\) is no place in the image"),
+    ):
+        odd = {**messages, "rgb": msgspec.structs.replace(rgb, **changes)}
+        with pytest.raises(RunError, match=sentence):
+            stand.update(6, **odd)
 
 
 def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
@@ -181,6 +189,44 @@ def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
     truth = start(config(tmp_path, ["poses"], source="truth"), described)
     with pytest.raises(RunError, match="input 'poses': 4 poses expected, 0 came"):
         truth.update(0, poses=Poses(position=[], orientation=[]))
+
+
+def test_joint_states_and_poses_that_are_not_finite_are_refused(tmp_path, seen):
+    messages, described = seen
+    lost = JointState(position=[math.nan] * 7)
+    with pytest.raises(RunError, match=r"input 'joint_state': .*nan.* are not all finite numbers"):
+        start(config(tmp_path), described).update(0, **{**messages, "joint_state": lost})
+    poses = messages["poses"]
+    truth = start(config(tmp_path, ["poses"], source="truth"), described)
+    nowhere = msgspec.structs.replace(poses, position=[(math.nan, 0.0, 0.0)] * 4)
+    with pytest.raises(RunError, match=r"input 'poses': .*nan.* is no pose"):
+        truth.update(0, poses=nowhere)
+    unturned = msgspec.structs.replace(poses, orientation=[(0.0, 0.0, 0.0, 0.0)] * 4)
+    with pytest.raises(RunError, match=r"input 'poses': .* of chassis is no pose"):
+        truth.update(0, poses=unturned)
+
+
+def test_a_joint_may_be_called_like_the_cameras_link(tmp_path):
+    path = write_robot(tmp_path)
+    path.write_text(path.read_text().replace('<joint name="mount"', '<joint name="camera"'))
+    placed = CameraMount(path, JOINTS, "camera", "chassis").pose(ANGLES)
+    usual = CameraMount(write_robot(tmp_path), JOINTS, "camera", "chassis").pose(ANGLES)
+    np.testing.assert_array_equal(placed.position, usual.position)
+
+
+def test_black_things_that_are_no_items_are_put_up_with(tmp_path):
+    details = {
+        "kind": ["", "can"],
+        "color": ["0 0 0", "1 0 0"],
+        "shape": ["", "cylinder 0.03 0.1;"],
+    }
+    start(config(tmp_path), Description(names=["tyre", "can_1"], details=details))
+
+
+def test_a_world_without_items_and_colours_shows_nothing(tmp_path, seen):
+    details = {"kind": [""], "color": [""], "shape": [""]}
+    stand = start(config(tmp_path), Description(names=["chassis"], details=details))
+    assert stand.update(0, **seen[0])["detections"].kinds == []
 
 
 def problems(given, described=None):
@@ -219,12 +265,17 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
 @pytest.mark.parametrize(
     ("details", "sentence"),
     [
-        ({}, "describes no items: its details kind are missing or empty"),
+        ({}, "describes no items: its details kind, color, shape are missing or empty"),
         ({"kind": ["cola"]}, "describes no items: its details color, shape are missing or empty"),
         ({"kind": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
         ({"kind": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
         ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "shape 'cone 1 1' of kind 'cola' cannot be read"),
-        ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "'a 1 1' of 'cola' is not a list of numbers"),
+        ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "'a 1 1' of 'cola' is not a list of finite numbers"),
+        ({"kind": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "'1 0 nan' of 'cola' is not a list of finite numbers"),
+        ({"kind": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
+        ({"kind": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
+        ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "shape 'cylinder 0 1' of kind 'cola' cannot be read"),
+        ({"kind": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details kind, color, shape are missing"),
     ],
 )  # fmt: skip
 def test_a_description_that_cannot_be_used_is_refused(tmp_path, details, sentence):
@@ -263,3 +314,12 @@ def test_versions_name_what_shapes_the_result(tmp_path):
     assert list(PerceptionParticipant(config(tmp_path)).versions()) == ["numpy", "pin", "opencv"]
     truth = PerceptionParticipant(config(tmp_path, ["poses"], source="truth"))
     assert list(truth.versions()) == ["numpy", "pin"]
+
+
+def test_a_model_that_cannot_be_expanded_says_why(tmp_path, monkeypatch):
+    def refuse(path):
+        raise WiringError(f"{path} needs xacro; pip install 'stepbus[robots]'")
+
+    monkeypatch.setattr("stepbus_perception.robot.read_urdf_text", refuse)
+    with pytest.raises(WiringError, match=r"robot\.urdf needs xacro; pip install"):
+        PerceptionParticipant(config(tmp_path))

@@ -1,6 +1,7 @@
 """The planner among steps: when it answers, what it wants of a scenario, and that it repeats."""
 
 import hashlib
+import math
 import subprocess
 import sys
 import time
@@ -24,7 +25,7 @@ from planner_support import (
 from stepbus_planner import PlannerParticipant, libraries
 from stepbus_planner.robot import PlannedRobot
 from stepbus_planner.srdf import srdf_text
-from stepbus_schemas import Description, PlanRequest, Poses, WiringError
+from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
 
 ANYWHERE = PlanRequest(id=1, start=START, goal=GOAL)
 
@@ -67,6 +68,18 @@ def test_a_newer_request_cancels_the_one_before(planner):
     stand, poses = planner()
     newer = PlanRequest(id=2, start=START, goal=[0.5, 0.5, 0.5])
     assert steps_with_plans(stand, poses, {0: ANYWHERE, 10: newer}, 60) == [(35, 2)]
+
+
+def test_poses_that_are_none_are_refused_in_one_sentence(planner):
+    stand, poses = planner()
+    rows = (
+        ({"position": []}, "2 poses expected, 0 positions and 2 orientations came"),
+        ({"position": [(0.0, 0.0, math.nan)] * 2}, r"\(0.0, 0.0, nan\), .* of chassis is no pose"),
+        ({"orientation": [(0.0, 0.0, 0.0, 0.0)] * 2}, "of chassis is no pose"),
+    )
+    for k, (change, sentence) in enumerate(rows):
+        with pytest.raises(RunError, match=f"^input 'poses': .*{sentence}"):
+            stand.update(k, request=ANYWHERE, poses=msgspec.structs.replace(poses, **change))
 
 
 def test_the_same_request_is_answered_once(planner):
@@ -150,11 +163,11 @@ def test_the_same_requests_give_the_same_bytes_in_another_process_at_another_pac
 def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
     write_arm(tmp_path)
     with pytest.raises(WiringError) as caught:
-        PlannerParticipant(config(tmp_path, joints=["one", "wheel_joint", "tow"], latency="fast",
+        PlannerParticipant(config(tmp_path, joints=["one", "wheel_joint", "tow"], latency="fast", tip="hnad",
                                   margin=-1, max_check=5))  # fmt: skip
     text = str(caught.value)
     for part in (
-        "joint 'tow' is not in", "did you mean 'two'?", "wheel_joint' of", "has no position limits",
+        "joint 'tow' is not in", "did you mean 'two'?", "tip: link 'hnad' is not", "wheel_joint' of", "has no position limits",
         "'fast' is no duration", "margin: is -1, has to be not negative",
         "max_check: is unknown; did you mean 'max_checks'?",
     ):  # fmt: skip
@@ -253,3 +266,35 @@ def test_links_that_do_not_move_against_one_another_are_no_pair(tmp_path):
     geometry = PlannedRobot(write_arm(tmp_path), JOINTS[1:]).geometry
     joints = [item.parentJoint for item in geometry.geometryObjects]
     assert [joints[p.first] == joints[p.second] for p in geometry.collisionPairs] == [False] * 3
+
+
+def after_the_pillar_moves(planner, to, request=ANYWHERE, moves_at=40):
+    """Return the causes and texts of all plans, when the pillar moves on the way."""
+    stand, _ = planner()
+    far, near = (scenery((*PILLAR[:2], at))[1] for at in ((0.0, 3.0, 0.5), to))
+    plans = []
+    for k in range(120):
+        new = {"request": request} if k == 4 else {}
+        messages = stand.update(k, poses=far if k < moves_at else near, **new)
+        plans += [(k, messages["plan"])] if "plan" in messages else []
+    return [(k, plan.id, plan.cause) for k, plan in plans], plans[-1][1].text
+
+
+def test_what_moves_into_a_way_that_was_found_is_told_at_once(planner):
+    plans, text = after_the_pillar_moves(planner, (0.6, 0.0, 0.5))
+    assert plans == [(29, 1, ""), (40, 1, "blocked")]
+    assert text.startswith("pillar has come into the way, 0.")
+    assert text.endswith(" m ahead of tip")
+
+
+def test_what_moves_while_the_way_is_sought_is_told_right_after_the_plan(planner):
+    assert after_the_pillar_moves(planner, (0.6, 0.0, 0.5), moves_at=10)[0] == [
+        (29, 1, ""),
+        (30, 1, "blocked"),
+    ]
+
+
+def test_what_moves_elsewhere_or_may_be_touched_does_not_matter(planner):
+    assert after_the_pillar_moves(planner, (0.0, 2.0, 0.5))[0] == [(29, 1, "")]
+    soft = PlanRequest(id=1, start=START, goal=GOAL, touches=["pillar"])
+    assert after_the_pillar_moves(planner, (0.6, 0.0, 0.5), soft)[0] == [(29, 1, "")]

@@ -17,6 +17,8 @@ from planner_support import (
     write_arm,
 )
 
+from stepbus_planner.search import Search, find_way
+
 CAN_AHEAD = ("can", "cylinder 0.03 0.1", (0.95, 0.0, 0.5))
 """At the tip of the arm that is stretched out along x."""
 
@@ -168,3 +170,17 @@ def test_a_check_outlives_the_scene_it_was_made_of(tmp_path):
     checker = scene_of(planner, START, PILLAR).checker([])
     gc.collect()
     assert [checker.is_free(np.array(ahead(x))) for x in (-1.0, 0.0, 1.0)] == [True, False, True]
+
+
+def test_a_search_that_nobody_wants_any_more_ends_long_before_its_last_check():
+    box = np.full(3, 3.0)
+    search = Search(lower=-box, upper=box, resolution=0.02, longest=0.5, max_checks=10**6, seed=1)
+    checks = []
+
+    def is_free(q):
+        checks.append(q)
+        return bool(abs(q[0]) > 0.2)
+
+    start = np.array([1.0, 0.0, 0.0])
+    assert find_way(search, start, -start, is_free, lambda: len(checks) > 100) is None
+    assert 100 < len(checks) < 10_000

@@ -151,3 +151,14 @@ def test_joints_of_several_degrees_of_freedom_are_refused(tmp_path):
     (tmp_path / "ball.urdf").write_text(WHEEL.format(type="spherical", limit=LIMIT))
     with pytest.raises(WiringError, match=r"joint 'axle' of .*ball\.urdf is spherical"):
         make_plant(tmp_path, body("b", "ball"))
+
+
+def test_the_params_physics_step_goes_over_the_worlds(tmp_path):
+    fast = swing(make_plant(tmp_path, world="physics_step: 1ms", physics_step="5ms"), 20)
+    assert np.array_equal(fast, swing(make_plant(tmp_path, world="physics_step: 5ms"), 20))
+    assert not np.array_equal(fast, swing(make_plant(tmp_path, world="physics_step: 1ms"), 20))
+
+
+def test_a_physics_step_of_the_params_has_to_divide_the_plants_step(tmp_path):
+    with pytest.raises(WiringError, match=r"params\.physics_step: 3ms does not divide .* of 5ms"):
+        make_plant(tmp_path, physics_step="3ms")

@@ -1,5 +1,7 @@
 """Goods on shelves."""
 
+import re
+
 import pybullet
 import pytest
 from devices_support import box, link, write_can, write_urdf
@@ -134,3 +136,15 @@ def test_a_kind_or_a_row_is_needed(tmp_path):
     told = refusal(tmp_path, text=text)
     assert "stock.kinds: is empty" in told
     assert "stock.places: is empty" in told
+
+
+@pytest.mark.parametrize("mass", ["0", "-1", "nan", "heavy", ""])
+def test_a_kind_whose_mass_cannot_be_scaled_is_refused_with_its_line(tmp_path, mass):
+    world = load(tmp_path)
+    urdf = tmp_path / "can.urdf"
+    urdf.write_text(re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', urdf.read_text()))
+    with pytest.raises(WiringError) as caught:
+        Plant(world, Params(world="world.yaml"), 8_000_000, 0)
+    told = str(caught.value).splitlines()
+    assert len(told) == 4
+    assert all(f"value={mass!r} of <mass> is not a number above 0" in line for line in told)

@@ -172,3 +172,24 @@ def test_a_body_without_joints_is_part_of_the_world(tmp_path):
 def test_every_key_is_documented(rows):
     text = (Path(__file__).parents[1] / "docs" / "world.md").read_text(encoding="utf-8")
     assert [key for key in rows.__struct_fields__ if f"`{key}`" not in text] == []
+
+
+def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp_path):
+    devices = (
+        "bases: {base: {left: whel, right: joint1, wheel_radius: 0.1, track: 0.5}}\n"
+        "grippers: {hand: {left: fingr, right: joint2}}\n"
+        "contacts: {touch: {links: [lnk1]}}\n"
+        "cameras: {eye: {link: camra, period: 5ms}}\n"
+    )
+    arm = body("arm", "two_link", joints="{jont1: {effort: 3}}")
+    lines = refusal(tmp_path, arm, world=devices, joints=["jont2"])
+    assert [line.split(";")[0].split(": ", 1)[-1] for line in lines] == [
+        "bodies.arm.joints.jont1: unknown",
+        "'jont2' is unknown",
+        "bases.base.left: joint 'whel' is unknown",
+        "bases.base.right: joint 'joint1' has mode torque",
+        "grippers.hand.left: joint 'fingr' is unknown",
+        "grippers.hand.right: joint 'joint2' is revolute",
+        "contacts.touch.links: link 'lnk1' is unknown",
+        "cameras.eye.link: link 'camra' is unknown",
+    ]

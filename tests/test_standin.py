@@ -12,6 +12,7 @@ from stepbus_schemas import (
     GripperCommand,
     Outputs,
     Plan,
+    PlanRequest,
     encode,
     message_class,
 )
@@ -58,7 +59,11 @@ def stand_in_for(message):
         (BaseCommand(vx=1.0, wz=0.5), BaseCommand()),
         (Goal(id=4, kind="drive", by=1.0), Goal(id=5, kind="stop")),
         (GripperCommand(width=0.0, force=15.0), GripperCommand(width=0.0, force=15.0)),
-        (Plan(id=3, times=[0.0]), None),
+        (PlanRequest(id=3, start=[0.0], goal=[0.0]), None),
+        (
+            Plan(id=3, times=[0.0]),
+            Plan(id=0, cause="planner_failed", text="the planner has failed"),
+        ),
     ],
 )
 def test_a_held_participant_brings_to_rest_what_it_commands(last, safe):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from stepbus_schemas import StepbusError
 
+from .device_panels import Panel, device_panels
 from .joint_panels import draw_panels
 from .reader import Recording
-from .signals import Array, Tracking, read_tracking, tracking_rmse
+from .signals import Array, Signal, Tracking, read_tracking, tracking_rmse
 from .sinusoid import sinusoid_lines
 
 REPORT_FILE = "report.png"
@@ -37,7 +38,7 @@ def write_report(path: Path) -> list[str]:
         if tracking.state is None:
             return []
         target = path.with_name(REPORT_FILE)
-        _draw(_title(recording), tracking, target)
+        _draw(_title(recording), tracking, device_panels(recording), target)
     except (StepbusError, OSError) as exc:
         return [f"no plots  {exc}"]
     return [*_summary(tracking), f"plots     {target}"]
@@ -66,15 +67,31 @@ def _summary(tracking: Tracking) -> list[str]:
     return [*lines, f"tracking RMSE {when}: {values}"]
 
 
-def _draw(title: str, tracking: Tracking, target: Path) -> None:
-    figure = Figure(figsize=(16, 10), dpi=100, layout="constrained")
+def _draw(title: str, tracking: Tracking, devices: Sequence[Panel], target: Path) -> None:
+    width = 26 if devices else 16
+    figure = Figure(figsize=(width, 10), dpi=100 if not devices else 75, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=16)
+    joints: Any = figure
+    if devices:
+        halves: Any = figure.subfigures(1, 2)
+        joints = halves[0]
+        _draw_devices(halves[1], devices)
     if tracking.state is not None and len(tracking.state.names) > _MOST_LINES:
-        draw_panels(figure, tracking)
+        draw_panels(joints, tracking)
     else:
-        _draw_four(figure, tracking)
+        _draw_four(joints, tracking)
     figure.savefig(target)
+
+
+def _draw_devices(figure: Any, panels: Sequence[Panel]) -> None:
+    """Plot what a mobile manipulator has beside its joints."""
+    axes = figure.subplots(2, 2, squeeze=False).flatten()
+    for axis, panel in zip(axes, panels, strict=False):
+        panel(axis)
+        axis.grid(visible=True, alpha=0.3)
+    for axis in axes[len(panels) :]:
+        axis.set_axis_off()
 
 
 def _draw_four(figure: Any, tracking: Tracking) -> None:
@@ -89,22 +106,32 @@ def _draw_four(figure: Any, tracking: Tracking) -> None:
 
 
 def _error(axis: Any, tracking: Tracking) -> None:
-    """Plot reference minus measured position."""
+    """Plot reference minus measured position; without a reference the targets of the motors."""
     axis.set_title("tracking error: reference − measured")
     axis.set_ylabel("error [rad]")
     state = tracking.state
-    if state is None or not tracking.joints:
+    if state is None or not (tracking.joints or "target" in state.fields):
         _nothing(axis, "no joint reference in this recording")
         return
     axis.axhline(0.0, color="black", linewidth=0.8)
-    for place, joint in enumerate(tracking.joints):
-        _line(axis, state.t, tracking.error(joint), joint, place)
+    if not tracking.joints:
+        axis.set_title("error of the motors: target − measured")
+    for place, joint in enumerate(tracking.joints or state.names):
+        error = tracking.error(joint) if tracking.joints else _behind(state, joint)
+        _line(axis, state.t, error, joint, place)
     _legend(axis)
+
+
+def _behind(state: Signal, joint: str) -> Array:
+    """Return target minus measured position of a joint, shape (m,) [rad]."""
+    target, position = state.of("target", joint), state.of("position", joint)
+    unknown = np.full(len(state.t), np.nan)
+    return unknown if target is None or position is None else target - position
 
 
 def _trajectory(axis: Any, tracking: Tracking) -> None:
     """Plot measured positions over the reference."""
-    axis.set_title("position against reference")
+    axis.set_title("position" + _against_what(tracking))
     axis.set_ylabel("position [rad]")
     _against(axis, tracking, "position", None)
 
@@ -113,9 +140,14 @@ def _velocity(axis: Any, tracking: Tracking) -> None:
     """Plot measured velocities over the reference; their finite difference where not sensed."""
     state = tracking.state
     sensed = state is not None and "velocity" in state.fields
-    axis.set_title("velocity against reference" + ("" if sensed else " (finite difference)"))
+    title = "velocity" + _against_what(tracking)
+    axis.set_title(title + ("" if sensed else " (finite difference)"))
     axis.set_ylabel("velocity [rad/s]")
     _against(axis, tracking, "velocity", _difference)
+
+
+def _against_what(tracking: Tracking) -> str:
+    return "" if tracking.reference is None else " against reference"
 
 
 def _difference(t: Array, position: Array) -> Array:

@@ -78,6 +78,7 @@ class Tracking:
     """What the classic plots of joint control need.
 
     state, reference, command: the first port of each type; absent where there is none.
+    command: of mode torque only.
     joints: those that state and reference share, in the state's order.
     """
 
@@ -109,14 +110,22 @@ def read_tracking(recording: Recording) -> Tracking:
         for kind, quantities in (
             ("JointState/1", ("position", "velocity", "effort", "target")),
             ("JointReference/1", ("position", "velocity", "acceleration")),
-            ("JointCommand/1", ("values",)),
         )
     }
     return Tracking(
         state=found["JointState/1"],
         reference=found["JointReference/1"],
-        command=found["JointCommand/1"],
+        command=_torques(recording),
     )
+
+
+def _torques(recording: Recording) -> Signal | None:
+    """Return the first port that commands torques, and nothing else but to brake."""
+    for port in recording.of_type("JointCommand/1"):
+        modes = {getattr(message, "mode", "") for _, message in recording.messages(port.topic)}
+        if "torque" in modes and modes <= {"torque", "brake"}:
+            return read_signal(recording, port, ("values",))
+    return None
 
 
 def _first(recording: Recording, kind: str, quantities: Sequence[str]) -> Signal | None:

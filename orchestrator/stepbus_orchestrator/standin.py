@@ -19,6 +19,7 @@ from stepbus_schemas import (
     Message,
     MessageError,
     Outputs,
+    Plan,
     encode,
     encoding_of,
     message_class,
@@ -38,6 +39,9 @@ _NEWS = (
     "PlanRequest/1",
 )
 """Types that tell of a moment; to repeat them would be a lie."""
+
+_NO_PLANNER = Plan(id=0, cause="planner_failed", text="the planner has failed")
+"""What is true of every request from then on."""
 
 
 class StandIn:
@@ -104,7 +108,7 @@ class StandIn:
         self._last = {port: self._last[port] for port in ports if port in self._last}
         self._safe = {
             port: encode(message)
-            for port in ports
+            for port in self._spec.outputs
             if (message := self._safe_message(port, descriptions.get(port, Description())))
         }
         self._keep_until = self._next + -(-self._hold.keep_ns // self._step_ns)
@@ -128,20 +132,27 @@ class StandIn:
 
     def _safe_message(self, port: str, description: Description) -> Message | None:
         """Return the message that brings to rest whoever reads a port; None: nothing to say."""
-        cls = message_class(self._spec.outputs[port].type)
+        kind = self._spec.outputs[port].type
+        cls = message_class(kind)
         given = self._hold.safe.get(port)
         if given is not None:
             return msgspec.convert(given, cls)
-        raw = self._last.get(port)
-        last = Decoder(cls)(raw) if raw is not None else None
+        if kind in _NEWS:
+            return _NO_PLANNER if cls is Plan else None
         if cls is JointCommand:
             return JointCommand(mode="brake", values=[0.0] * len(description.names))
         if cls is BaseCommand:
             return BaseCommand()
-        if isinstance(last, Goal):
-            # Ids of goals are the sender's own; the next one ends the goal under way.
-            return Goal(id=last.id + 1, kind="stop")
-        if isinstance(last, JointReference):
-            still = [0.0] * len(last.position)
-            return JointReference(position=last.position, velocity=still, acceleration=still)
-        return last
+        raw = self._last.get(port)
+        return _safer(Decoder(cls)(raw)) if raw is not None else None
+
+
+def _safer(last: Message) -> Message:
+    """Return what comes to rest after the last message of a port."""
+    if isinstance(last, Goal):
+        # Ids of goals are the sender's own; the next one ends the goal under way.
+        return Goal(id=last.id + 1, kind="stop")
+    if isinstance(last, JointReference):
+        still = [0.0] * len(last.position)
+        return JointReference(position=last.position, velocity=still, acceleration=still)
+    return last

@@ -40,8 +40,10 @@ def _expand(path: Path) -> str:
         # It keeps the files it is in between calls, where one has failed.
         xacro.init_stacks(str(path))
         xacro.process_doc(document)
-    except (xacro.XacroException, ExpatError, OSError) as exc:
-        raise WiringError(f"{path}: xacro cannot expand it: {str(exc).strip()}") from exc
+    except (xacro.XacroException, ExpatError, OSError, RuntimeError) as exc:
+        # A RuntimeError is a missing attribute, or (RecursionError) a macro that calls itself.
+        reason = " ".join(str(exc).split())
+        raise WiringError(f"{path}: xacro cannot expand it: {reason}") from exc
     # PyBullet cuts lines after 1023 characters.
     text: str = document.toprettyxml(indent="  ")
     return text

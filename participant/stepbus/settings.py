@@ -63,16 +63,13 @@ class Settings:
 
     def as_number(self, where: str, value: Any, bound: Bound = "any") -> float:
         """Return a value as a finite number; where: its place."""
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
+        number = _as_float(value)
+        if not math.isfinite(number):
             self.note(where, f"is {value!r}, not a finite number")
             return 0.0
         if (bound == "positive" and value <= 0) or (bound == "not negative" and value < 0):
             self.note(where, f"is {value!r}, has to be {bound}")
-        return float(value)
+        return number
 
     def flag(self, param: str, default: bool) -> bool:
         """Return true or false."""
@@ -209,10 +206,23 @@ class Settings:
         raise WiringError("\n".join(self._problems))
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return the end of a sentence that names what `name` may have meant."""
+def _as_float(value: Any) -> float:
+    """Return a number as a float; NaN where it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return the end of a sentence that names what `name` may have meant.
+
+    name: as it stands in the scenario; in YAML a key may also be a number.
+    """
     names = list(known)
-    close = difflib.get_close_matches(name, names, n=3)
+    close = difflib.get_close_matches(str(name), names, n=3)
     if close:
         return f"did you mean {' or '.join(repr(item) for item in close)}?"
     return f"there is {', '.join(names) or 'none'}"

@@ -56,9 +56,9 @@ def _settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
         # Gossip with the low-latency transport lost links for good in 6 to 9 of 30 starts.
         "scouting/gossip/enabled": False,
     }
-    # Shared memory is for bulk content, which the low-latency transport does not carry. Without
-    # need it costs every link locked memory, and segments that a killed process leaves behind.
-    settings["transport/shared_memory/enabled"] = not endpoint.low_latency
+    # Zenoh puts messages from 3 kB on into shared memory of its own accord, and loses them without
+    # a word when the receiver does not get the processor for 100 ms (eclipse-zenoh/zenoh#2628).
+    settings["transport/shared_memory/enabled"] = False
     if endpoint.low_latency:
         settings["transport/unicast/qos/enabled"] = False
         settings["transport/unicast/lowlatency"] = True

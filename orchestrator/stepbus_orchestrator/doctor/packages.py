@@ -13,7 +13,7 @@ import msgspec
 from .finding import Finding
 
 EXTRAS = {
-    "robots": "models of Baxter, UR5 and others, for scenarios with them",
+    "robots": "models, inverse kinematics, planning, vision: the scenarios baxter and store",
     "dev": "the tests, the type checker and the linter",
 }
 """Extra of stepbus → what it is for."""

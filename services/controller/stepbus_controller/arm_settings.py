@@ -44,9 +44,8 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     kinematics = read_kinematics(settings)
     collisions = _read_collisions(settings, kinematics)
     velocity = read_velocity_limit(settings, kinematics)
-    joints = kinematics.joints if kinematics is not None else ()
-    acceleration = settings.per_name("acceleration_limit", joints, 4.0, bound="positive")
-    jerk = settings.per_name("jerk_limit", joints, 40.0, bound="positive")
+    acceleration = read_joint_limit(settings, kinematics, "acceleration_limit", 4.0)
+    jerk = read_joint_limit(settings, kinematics, "jerk_limit", 40.0)
     settling = read_settling(settings)
     tries = settings.choice("not_holdable", ("refuse", "try"), default="refuse") == "try"
     smoother = read_smoother(settings, period)
@@ -67,12 +66,21 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
 
 def read_velocity_limit(settings: Settings, kinematics: Kinematics | None) -> list[float]:
     """Return what `velocity_limit` says, or else 80 % of the URDF's limits, shape (n,) [rad/s]."""
-    joints = kinematics.joints if kinematics is not None else ()
     urdf = [0.8 * limit for limit in kinematics.velocity_limit] if kinematics is not None else []
     settings.value("velocity_limit", urdf)
-    if not settings.has("velocity_limit"):
+    if kinematics is None or not settings.has("velocity_limit"):
         return urdf
-    return settings.per_name("velocity_limit", joints, bound="positive")
+    return settings.per_name("velocity_limit", kinematics.joints, bound="positive")
+
+
+def read_joint_limit(
+    settings: Settings, kinematics: Kinematics | None, param: str, default: float
+) -> list[float]:
+    """Return a limit of each joint, shape (n,); empty for a robot that cannot be read."""
+    if kinematics is None:
+        settings.value(param, default)
+        return []
+    return settings.per_name(param, kinematics.joints, default, bound="positive")
 
 
 def read_settling(settings: Settings) -> Settling:

@@ -25,6 +25,7 @@ from .base_legs import (
 from .goals import Refused
 from .motion import JointMotion, Motion, MotionLimits, motion_to, stop_from
 from .outcome import Outcome
+from .targets import FARTHEST
 
 _BACK_TURN = 0.3
 """A turn goes back by the angle whose arc at this radius is the distance to go back [m]."""
@@ -306,7 +307,8 @@ class BaseMotion:
             for side, sign in (("left", -1), ("right", 1))
         ]
         slow = [
-            f"the {side} wheel rolls at {now:.2f} m/s instead of {wanted:.2f} m/s"
+            # Adding 0 makes of -0 a 0.
+            f"the {side} wheel rolls at {round(now, 2) + 0.0:.2f} m/s instead of {wanted:.2f} m/s"
             for side, now, wanted in rows
             if abs(wanted) > 0.02 and now / wanted < 0.5
         ]
@@ -362,3 +364,5 @@ class BaseMotion:
 def _refuse_odd(name: str, value: float) -> None:
     if not math.isfinite(value):
         raise Refused("invalid", f"{name} is {value}, not a finite number")
+    if abs(value) > FARTHEST:
+        raise Refused("invalid", f"{name} is {value:g}; more than {FARTHEST:g} m or rad is too far")

@@ -87,8 +87,9 @@ class TravelRule:
 class _Task:
     """The goal under way.
 
-    failure: what it has failed with already, while the robot still goes back from `collision`.
-    arm_rests: of kind `stop`.
+    failure: what it has failed with already, while the robot still goes back from `collision`,
+    unless it `goes_on` by another way then. replans: how often it was given another way. close:
+    what is nearest while it stands and waits for its way. arm_rests: of kind `stop`.
     """
 
     goal: Goal
@@ -96,14 +97,31 @@ class _Task:
     told: bool = False
     failure: Outcome | None = None
     collision: Collision | None = None
+    goes_on: bool = False
+    replans: int = 0
+    close: tuple[str, str] | None = None
     arm_rests: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evasion:
+    """What is done about things that come into the way.
+
+    back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
+    planner's way stops where something is closer [m]; it has to be less than what the planner
+    leaves. replans: how often a goal may be given another way.
+    """
+
+    back_off: float = 0.05
+    stop_within: float = 0.004
+    replans: int = 3
 
 
 class Dispatcher:
     """Carries out one goal at a time; a new one ends the one before.
 
-    monitor: None: contacts are not looked at. back_off: after a collision [m]. In each step:
-    `look`, then `begin` where there is a new goal, then the commands of the parts.
+    monitor: None: contacts are not looked at. In each step: `look`, then `begin` where there is a
+    new goal, then the commands of the parts.
     """
 
     def __init__(
@@ -114,12 +132,13 @@ class Dispatcher:
         travel: TravelRule,
         *,
         monitor: CollisionMonitor | None = None,
-        back_off: float = 0.05,
+        evasion: Evasion | None = None,
     ) -> None:
         self._arm, self._base, self._hand = arm, base, hand
         self._travel = travel
         self._monitor = monitor
-        self._back_off = back_off
+        self._evasion = evasion or Evasion()
+        self._lost = ""
         self._news: deque[GoalStatus] = deque()
         self._warnings: list[str] = []
         self._task: _Task | None = None
@@ -165,6 +184,8 @@ class Dispatcher:
 
     def _begin(self, goal: Goal, part: Part, t: float) -> str:
         now = self._now()
+        if self._lost and part != "all":
+            raise Refused("no_plan", self._lost)
         if part == "arm":
             return self._arm.begin(goal, now.q, now.base, t, held=self._held())
         if part == "base":
@@ -174,6 +195,15 @@ class Dispatcher:
             return self._hand.begin(goal, t)
         self._arm.stop(t)
         return "stop"
+
+    def lose_planner(self, text: str, t: float) -> None:
+        """Stop and fail, now and from now on: there are no plans any more."""
+        if self._lost:
+            return
+        self._lost = text
+        if self._task is not None and self._task.part != "all":
+            self._rest_all(t)
+            self._end(Outcome(state="failed", cause="no_plan", text=text))
 
     def _held(self) -> str:
         return self._monitor.held if self._monitor is not None else ""
@@ -222,10 +252,46 @@ class Dispatcher:
         elif lost:
             self._rest_all(t)
             self._end(Outcome(state="failed", cause="slipped", text=lost))
+        elif hindrance := self._hindrance(task, watch):
+            self._replan(task, hindrance, t)
         else:
             end = ends[task.part]
             if end is not None:
                 self._end(end)
+
+    def _hindrance(self, task: _Task, watch: Watch | None) -> str:
+        """Return what is in the way that the arm goes by a plan; empty: nothing."""
+        if task.part != "arm":
+            return ""
+        near = watch.near if watch is not None else None
+        if not self._arm.follows_plan:
+            task.close = near
+            return ""
+        if self._arm.blocked:
+            return self._arm.blocked
+        if watch is None or near is None or near == task.close:
+            return ""
+        if watch.gap >= self._evasion.stop_within:
+            return ""
+        ours, other = near
+        return f"{ours} is {watch.gap * 1e3:.0f} mm from {other}"
+
+    def _replan(self, task: _Task, why: str, t: float) -> None:
+        """Stop and ask for another way; the goal fails where that was done too often."""
+        most = self._evasion.replans
+        if task.replans == most:
+            ways = f", after {most} other way{'s' if most > 1 else ''}" if most else ""
+            text = f"{why}; stopped{ways}"
+            self._rest_all(t)
+            self._end(Outcome(state="failed", cause="no_way", text=text))
+            return
+        task.replans += 1
+        self._arm.replan(t)
+        if self._monitor is not None:
+            self._monitor.begin(task.goal.touches, moves=_MOVES[task.part])
+        text = f"{why}; stopped, asked for another way ({task.replans} of {most})"
+        self._tell(task.goal.id, "running", text=text)
+        self._warn(text)
 
     def _watch(self, sensed: Sensed, dt: float) -> Watch | None:
         """Return what the monitor sees; say when the robot begins to slow down."""
@@ -261,7 +327,9 @@ class Dispatcher:
             self._hand.stop()
             self._end(Outcome(state="failed", cause="collision", text=text))
             return
+        may_go_on = task.part == "arm" and self._arm.follows_plan
         way = self._go_back(task.part, t)
+        task.goes_on = may_go_on and way > 0.0 and task.replans < self._evasion.replans
         text = f"{text}, went back {way * 1e3:.0f} mm" if way > 0.0 else text
         task.failure = Outcome(state="failed", cause="collision", text=text)
         task.collision = collision
@@ -271,9 +339,9 @@ class Dispatcher:
     def _go_back(self, part: Part, t: float) -> float:
         """Begin to go back; return how far [m]."""
         if part == "base":
-            return self._base.back_off(self._back_off)
+            return self._base.back_off(self._evasion.back_off)
         try:
-            return self._arm.back_off(t, self._back_off)
+            return self._arm.back_off(t, self._evasion.back_off)
         except RunError:
             # There is no way back to go, or none within the limits.
             self._arm.stop(t)
@@ -290,6 +358,10 @@ class Dispatcher:
         if is_other:
             self._rest_all(t)
             self._warn(f"on the way back {collision}")
+        elif task.goes_on and end is not None and end.state == "succeeded":
+            why, task.failure, task.collision = task.failure.text, None, None
+            self._replan(task, why, t)
+            return
         self._end(task.failure)
 
     def _end(self, outcome: Outcome) -> None:

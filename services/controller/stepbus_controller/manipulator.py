@@ -140,6 +140,9 @@ class Manipulator:
         self._verdict: Outcome | None = None
         self._request: PlanRequest | None = None
         self._next_request = 0
+        self._route: _Search | None = None
+        self._route_ends = 0.0
+        self._blocked = ""
         self._behind = WayBack(kinematics, options.tip)
 
     @property
@@ -152,8 +155,19 @@ class Manipulator:
         """Return whether the commanded joints have not come to rest yet."""
         return self._trajectory is not None and self._clock.s < self._trajectory.duration
 
+    @property
+    def follows_plan(self) -> bool:
+        """Return whether the arm is on a planner's way, which `replan` can replace."""
+        return self._route is not None and self._search is None and self._clock.s < self._route_ends
+
+    @property
+    def blocked(self) -> str:
+        """Return what the planner says has come into the way that is being gone; or nothing."""
+        return self._blocked if self.follows_plan else ""
+
     def hold(self, q: Vector) -> None:
         """Stand still at q: where the joints are when it all begins."""
+        self._route = None
         self._forget()
         self._start(Rest(np.clip(q, self._robot.lower, self._robot.upper)))
 
@@ -188,6 +202,7 @@ class Manipulator:
         a goal that cannot be carried out; then the arm comes to rest.
         """
         now = self._catch_up(t)
+        self._route = None
         self._forget()
         self._tip = goal.tip or self._options.tip
         try:
@@ -207,8 +222,10 @@ class Manipulator:
         return request
 
     def take_plan(self, plan: Plan, t: float) -> None:
-        """Take in a planner's answer; one to an older request is ignored."""
+        """Take in a planner's answer, or that its way is blocked now; older ones are ignored."""
         search = self._search
+        if search is None and self._route is not None and plan.id == self._route.request.id:
+            self._blocked = plan.text if plan.cause else ""
         if search is None or plan.id != search.request.id:
             return
         if plan.cause:
@@ -222,12 +239,29 @@ class Manipulator:
             search.refusals.append(str(exc))
             self._ask_next(search, t, exc.cause)
             return
-        self._search = None
+        self._search, self._route = None, search
         self._go_on(parts)
+        after = sum(part.duration for part in parts[1:])
+        self._route_ends = self._needed().duration - after
+
+    def replan(self, t: float) -> None:
+        """Come to rest as fast as the motors can, and ask for another way to the same goal.
+
+        `take_plan` goes on from there. Needs a planner's way, be it the one that `back_off` left.
+        """
+        route = self._route
+        if route is None:
+            raise RunError("there is no planned way to replace")
+        now = self._catch_up(t)
+        self._forget()
+        rest = self._brake(now, hard=True)
+        legs = itertools.chain([route.leg], route.legs)
+        self._begin_search(route.goal, route.held, rest, legs)
 
     def stop(self, t: float) -> None:
         """Come to rest as fast as the motors can, whatever the scale; `look` tells when."""
         now = self._catch_up(t)
+        self._route = None
         self._forget()
         self._brake(now, hard=True)
         self._settle = self._watch()
@@ -295,12 +329,15 @@ class Manipulator:
         options, robot = self._options, self._robot
         self._solver.chain(goal.tip)
         target = frame_in_base(robot, q, base, goal.frame) * target_pose(goal)
-        way = line(robot.place(rest, goal.tip), target, options.turn_radius)
+        start = robot.place(rest, goal.tip)
+        if not start.isApprox(target):
+            # An end that cannot be reached at all is refused with the numbers of how far it is,
+            # before a way of very many poses is laid out to it.
+            self._solver.solve(goal.tip, target, rest)
+        way = line(start, target, options.turn_radius)
         if not way:
             self._go_on([Rest(rest)])
             return "the tip is there already"
-        # An end that cannot be reached at all is refused with the numbers of how far it is.
-        self._solver.solve(goal.tip, target, rest)
         path = follow(robot, goal.tip, way, rest, options.singular_below)
         parts = self._fitted([self._timed(path)], goal.duration)
         self._go_on(parts)
@@ -436,6 +473,7 @@ class Manipulator:
 
     def _forget(self) -> None:
         self._search, self._settle, self._verdict, self._request = None, None, None, None
+        self._blocked, self._route_ends = "", 0.0
 
     def _start(self, trajectory: Trajectory) -> None:
         """Begin a motion now; where the joints stand, the clock keeps its rate."""

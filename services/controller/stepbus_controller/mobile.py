@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from importlib.metadata import version
 
@@ -22,6 +23,7 @@ from stepbus_schemas import (
     JointState,
     Message,
     Plan,
+    RunError,
     WiringError,
 )
 
@@ -32,6 +34,9 @@ from .manipulator import Manipulator
 from .mobile_settings import MobileSettings, read_mobile_settings
 from .monitor import CollisionMonitor
 from .order import JointOrder
+
+_PLANNER_FAILED = "planner_failed"
+"""Cause of a plan that stepbus sends in a planner's stead, when that is `on_fault: hold`."""
 
 
 class MobileController(Participant):
@@ -93,7 +98,7 @@ class MobileController(Participant):
             self._hand,
             settings.travel,
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
-            back_off=settings.back_off,
+            evasion=settings.evasion,
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -129,12 +134,18 @@ class MobileController(Participant):
         else:
             v = np.zeros_like(q)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
-        return Sensed(q=q, v=v, base=base, hand=hand, contacts=contacts)
+        sensed = Sensed(q=q, v=v, base=base, hand=hand, contacts=contacts)
+        _check(sensed)
+        return sensed
 
     def _take_plan(self, step: Step) -> None:
         if self._ports.plan is None or not step.is_new(self._ports.plan):
             return
-        self._arm.take_plan(step.read(self._ports.plan, Plan), step.t)
+        plan = step.read(self._ports.plan, Plan)
+        if plan.cause == _PLANNER_FAILED:
+            self._dispatcher.lose_planner(plan.text, step.t)
+        else:
+            self._arm.take_plan(plan, step.t)
 
     def _messages(self, step: Step, sensed: Sensed) -> dict[str, Message]:
         ports, target = self._ports, self._arm.at(step.t)
@@ -165,6 +176,19 @@ class MobileController(Participant):
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""
         return {name: version(name) for name in ("numpy", "pin", "ruckig")}
+
+
+def _check(sensed: Sensed) -> None:
+    """Raise RunError for a measurement that is no finite number."""
+    base, hand = sensed.base, sensed.hand
+    rows = {
+        "the joints": (*sensed.q.tolist(), *sensed.v.tolist()),
+        "the base": (base.x, base.y, base.yaw, base.vx, base.wz),
+        "the gripper": (hand.width, hand.force),
+    }
+    for name, row in rows.items():
+        if not math.isfinite(sum(row)):
+            raise RunError(f"what was measured of {name} are not finite numbers: {list(row)}")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +13,9 @@ from stepbus.config import Config
 from stepbus.settings import Settings, nearest
 from stepbus_schemas import RunError
 
-from .arm_settings import read_kinematics, read_settling, read_velocity_limit
+from .arm_settings import read_joint_limit, read_kinematics, read_settling, read_velocity_limit
 from .base_motion import BaseSettings
-from .dispatch import TravelRule
+from .dispatch import Evasion, TravelRule
 from .goals import Settling
 from .grip import GripSettings
 from .kinematics import Kinematics
@@ -47,8 +46,7 @@ class MobilePorts:
 class MobileSettings:
     """What a scenario says about a `MobileController`.
 
-    limits: of the arm's joints. monitor: None: nobody senses contacts. back_off: after a
-    collision [m].
+    limits: of the arm's joints. monitor: None: nobody senses contacts.
     """
 
     ports: MobilePorts
@@ -60,7 +58,7 @@ class MobileSettings:
     hand: GripSettings
     travel: TravelRule
     monitor: MonitorSettings | None
-    back_off: float
+    evasion: Evasion
 
 
 def read_mobile_settings(config: Config) -> MobileSettings:
@@ -75,14 +73,13 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     The gripper: hand_widest, hand_tolerance, hand_force (to hold before the first goal). The
     monitor: robot_links (default: all of the model), pads, ignore (default: links of the model
     with wheel or caster in their names), collision_force [N], slow_within, slowest (share of the
-    full speed), back_off.
+    full speed), back_off, stop_within, replans: see `Evasion`.
     Raises WiringError with all that is wrong.
     """
     settings = Settings(config)
     ports = _read_ports(settings, config)
     kinematics = read_kinematics(settings)
-    joints = kinematics.joints if kinematics is not None else ()
-    limits = _read_limits(settings, kinematics, joints)
+    limits = _read_limits(settings, kinematics)
     settling = read_settling(settings)
     arm = _read_arm(settings, config, uses_planner=ports.plan is not None)
     base = _read_base(settings)
@@ -90,7 +87,7 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     height = settings.number("safe_height", 1.0, bound="positive")
     reach = settings.number("safe_reach", 0.9, bound="positive")
     monitor = _read_monitor(settings, kinematics)
-    back_off = settings.number("back_off", 0.05, bound="not negative")
+    evasion = _read_evasion(settings)
     _check_frame(settings, "tip", arm.tip, kinematics)
     settings.check()
     if kinematics is None:
@@ -106,7 +103,7 @@ def read_mobile_settings(config: Config) -> MobileSettings:
         hand=hand,
         travel=travel,
         monitor=monitor if ports.contacts is not None else None,
-        back_off=back_off,
+        evasion=evasion,
     )
 
 
@@ -143,11 +140,9 @@ def _optional_input_of(settings: Settings, config: Config, kind: str) -> str | N
     return None
 
 
-def _read_limits(
-    settings: Settings, kinematics: Kinematics | None, joints: Sequence[str]
-) -> MotionLimits:
-    acceleration = settings.per_name("acceleration_limit", joints, 2.0, bound="positive")
-    jerk = settings.per_name("jerk_limit", joints, 20.0, bound="positive")
+def _read_limits(settings: Settings, kinematics: Kinematics | None) -> MotionLimits:
+    acceleration = read_joint_limit(settings, kinematics, "acceleration_limit", 2.0)
+    jerk = read_joint_limit(settings, kinematics, "jerk_limit", 20.0)
     return MotionLimits(
         velocity=np.array(read_velocity_limit(settings, kinematics)),
         acceleration=np.array(acceleration),
@@ -212,6 +207,18 @@ def _read_monitor(settings: Settings, kinematics: Kinematics | None) -> MonitorS
         force=settings.number("collision_force", 0.5, bound="positive"),
         within=settings.number("slow_within", 0.08, bound="positive"),
         slowest=slowest,
+    )
+
+
+def _read_evasion(settings: Settings) -> Evasion:
+    usual = Evasion()
+    replans = settings.number("replans", usual.replans, bound="not negative")
+    if replans != int(replans):
+        settings.note("replans", f"is {replans:g}, not a whole number")
+    return Evasion(
+        back_off=settings.number("back_off", usual.back_off, bound="not negative"),
+        stop_within=settings.number("stop_within", usual.stop_within, bound="not negative"),
+        replans=int(replans),
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from stepbus_schemas import Contacts
+from stepbus_schemas import Contacts, RunError
 
 Moves = Literal["arm", "base", "all"]
 """What a goal moves; the hand belongs to the arm."""
@@ -128,8 +128,13 @@ class CollisionMonitor:
     def look(self, contacts: Contacts, *, holding: bool, dt: float) -> Watch:
         """Take in the contacts of a step, dt [s] after the one before.
 
-        holding: whether the gripper holds something between its pads.
+        holding: whether the gripper holds something between its pads. Raises RunError for contacts
+        whose rows are not of one length.
         """
+        counts = (len(contacts.pairs), len(contacts.force), len(contacts.distance))
+        if len(set(counts)) > 1:
+            text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
+            raise RunError(f"the contacts have {text}: one of each is needed")
         self._learn_ground(contacts)
         self._learn_held(contacts, holding)
         self._last = list(self._rows(contacts))

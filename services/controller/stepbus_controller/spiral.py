@@ -16,9 +16,11 @@ from .dynamics import Vector
 from .goals import Refused
 from .kinematics import Kinematics
 from .path import JointPath
+from .targets import FARTHEST
 from .tip_path import Lost, SpiralCurve, follow, line
 
 _POINTS_PER_TURN = 24
+_MOST_TURNS = 100
 _MOST_WAYS = 16
 """Ways to stand at the first point that are tried; full turns of joints count."""
 
@@ -89,6 +91,9 @@ class SpiralMaker:
                 f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no "
                 "spiral: radii above 0 and turns other than 0 are needed",
             )
+        if max(map(abs, numbers)) > FARTHEST or abs(wanted.turns) > _MOST_TURNS:
+            text = f"turns {wanted.turns:g}, at most {_MOST_TURNS}; lengths up to {FARTHEST:g} m"
+            raise Refused("invalid", f"the spiral is too large: {text}")
         centre = frame.act(np.array(wanted.centre))
         beside = self._robot.place(q, goal.tip).translation - centre
         # From the side where the tip is; right above the centre any side is as good.

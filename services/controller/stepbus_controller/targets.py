@@ -16,6 +16,9 @@ from .dynamics import Vector
 from .goals import Refused
 from .kinematics import Kinematics
 
+FARTHEST = 1e4
+"""No place of a goal is farther away [m], no turn larger [rad]; beyond it numbers overflow."""
+
 ODOMETRY = "odometry"
 """Frame of a goal: where the base stood and looked at the start."""
 
@@ -51,6 +54,9 @@ def target_pose(goal: Goal) -> Any:
     if not math.isfinite(sum(goal.position)) or not abs(length - 1.0) <= 1e-3:
         text = f"position {goal.position} or orientation {goal.orientation} is no pose"
         raise Refused("invalid", f"{text}; the quaternion x, y, z, w has length {length:g}, not 1")
+    if max(map(abs, goal.position)) > FARTHEST:
+        text = f"position {goal.position} m is more than {FARTHEST:g} m away"
+        raise Refused("unreachable", f"unreachable: {text}")
     turn = pin.Quaternion(np.array(goal.orientation) / length)
     return pin.SE3(turn.matrix(), np.array(goal.position))
 

@@ -96,6 +96,7 @@ class StoreMission(Participant):
     def _look(self, step: Step) -> Shop:
         """Return all that is known at this step; at the first one, take stock."""
         seen = self._see(step)
+        self._stock.check(seen.poses)
         if self._shop is None:
             self._stock.take(seen.poses)
             visit = Visit(state=FIRST, began_ns=step.t_ns)

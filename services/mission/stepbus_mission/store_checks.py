@@ -17,8 +17,8 @@ Check = Callable[[Shop], Outcome | None]
 """Returns how a state ended, or None while it goes on."""
 
 HOPELESS = (
-    "invalid", "limits", "no_answer", "no_force", "not_done", "not_holdable", "singular",
-    "unreachable",
+    "invalid", "limits", "no_answer", "no_force", "no_plan", "not_done", "not_holdable",
+    "singular", "unreachable",
 )  # fmt: skip
 """Causes that another attempt at the same item does not remove."""
 
@@ -84,7 +84,16 @@ def arrived(shop: Shop) -> Outcome | None:
     if status is not None and status.state in {"failed", "cancelled"}:
         cause = status.cause or status.state
         return Outcome(word="failed", cause=cause, why=_phrase(cause, status.text))
+    if status is not None and status.text and status.state == "running":
+        _pass_on(shop, status.text)
     return _late(shop)
+
+
+def _pass_on(shop: Shop, text: str) -> None:
+    """Tell what the controller says on the way, as that it looks for another way."""
+    if text != shop.visit.heard:
+        shop.visit.heard = text
+        shop.tell(text, "warning")
 
 
 def _phrase(cause: str, text: str) -> str:

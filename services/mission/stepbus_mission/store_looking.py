@@ -77,6 +77,7 @@ def _nearest(shop: Shop, found: Detections) -> Spot | None:
     """Return the nearest item of the kind, where it is near enough."""
     _, item = shop.now
     expected = shop.expected()
+    _check(found)
     rows = zip(found.kinds, found.position, found.orientation, strict=True)
     spots = [
         _in_odometry(shop, found.frame, position, yaw_of(turn))
@@ -87,6 +88,17 @@ def _nearest(shop: Shop, found: Detections) -> Spot | None:
     if spot is None or _gap(spot, expected) > shop.settings.tolerances.found:
         return None
     return Spot(x=spot.x, y=spot.y, yaw=shop.opening_yaw(spot.yaw))
+
+
+def _check(found: Detections) -> None:
+    """Raise RunError for detections that are none."""
+    counts = (len(found.kinds), len(found.position), len(found.orientation))
+    if len(set(counts)) > 1:
+        kinds, places, turns = counts
+        raise RunError(f"detections have {kinds} kinds, {places} positions, {turns} orientations")
+    for kind, position, turn in zip(found.kinds, found.position, found.orientation, strict=True):
+        if not math.isfinite(sum(position) + sum(turn)):
+            raise RunError(f"{kind} was detected at {position}, turned by {turn}: that is no pose")
 
 
 def _gap(a: Spot, b: Spot) -> float:

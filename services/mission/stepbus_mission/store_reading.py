@@ -56,7 +56,7 @@ def read_settings(settings: Settings) -> StoreSettings:
         reverse=settings.number("reverse", 0.3, bound="positive"),
         tuck=_read_tuck(settings),
         carry=_read_carry(settings),
-        base_frame=str(settings.value("base_frame", "chassis")),
+        base_frame=_link(settings, "base_frame", settings.value("base_frame", "chassis")),
         attempts=_whole(settings, "attempts", 2),
         corrections=_whole(settings, "corrections", 3),
         looks=_whole(settings, "looks", 3),
@@ -138,13 +138,13 @@ def _read_outlet(settings: Settings, orders: int) -> Outlet:
         height=z,
         pitch=pitch,
         spots=orders,
-        link=str(values["link"]),
+        link=_link(settings, "outlet.link", values["link"]),
     )
 
 
 def _read_grasp(settings: Settings) -> Grasp:
     return Grasp(
-        tip=str(settings.value("tip", "grasp")),
+        tip=_link(settings, "tip", settings.value("tip", "grasp")),
         yaw=settings.number("hand_yaw", 0.0),
         force=settings.number("force", 15.0, bound="positive"),
         opening=settings.number("opening", 0.09, bound="positive"),
@@ -227,6 +227,12 @@ def _numbers(settings: Settings, where: str, value: Any, names: list[str]) -> li
         settings.note(where, f"is {value!r}, not a list of {', '.join(names)}")
         return [0.0] * len(names)
     return settings.as_vector(where, value, names)
+
+
+def _link(settings: Settings, where: str, value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        settings.note(where, f"is {value!r}, not the name of a link")
+    return str(value)
 
 
 def _whole(settings: Settings, param: str, default: int) -> int:

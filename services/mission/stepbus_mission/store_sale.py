@@ -49,7 +49,8 @@ class Seen:
 class Visit:
     """One stay in a state, since a time [ns]; goal: id of the one that was sent, -1: none.
 
-    looks: detections looked at. since_ns: since when that holds which the state waits for.
+    looks: detections looked at. heard: what the controller said last, on the way. since_ns: since
+    when that holds which the state waits for.
     """
 
     state: str
@@ -57,6 +58,7 @@ class Visit:
     goal: int = -1
     kind: str = ""
     looks: int = 0
+    heard: str = ""
     since_ns: int | None = None
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from stepbus_schemas import Description, Poses, WiringError
+from stepbus_schemas import Description, Poses, RunError, WiringError
 from stepbus_schemas.messages import Point, Quaternion
 
 from .store_geometry import distance, extents, nearest_quarter, yaw_of
@@ -67,13 +67,17 @@ class Stock:
 
     description: of the plant's output of poses. shelves: their names; an item `cola_a1_3` of kind
     cola stands on the shelf whose name its place `a1` begins with.
-    Raises WiringError for an item without a shape that can be measured.
+    Raises WiringError for an item without a shape that can be measured, and where kinds or shapes
+    are not one per link.
     """
 
     def __init__(self, description: Description, shelves: Sequence[str]) -> None:
         names, details = description.names, description.details
         kinds = details.get("kind", [""] * len(names))
         shapes = details.get("shape", [""] * len(names))
+        if {len(kinds), len(shapes)} != {len(names)}:
+            counts = f"{len(kinds)} kinds and {len(shapes)} shapes for {len(names)} links"
+            raise WiringError(f"the poses are described with {counts}")
         self._index = {name: place for place, name in enumerate(names)}
         self._shelves = shelves
         self._kinds = {n: k for n, k in zip(names, kinds, strict=True) if k}
@@ -98,6 +102,16 @@ class Stock:
     def names(self) -> list[str]:
         """Return the names of all items, in the plant's order."""
         return list(self._kinds)
+
+    def check(self, poses: Poses) -> None:
+        """Raise RunError for poses of another number of links, or of an item that is nowhere."""
+        counts = {len(poses.position), len(poses.orientation)}
+        if counts != {len(self._index)}:
+            raise RunError(f"{len(self._index)} poses expected, {len(poses.position)} came")
+        for name in self._kinds:
+            position, turn = self.pose(name, poses)
+            if not math.isfinite(sum(position) + sum(turn)):
+                raise RunError(f"{name} is at {position}, turned by {turn}: that is no pose")
 
     def take(self, poses: Poses) -> None:
         """Take stock: note where every item stands."""
@@ -178,6 +192,8 @@ def _part(text: str) -> _Part | None:
         size = _SIZES[kind](*(float(word) for word in words))
         x, y, z, qx, qy, qz, qw = (float(word) for word in (pose or _AT_ORIGIN).split())
     except (KeyError, TypeError, ValueError):
+        return None
+    if not (min(size) > 0.0 and math.isfinite(sum((*size, x, y, z, qx, qy, qz, qw)))):
         return None
     return _Part(extents(size, (qx, qy, qz, qw)), (x, y, z), kind == "box")
 

@@ -30,7 +30,7 @@ class Palette:
         rest = [
             color for color in dict.fromkeys(others) if color not in self.classes and any(color)
         ]
-        colors = np.array([*self.classes, *rest])
+        colors = np.array([*self.classes, *rest]).reshape(-1, 3)
         lengths = np.linalg.norm(colors, axis=1, keepdims=True)
         self._directions = (colors / lengths).astype(np.float32)
 

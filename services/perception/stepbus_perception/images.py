@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,8 +65,10 @@ def _check(port: str, image: Image) -> None:
             f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} are {size} "
             f"bytes, {len(image.data)} came"
         )
-    if min(image.focal) <= 0:
+    if not all(0 < length < math.inf for length in image.focal):
         raise RunError(f"input {port!r}: focal length {image.focal} is not positive")
+    if not all(map(math.isfinite, image.centre)):
+        raise RunError(f"input {port!r}: centre {image.centre} is no place in the image")
 
 
 def _pixels(image: Image) -> NDArray[Any]:

@@ -86,13 +86,13 @@ def read_goods(port: str, described: Description) -> Goods:
     """Return the kinds of items that a description of poses tells of.
 
     port: its name, for messages. Items of one kind are alike; the first of each is looked at.
-    Raises WiringError for a description without items, or with shapes or colours that cannot be
-    read.
+    There may be none: an empty store is one, too. Raises WiringError for a description that has no
+    kinds at all, or shapes or colours that cannot be read.
     """
     details = described.details
-    kinds = details.get("kind", [])
-    missing = [key for key in ("kind", "color", "shape") if len(details.get(key, [])) != len(kinds)]
-    if missing or not any(kinds):
+    kinds, count = details.get("kind", []), len(described.names)
+    missing = [key for key in ("kind", "color", "shape") if len(details.get(key, [])) != count]
+    if missing or not kinds:
         raise WiringError(
             f"input {port!r} describes no items: its details {', '.join(missing) or 'kind'} are "
             "missing or empty; connect the poses of a plant with stock"
@@ -124,18 +124,20 @@ def _color(port: str, name: str, text: str) -> tuple[float, float, float] | None
     numbers = _numbers(port, name, text.split())
     if not numbers:
         return None
-    if len(numbers) != 3 or not any(numbers):
+    if len(numbers) != 3 or min(numbers) < 0:
         raise WiringError(f"input {port!r}: color {text!r} of {name!r} is not `red green blue`")
     return (numbers[0], numbers[1], numbers[2])
 
 
 def _numbers(port: str, name: str, words: Sequence[str]) -> list[float]:
     try:
-        return [float(word) for word in words]
-    except ValueError as exc:
-        raise WiringError(
-            f"input {port!r}: {' '.join(words)!r} of {name!r} is not a list of numbers"
-        ) from exc
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = [math.nan]
+    if not all(map(math.isfinite, numbers)):
+        text = f"{' '.join(words)!r} of {name!r} is not a list of finite numbers"
+        raise WiringError(f"input {port!r}: {text}")
+    return numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,9 +169,10 @@ class _Part:
 
 
 def _kind(port: str, name: str, color: tuple[float, float, float] | None, shapes: str) -> Kind:
-    if color is None:
+    if color is None or not any(color):
         raise WiringError(f"input {port!r}: kind {name!r} has no colour to look for")
-    parts = [part for text in shapes.split(";") if (part := _part(port, name, text.strip()))]
+    texts = [text.strip() for text in shapes.split(";")]
+    parts = [part for text in texts if text and (part := _part(port, name, text))]
     faces = sorted((face for part in parts if (face := part.face)), key=lambda f: -f.offset[2])
     ends = np.array([part.at.position + s * part.reach for part in parts for s in (-1, 1)])
     middle = (ends.min(axis=0) + ends.max(axis=0)) / 2 if parts else np.zeros(3)
@@ -183,7 +186,8 @@ def _part(port: str, kind: str, text: str) -> _Part | None:
     word, *words = shape.split() or [""]
     sizes = _numbers(port, kind, words)
     at = _numbers(port, kind, place.split()) or [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-    if len(at) != 7 or not any(at[3:]) or _SIZES.get(word) != len(sizes):
+    is_sized = _SIZES.get(word) == len(sizes) and min(sizes, default=1.0) > 0
+    if len(at) != 7 or not any(at[3:]) or not is_sized:
         raise WiringError(f"input {port!r}: shape {text!r} of kind {kind!r} cannot be read")
     if word == "mesh":
         return None

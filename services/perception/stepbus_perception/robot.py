@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,18 +26,21 @@ class CameraMount:
     """
 
     def __init__(self, path: Path, joints: Sequence[str], camera: str, frame: str) -> None:
+        text = read_urdf_text(path)
         try:
-            self._model: Any = pin.buildModelFromXML(read_urdf_text(path))
+            self._model: Any = pin.buildModelFromXML(text)
         except ValueError as exc:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
         self._check(path, joints, (camera, frame))
         self.joints = tuple(joints)
         self._data: Any = self._model.createData()
-        self._frames = tuple(self._model.getFrameId(name) for name in (frame, camera))
+        # A joint may bear the name of a link.
+        link = pin.FrameType.BODY
+        self._frames = tuple(self._model.getFrameId(name, link) for name in (frame, camera))
 
     def _check(self, path: Path, joints: Sequence[str], links: Sequence[str]) -> None:
         movable = list(self._model.names)[1:]
-        frames = [frame.name for frame in self._model.frames]
+        frames = [f.name for f in self._model.frames if f.type == pin.FrameType.BODY]
         problems = [
             f"joint {name!r} is not in {path.name}; {nearest(name, movable)}"
             for name in joints
@@ -86,10 +90,13 @@ class JointReader:
     def read(self, state: JointState) -> list[float]:
         """Return the angles [rad], in the order wanted.
 
-        Raises RunError for a state without them.
+        Raises RunError for a state without them, or with one that is no finite number.
         """
         position = state.position
         if position is None or len(position) != self._count:
             came = "none" if position is None else len(position)
             raise RunError(f"input {self._port!r}: {self._count} positions expected, {came} came")
-        return [position[place] for place in self._places]
+        angles = [position[place] for place in self._places]
+        if not all(map(math.isfinite, angles)):
+            raise RunError(f"input {self._port!r}: {angles} rad are not all finite numbers")
+        return angles

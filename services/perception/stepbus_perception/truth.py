@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from stepbus.settings import nearest
@@ -23,6 +24,7 @@ class Truth:
         if frame not in links:
             raise WiringError(f"input {port!r} has no link {frame!r}; {nearest(frame, links)}")
         self._port = port
+        self._links = list(links)
         self._count = len(links)
         self._name = frame
         self._frame = links.index(frame)
@@ -32,15 +34,16 @@ class Truth:
     def detections(self, poses: Poses) -> Detections:
         """Return all items, in the order of the links, with confidence 1.
 
-        Raises RunError for poses of another number of links.
+        Raises RunError for poses of another number of links, or one that is no pose.
         """
         if len(poses.position) != self._count or len(poses.orientation) != self._count:
             raise RunError(
                 f"input {self._port!r}: {self._count} poses expected, {len(poses.position)} came"
             )
+        places = [number for number, _ in self._items]
+        self._check(poses, [self._frame, *places])
         origin, turned = poses.position[self._frame], poses.orientation[self._frame]
         axes = rotation(turned)
-        places = [number for number, _ in self._items]
         centres = [self._centre(poses, number, kind) - origin for number, kind in self._items]
         return Detections(
             frame=self._name,
@@ -49,6 +52,15 @@ class Truth:
             orientation=[inverse_times(turned, poses.orientation[n]) for n in places],
             confidence=[1.0] * len(places),
         )
+
+    def _check(self, poses: Poses, places: Sequence[int]) -> None:
+        """Raise RunError for a pose that is none."""
+        for place in places:
+            position, turned = poses.position[place], poses.orientation[place]
+            if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*turned) < math.inf):
+                raise RunError(
+                    f"input {self._port!r}: {position}, {turned} of {self._links[place]} is no pose"
+                )
 
     def _centre(self, poses: Poses, number: int, kind: str) -> Vector:
         """Return where the centre of an item is in the world, shape (3,) [m]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,12 +38,11 @@ def read_params(settings: Settings) -> Params:
 
     Raises WiringError with all that is wrong.
     """
-    robot = _read_robot(settings)
-    joints = robot.joints if robot is not None else ()
-    frame = _read_frame(settings, robot, "frame", "chassis")
-    tip = _read_frame(settings, robot, "tip", "grasp")
-    velocity = settings.per_name("velocity_limit", joints, 1.5, bound="positive")
-    acceleration = settings.per_name("acceleration_limit", joints, 3.0, bound="positive")
+    frame = str(settings.value("frame", "chassis"))
+    tip = str(settings.value("tip", "grasp"))
+    robot = _read_robot(settings, {"frame": frame, "tip": tip})
+    velocity = _read_limit(settings, robot, "velocity_limit", 1.5)
+    acceleration = _read_limit(settings, robot, "acceleration_limit", 3.0)
     margins = Margins(
         robot=settings.number("margin", 0.01, bound="not negative"),
         held=settings.number("held_margin", 0.003, bound="not negative"),
@@ -61,7 +61,7 @@ def read_params(settings: Settings) -> Params:
     return Params(robot=robot, task=task, frame=frame, latency_ns=latency_ns)
 
 
-def _read_robot(settings: Settings) -> PlannedRobot | None:
+def _read_robot(settings: Settings, links: Mapping[str, str]) -> PlannedRobot | None:
     path, joints = settings.file("model"), settings.names("joints")
     settings.value("srdf", "")
     srdf = settings.file("srdf") if settings.has("srdf") else None
@@ -73,21 +73,22 @@ def _read_robot(settings: Settings) -> PlannedRobot | None:
     if path is None or not joints:
         return None
     try:
-        return PlannedRobot(path, joints, still, srdf)
+        return PlannedRobot(path, joints, still, srdf, list(links.values()))
     except WiringError as exc:
         for problem in str(exc).splitlines():
-            settings.note("model", problem)
+            named = (param for param, link in links.items() if f"link {link!r} " in problem)
+            settings.note(next(named, "model"), problem)
         return None
 
 
-def _read_frame(settings: Settings, robot: PlannedRobot | None, param: str, default: str) -> str:
-    name = str(settings.value(param, default))
-    if robot is not None:
-        try:
-            robot.frame_id(name)
-        except WiringError as exc:
-            settings.note(param, str(exc))
-    return name
+def _read_limit(
+    settings: Settings, robot: PlannedRobot | None, param: str, default: float
+) -> list[float]:
+    """Return a limit of each joint; of a robot that cannot be read, nothing can be said."""
+    if robot is None:
+        settings.value(param, default)
+        return []
+    return settings.per_name(param, robot.joints, default, bound="positive")
 
 
 def _read_latency(settings: Settings) -> int:

@@ -18,6 +18,7 @@ from . import search, timing
 from .libraries import need
 from .params import read_params
 from .planning import WayPlanner
+from .watching import Way, WayWatch, last_step
 from .world import World
 
 
@@ -28,6 +29,8 @@ class _Pending:
     due: int
     cancelled: threading.Event
     answer: Future[Plan | None]
+    request: PlanRequest
+    poses: Poses | None
 
 
 class PlannerParticipant(Participant):
@@ -39,7 +42,9 @@ class PlannerParticipant(Participant):
 
     A request that is new at a step is answered exactly `latency` later, however long the work
     takes: it is done beside the steps, and the step of the answer waits for it. A newer request
-    cancels the one before. The world stands still at the poses of the request's step.
+    cancels the one before. The world stands still at the poses of the request's step; when
+    something then moves into the way while the robot goes it, a second answer of the same id says
+    so, with cause `blocked`.
 
     Parameters: model: URDF or xacro. joints: those to plan for, in the order of the requests.
     posture: map from other joints to where they stand, neutral otherwise [rad or m]. srdf: pairs
@@ -69,6 +74,7 @@ class PlannerParticipant(Participant):
         self._latency = -(-self._params.latency_ns // period_ns) * config.every
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._pending: _Pending | None = None
+        self._watch: WayWatch | None = None
         self._request_id = -1
         self._news: list[str] = []
 
@@ -106,6 +112,7 @@ class PlannerParticipant(Participant):
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
         self._planner = WayPlanner(params.robot, world, params.task, self.config.seed)
+        self._world = world
         if world.unseen:
             self._news.append(
                 f"nothing is known of the shape of {', '.join(world.unseen)}; ways may touch them"
@@ -117,36 +124,60 @@ class PlannerParticipant(Participant):
         if self._news:
             self._tell(messages, "warning", "; ".join(self._news))
             self._news = []
+        if step.is_new(self._poses_port):
+            self._world.check(step.read(self._poses_port, Poses))
         request = step.get(self._request_port, PlanRequest)
         if request is not None and request.id != self._request_id:
             self._begin(step, request)
         if self._pending is not None and step.index >= self._pending.due:
-            self._finish(messages, self._pending)
+            self._finish(messages, self._pending, step)
+        elif self._watch is not None and step.is_new(self._poses_port):
+            self._look(messages, self._watch, step)
         return messages
 
     def _begin(self, step: Step, request: PlanRequest) -> None:
         self._cancel()
         self._request_id = request.id
         cancelled = threading.Event()
-        answer = self._worker.submit(
-            self._planner.plan, request, step.get(self._poses_port, Poses), cancelled.is_set
+        poses = step.get(self._poses_port, Poses)
+        answer = self._worker.submit(self._planner.plan, request, poses, cancelled.is_set)
+        self._pending = _Pending(
+            due=step.index + self._latency,
+            cancelled=cancelled,
+            answer=answer,
+            request=request,
+            poses=poses,
         )
-        due = step.index + self._latency
-        self._pending = _Pending(due=due, cancelled=cancelled, answer=answer)
 
-    def _finish(self, messages: dict[str, Message], pending: _Pending) -> None:
+    def _finish(self, messages: dict[str, Message], pending: _Pending, step: Step) -> None:
         plan = pending.answer.result()
         self._pending = None
         if plan is not None:
-            messages[self._plan_port] = plan
-            level = "warning" if plan.cause else "info"
-            self._tell(messages, level, f"plan {plan.id}: {plan.text}")
+            self._publish(messages, plan)
+            if not plan.cause and pending.poses is not None:
+                last = last_step(plan, step.index, self.config.step_ns * 1e-9)
+                way = Way(request=pending.request, plan=plan, poses=pending.poses, last_step=last)
+                self._watch = WayWatch(self._params.robot, self._world, self._params.task, way)
+
+    def _look(self, messages: dict[str, Message], watch: WayWatch, step: Step) -> None:
+        """Say so where something has come into the way that is being gone."""
+        text = watch.look(step.read(self._poses_port, Poses), step.index)
+        if text:
+            self._publish(messages, Plan(id=self._request_id, cause="blocked", text=text))
+        if text or watch.is_over:
+            self._watch = None
+
+    def _publish(self, messages: dict[str, Message], plan: Plan) -> None:
+        messages[self._plan_port] = plan
+        level = "warning" if plan.cause else "info"
+        self._tell(messages, level, f"plan {plan.id}: {plan.text}")
 
     def _tell(self, messages: dict[str, Message], level: str, text: str) -> None:
         if self._event_port is not None:
             messages[self._event_port] = Event(level=level, text=text)  # type: ignore[arg-type]
 
     def _cancel(self) -> None:
+        self._watch = None
         if self._pending is not None:
             self._pending.cancelled.set()
             self._pending = None

@@ -189,7 +189,7 @@ class _Planning:
         def is_free(q: Vector) -> bool:
             return not self._cancelled() and checker.is_free(q)
 
-        ways = find_way(search, self._start, self._goal, is_free)
+        ways = find_way(search, self._start, self._goal, is_free, self._cancelled)
         if self._cancelled():
             raise Cancelled
         for way in ways or ():

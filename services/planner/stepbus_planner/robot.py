@@ -28,6 +28,7 @@ class PlannedRobot:
     posture: position of joints that stand still [rad or m]; those not named are at neutral.
     srdf: names the pairs of links that never or always touch; without it these are the
     neighbours and those that touch in that posture with all other joints at neutral.
+    links: which it has to have.
 
     lower, upper: limits of the joints [rad]. velocity_limit, effort_limit: the URDF's [rad/s,
     N·m]. geometry: Pinocchio's, with convex hulls instead of meshes, and the pairs of links that
@@ -40,6 +41,7 @@ class PlannedRobot:
         joints: Sequence[str],
         posture: Mapping[str, float] | None = None,
         srdf: Path | None = None,
+        links: Sequence[str] = (),
     ) -> None:
         text = _URL.sub(lambda url: str(package_path(url[0])), read_urdf_text(path))
         try:
@@ -49,7 +51,10 @@ class PlannedRobot:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read: {exc}") from exc
         self.path = path
         self.joints = tuple(joints)
-        _check_joints(full, joints, posture or {}, path)
+        problems = [*_joint_problems(full, joints, posture or {}, path)]
+        problems += [text for name in links if (text := _link_problem(full, name, path))]
+        if problems:
+            raise WiringError("\n".join(problems))
         _use_hulls(geometry)
         still = _still_posture(full, posture or {})
         geometry.addAllCollisionPairs()
@@ -84,9 +89,9 @@ class PlannedRobot:
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's number of a link; raises WiringError for an unknown one."""
-        if not self.model.existFrame(name, pin.FrameType.BODY):
-            known = [item.name for item in self.model.frames if item.type == pin.FrameType.BODY]
-            raise WiringError(f"link {name!r} is not in {self.path.name}; {nearest(name, known)}")
+        problem = _link_problem(self.model, name, self.path)
+        if problem:
+            raise WiringError(problem)
         number: int = self.model.getFrameId(name, pin.FrameType.BODY)
         return number
 
@@ -119,13 +124,20 @@ def radius_from(placement: Any, geometry: Any) -> float:
     return float(np.linalg.norm(centre)) + float(geometry.aabb_radius)
 
 
-def _check_joints(
+def _link_problem(model: Any, name: str, path: Path) -> str:
+    if model.existFrame(name, pin.FrameType.BODY):
+        return ""
+    known = [item.name for item in model.frames if item.type == pin.FrameType.BODY]
+    return f"link {name!r} is not in {path.name}; {nearest(name, known)}"
+
+
+def _joint_problems(
     model: Any, joints: Sequence[str], posture: Mapping[str, float], path: Path
-) -> None:
+) -> list[str]:
     movable = list(model.names)[1:]
     named = [*joints, *posture]
     problems = [
-        f"joint {name!r} is not in {path}; {nearest(name, movable)}"
+        f"joint {name!r} is not in {path.name}; {nearest(name, movable)}"
         for name in named
         if name not in movable
     ]
@@ -139,9 +151,7 @@ def _check_joints(
             problems.append(
                 f"joint {name!r} of {path} has no position limits; a planner needs them"
             )
-    problems += [f"joint {name!r} is in joints, too" for name in posture if name in joints]
-    if problems:
-        raise WiringError("\n".join(problems))
+    return problems + [f"joint {name!r} is in joints, too" for name in posture if name in joints]
 
 
 def _still_posture(model: Any, posture: Mapping[str, float]) -> Vector:

@@ -171,6 +171,20 @@ class Scene:
         wanted = np.where(allowed > 0, allowed * share, allowed)
         return Checker(self._robot, self._geometry, wanted)
 
+    def checker_of(self, names: frozenset[str], share: float = 1.0) -> Checker:
+        """Return a check against some links of the world alone, wherever start and goal are.
+
+        share: of every margin that is wanted.
+        """
+        geometry = self._geometry.copy()
+        geometry.removeAllCollisionPairs()
+        wanted = []
+        for place, pair in enumerate(self._geometry.collisionPairs):
+            if not names.isdisjoint((self._links[pair.first], self._links[pair.second])):
+                geometry.addCollisionPair(pin.CollisionPair(pair.first, pair.second))
+                wanted.append(self._allowed[place] * share)
+        return Checker(self._robot, geometry, np.array(wanted))
+
 
 class Checker:
     """Fast check of whether anything is closer than its margin.

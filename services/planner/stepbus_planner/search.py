@@ -48,10 +48,15 @@ Ways = list[Vector]
 
 
 def find_way(
-    search: Search, start: Vector, goal: Vector, is_free: Callable[[Vector], bool]
+    search: Search,
+    start: Vector,
+    goal: Vector,
+    is_free: Callable[[Vector], bool],
+    is_cancelled: Callable[[], bool],
 ) -> Ways | None:
     """Return a way from start to goal: smoothed, shortened, and as it was found; None: none.
 
+    is_cancelled: whether nobody wants it any more; it then ends soon, with anything.
     The same arguments give the same way in every process. OMPL's generators are seeded when they
     are made, from one generator of the process; so it is seeded anew here, and no two searches of
     a process run at once.
@@ -61,15 +66,20 @@ def find_way(
         # It would complain that it is not the first seed; that matters to older generators only.
         util.setLogLevel(util.LogLevel.LOG_NONE)
         util.RNG.setSeed(search.seed)
-        return _Finder(base, geometric, search, is_free).find(start, goal)
+        return _Finder(base, geometric, search, is_free, is_cancelled).find(start, goal)
 
 
 class _Finder:
     def __init__(
-        self, base: Any, geometric: Any, search: Search, is_free: Callable[[Vector], bool]
+        self,
+        base: Any,
+        geometric: Any,
+        search: Search,
+        is_free: Callable[[Vector], bool],
+        is_cancelled: Callable[[], bool],
     ) -> None:
         self._base, self._geometric, self._search = base, geometric, search
-        self._is_free = is_free
+        self._is_free, self._is_cancelled = is_free, is_cancelled
         self._size = range(len(search.lower))
         self._left = search.max_checks
         bounds = base.RealVectorBounds(len(search.lower))
@@ -95,6 +105,9 @@ class _Finder:
             state[k] = float(q[k])
         return state
 
+    def _is_over(self) -> bool:
+        return self._left <= 0 or self._is_cancelled()
+
     def find(self, start: Vector, goal: Vector) -> Ways | None:
         problem = self._base.ProblemDefinition(self._info)
         problem.setStartAndGoalStates(self._state(start), self._state(goal))
@@ -102,7 +115,7 @@ class _Finder:
         planner.setProblemDefinition(problem)
         planner.setRange(self._search.longest)
         planner.setup()
-        planner.solve(self._base.PlannerTerminationCondition(lambda: self._left <= 0))
+        planner.solve(self._base.PlannerTerminationCondition(self._is_over))
         if not problem.hasExactSolution():
             return None
         path = problem.getSolutionPath()

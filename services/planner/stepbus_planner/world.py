@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus.settings import nearest
-from stepbus_schemas import Description, Poses, WiringError
+from stepbus_schemas import Description, Poses, RunError, WiringError
 
 _SHAPES: Mapping[str, tuple[int, Callable[..., Any]]] = {
     "box": (3, coal.Box),
@@ -59,6 +59,8 @@ class World:
             if frame not in names:
                 problems.append(f"input {port!r} has no link {frame!r}; {nearest(frame, names)}")
             raise WiringError("\n".join(problems))
+        self._port = port
+        self._places = {name: k for k, name in enumerate(names)}
         self._frame = names.index(frame)
         own = details["body"][self._frame]
         rows = zip(names, details["shape"], details["body"], strict=True)
@@ -69,10 +71,35 @@ class World:
             for k, name, text in others
         }
 
+    def check(self, poses: Poses) -> None:
+        """Raise RunError for poses of another number of links, or one that is no pose."""
+        names, counts = list(self._places), {len(poses.position), len(poses.orientation)}
+        if counts != {len(names)}:
+            came = f"{len(poses.position)} positions and {len(poses.orientation)} orientations"
+            raise RunError(f"input {self._port!r}: {len(names)} poses expected, {came} came")
+        rows = zip(names, poses.position, poses.orientation, strict=True)
+        for name, position, turn in rows:
+            if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*turn) < math.inf):
+                text = f"{position}, {turn} of {name} is no pose"
+                raise RunError(f"input {self._port!r}: {text}")
+
     def placements(self, poses: Poses) -> dict[str, Any]:
         """Return the pose of each link in `frame`, as `pinocchio.SE3`."""
         base = _pose(poses, self._frame).inverse()
         return {name: base * _pose(poses, link.place) for name, link in self.links.items()}
+
+    def place_of(self, name: str) -> int | None:
+        """Return the place of a link in Poses, the robot's own too; None: there is none."""
+        return self._places.get(name)
+
+    def placement(self, poses: Poses, place: int) -> Any:
+        """Return the pose of one link in `frame`, as `pinocchio.SE3`."""
+        return _pose(poses, self._frame).inverse() * _pose(poses, place)
+
+    def base_moved(self, before: Poses, now: Poses) -> float:
+        """Return how far the robot's `frame` has moved from one time to another [m]."""
+        was, there = before.position[self._frame], now.position[self._frame]
+        return float(np.linalg.norm(np.subtract(there, was)))
 
 
 def _pose(poses: Poses, place: int) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
@@ -48,6 +48,21 @@ class Source:
         known = next((where[:n] for n in range(len(where), 0, -1) if where[:n] in self._lines), ())
         line = f":{self._lines[known]}" if known else ""
         return ": ".join(filter(None, (f"{self.path}{line}", ".".join(where), text)))
+
+
+class Gathered:
+    """Tries one thing after the other; lines: what all of them have refused."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def get(self, make: Callable[[], T]) -> T | None:
+        """Return what is made, or None where that raises WiringError."""
+        try:
+            return make()
+        except WiringError as exc:
+            self.lines += str(exc).splitlines()
+            return None
 
 
 def _read(path: Path) -> tuple[Any, Node | None]:

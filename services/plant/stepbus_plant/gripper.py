@@ -23,17 +23,16 @@ from .world import GripperRow
 # How fast the last of the way is closed; below it the fingers slow down [1/s].
 _GAIN = 10.0
 
-# Of the cosine between a finger's push and the line from one finger to the other: 45°.
-_AGAINST_EACH_OTHER = math.sqrt(0.5)
+# Of the cosine between a finger's push and the direction in which the fingers open: 45°.
+_SQUEEZES = math.sqrt(0.5)
 
 
 @dataclass(frozen=True)
 class _Push:
-    """All that one finger presses on one thing: force [N], its centre [m], its direction ±."""
+    """All that one finger presses on one thing: force [N], and the directions ± of its points."""
 
     force: float
-    centre: tuple[float, ...]
-    direction: tuple[float, ...]
+    directions: list[Sequence[float]]
 
 
 class Gripper:
@@ -50,6 +49,7 @@ class Gripper:
         self._body = left.body
         self._fingers = [left.index, right.index]
         self._physics = physics
+        self._slide = bullet.getJointInfo(left.body, left.index, physics.client)[13]
         self._couple()
 
     def _couple(self) -> None:
@@ -88,12 +88,19 @@ class Gripper:
         """
         left, right = (self._pushes(finger) for finger in self._fingers)
         force = min(sum(push.force for push in side.values()) for side in (left, right))
-        holding = any(
-            _against_each_other(push, right[thing])
-            for thing, push in left.items()
-            if thing in right
-        )
+        held = [(push, right[thing]) for thing, push in left.items() if thing in right]
+        axis = self._axis() if held else ()
+        holding = any(all(_is_along(axis, push) for push in pushes) for pushes in held)
         return GripperState(width=self.width(), force=force, holding=holding)
+
+    def _axis(self) -> Sequence[float]:
+        """Return the direction in which the fingers open, in the frame of the world."""
+        client = self._physics.client
+        state = bullet.getLinkState(
+            self._body, self._fingers[0], computeForwardKinematics=True, physicsClientId=client
+        )
+        axis: Sequence[float] = bullet.rotateVector(state[5], self._slide)
+        return axis
 
     def _pushes(self, finger: int) -> dict[Place, _Push]:
         """Return what a finger presses on, other than its own body."""
@@ -108,21 +115,17 @@ class Gripper:
 
 
 def _sum(points: Sequence[Sequence[Any]]) -> _Push:
-    force = sum(point[9] for point in points)
-    centre = tuple(sum(point[9] * point[5][i] for point in points) / force for i in range(3))
-    strongest = max(points, key=lambda point: point[9])
-    return _Push(force, centre, strongest[7])
+    return _Push(sum(point[9] for point in points), [point[7] for point in points])
 
 
-def _against_each_other(one: _Push, other: _Push) -> bool:
-    """Return whether two pushes hold a thing, instead of both resting on it.
+def _is_along(axis: Sequence[float], push: _Push) -> bool:
+    """Return whether a finger squeezes, instead of resting on what it presses on.
 
-    They do where each points along the line from one to the other (V.-D. Nguyen: Constructing
-    Force-Closure Grasps, 1988). The sign of a contact's direction is PyBullet's own choice.
+    One point is enough: PyBullet keeps the direction of older ones while hand and thing turn
+    together. Its sign is PyBullet's own choice.
     """
-    line = [there - here for here, there in zip(one.centre, other.centre, strict=True)]
-    least = _AGAINST_EACH_OTHER * math.hypot(*line)
-    return all(abs(sum(map(operator.mul, push.direction, line))) > least for push in (one, other))
+    cosines = (sum(map(operator.mul, axis, direction)) for direction in push.directions)
+    return any(abs(cosine) > _SQUEEZES for cosine in cosines)
 
 
 class GripperDriver:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from stepbus.durations import parse_duration
 from stepbus_schemas import WiringError
 
 from .actions import Action, action_problems
@@ -60,6 +61,8 @@ class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Links whose poses an output of type Poses/1 has, in this order. Default: all."""
     poses_period: str | None = None
     """From one Poses/1 to the next, a multiple of the step, e.g. `40ms`. Default: each step."""
+    physics_step: str | None = None
+    """Length of a physics substep over the world's, e.g. `8ms`: larger ones are faster."""
     cameras: bool = True
     """Whether cameras give images; without them a run is faster."""
     stock: StockParams | None = None
@@ -102,6 +105,11 @@ def _contradictions(params: Params) -> list[tuple[str, str]]:
         names = getattr(params, key) or []
         twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
         problems += [(key, f"names {item!r} twice") for item in twice]
+    if params.physics_step is not None:
+        try:
+            parse_duration(params.physics_step)
+        except WiringError as exc:
+            problems.append(("physics_step", str(exc)))
     if not params.sense:
         problems.append(("sense", "is empty; sense at least 'position'"))
     if params.joints == []:

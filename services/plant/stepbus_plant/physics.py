@@ -36,12 +36,14 @@ class Physics:
     none, and efforts over the world's.
     joints: all movable ones, in the order of the world's bodies and of their models. fixed: names
     of those that are not. urdfs: each body's model as it was loaded, in the order of the bodies.
-    Raises WiringError that lists every URDF that cannot be loaded and every joint that the world
-    file gets wrong, each with its line.
+    Raises WiringError that lists every URDF that cannot be loaded, each with its line. What else is
+    wrong with joints is told by `prepare`, which has to come before the first step.
     """
 
     def __init__(self, world: World, step_ns: int, params: Params) -> None:
         self.client: int = bullet.connect(bullet.DIRECT)
+        self._source = world.source
+        self._efforts = params.effort
         self._actuation = params.actuation
         self._problems: list[Problem] = []
         self.fixed: set[str] = set()
@@ -53,13 +55,23 @@ class Physics:
                 for name, body in world.bodies.items()
                 for joint in self._load(name, body, world)
             ]
-            world.source.refuse(self._problems)
-            self.joints = with_efforts(name_uniquely(found), params.effort)
-            for joint in self.joints:
-                self._prepare(joint)
+            if any(where[-1] == "urdf" for where, _ in self._problems):
+                world.source.refuse(self._problems)
+            self.joints = name_uniquely(found)
         except BaseException:
             self.close()
             raise
+
+    def prepare(self) -> None:
+        """Give all joints their limits and motors, and put them where they start.
+
+        Raises WiringError that lists every joint that the world file gets wrong, each with its
+        line, or else those that the params do.
+        """
+        self._source.refuse(self._problems)
+        self.joints = with_efforts(self.joints, self._efforts)
+        for joint in self.joints:
+            self._prepare(joint)
 
     def _set_up(self, world: World, step_ns: int) -> None:
         # Not needed for repeatability, but it changes the trajectory: set it once, at once.

@@ -12,6 +12,7 @@ from stepbus.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
 from .camera import Cameras
+from .checked import Gathered
 from .commander import Commander
 from .complaints import Complaints
 from .devices import Devices
@@ -22,7 +23,7 @@ from .params import Params
 from .physics import Physics
 from .poses import PoseSensor
 from .questions import Questions
-from .script import Script
+from .script import Script, check_script
 from .sensing import Sensors, Values
 from .world import World
 
@@ -41,7 +42,7 @@ class Plant:
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
-        step_ns = world.physics_ns(period_ns)
+        step_ns = world.physics_ns(period_ns, params.physics_step)
         self._world = world
         self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
@@ -50,12 +51,7 @@ class Plant:
         self.t_ns = 0
         self._physics = Physics(world, step_ns, params)
         try:
-            self._joints = _choose(params.joints, self._physics)
-            self.devices = Devices(world, self._physics, self._bodies)
-            self.cameras = Cameras(
-                world, self._physics.client, self._bodies, period_ns, enabled=params.cameras
-            )
-            self.script = Script(params.script, self._physics, self._bodies, self.cameras)
+            self._equip(params)
         except WiringError:
             self.close()
             raise
@@ -65,6 +61,26 @@ class Plant:
         self._owners: dict[str, str] = {}
         self.complaints = Complaints()
         self._plan_reading()
+
+    def _equip(self, params: Params) -> None:
+        """Choose the joints, and set up devices, cameras and script.
+
+        Raises WiringError that lists all that is wrong with any of them.
+        """
+        world, physics, period_ns = self._world, self._physics, self._period_ns
+        made = Gathered()
+        made.get(physics.prepare)
+        joints = made.get(lambda: _choose(params.joints, physics))
+        devices = made.get(lambda: Devices(world, physics, self._bodies))
+        cameras = made.get(
+            lambda: Cameras(world, physics.client, self._bodies, period_ns, enabled=params.cameras)
+        )
+        names = list(world.cameras)
+        made.get(lambda: check_script(params.script, physics, self._bodies, names))
+        if made.lines or joints is None or devices is None or cameras is None:
+            raise WiringError("\n".join(made.lines))
+        self._joints, self.devices, self.cameras = joints, devices, cameras
+        self.script = Script(params.script, physics, self._bodies, cameras)
 
     def _plan_reading(self) -> None:
         """Work out once what every step reads: one call per body, and where its results go."""

@@ -32,8 +32,8 @@ class _Lock(NamedTuple):
 class Script:
     """The actions of a run, each carried out once, in the order of their times.
 
-    bodies: names of the engine's bodies, in its order.
-    Raises WiringError that lists every name that is unknown.
+    actions: `check_script` has found nothing wrong with them. bodies: names of the engine's bodies,
+    in its order.
     """
 
     def __init__(
@@ -43,31 +43,9 @@ class Script:
         self._bodies = {name: number for number, name in enumerate(bodies)}
         self._joints = {joint.name: joint for joint in physics.joints}
         self._cameras = cameras
-        self._check(actions)
         self._waiting = sorted(actions, key=lambda action: action.at_ns)
         self._locks: dict[str, _Lock] = {}
         self._news: list[str] = []
-
-    def _check(self, actions: Sequence[Action]) -> None:
-        known: dict[str, Collection[str]] = {
-            "body": self._bodies,
-            "jam": self._joints,
-            "camera": self._cameras.names,
-        }
-        mistakes = [
-            f"params.script.{number}.{key}: {self._unknown(key, name, names)}"
-            for number, action in enumerate(actions)
-            for key, names in known.items()
-            if (name := getattr(action, key)) is not None and name not in names
-        ]
-        if mistakes:
-            raise WiringError("\n".join(mistakes))
-
-    def _unknown(self, key: str, name: str, known: Collection[str]) -> str:
-        kind = "joint" if key == "jam" else key
-        if key == "jam" and name in self._physics.fixed:
-            return f"joint {name!r} is fixed in its model"
-        return f"{kind} {name!r} is unknown; {nearest(name, known)}"
 
     def play(self, t_ns: int) -> None:
         """Carry out what is due at a time [ns]."""
@@ -132,3 +110,29 @@ class Script:
                 maxVelocity=math.inf,
                 physicsClientId=self._physics.client,
             )
+
+
+def check_script(
+    actions: Sequence[Action], physics: Physics, bodies: Sequence[str], cameras: Sequence[str]
+) -> None:
+    """Raise WiringError that lists every name in a script that the world does not have."""
+    known: dict[str, Collection[str]] = {
+        "body": bodies,
+        "jam": [joint.name for joint in physics.joints],
+        "camera": cameras,
+    }
+    mistakes = [
+        f"params.script.{number}.{key}: {_unknown(key, name, names, physics.fixed)}"
+        for number, action in enumerate(actions)
+        for key, names in known.items()
+        if (name := getattr(action, key)) is not None and name not in names
+    ]
+    if mistakes:
+        raise WiringError("\n".join(mistakes))
+
+
+def _unknown(key: str, name: str, known: Collection[str], fixed: Collection[str]) -> str:
+    kind = "joint" if key == "jam" else key
+    if key == "jam" and name in fixed:
+        return f"joint {name!r} is fixed in its model"
+    return f"{kind} {name!r} is unknown; {nearest(name, known)}"

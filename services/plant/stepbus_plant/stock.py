@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,6 +13,7 @@ import msgspec
 import numpy as np
 
 from stepbus.settings import nearest
+from stepbus_schemas import WiringError
 
 from .checked import Finite, NonNegative, Positive, Problem, Vector3
 
@@ -107,16 +109,33 @@ class Item:
     spinning_friction: float
 
     def make(self, root: ET.Element) -> None:
-        """Turn the URDF of its kind into its own: name of the link, mass and inertia."""
+        """Turn the URDF of its kind into its own: name of the link, mass and inertia.
+
+        Raises WiringError for a mass or an inertia that cannot be scaled.
+        """
         for link in root.findall("link"):
             link.set("name", self.name)
             mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
             if mass is None or inertia is None:
                 continue
-            factor = self.mass / float(mass.get("value", "1"))
+            factor = self.mass / self._number(mass, "value", positive=True)
             mass.set("value", repr(self.mass))
-            for key, value in inertia.items():
-                inertia.set(key, repr(float(value) * factor))
+            for key in inertia.keys():  # noqa: SIM118  an element, no mapping
+                inertia.set(key, repr(self._number(inertia, key) * factor))
+
+    def _number(self, element: ET.Element, key: str, *, positive: bool = False) -> float:
+        text = element.get(key, "")
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number) or (positive and number <= 0):
+            wanted = "a number above 0" if positive else "a number"
+            raise WiringError(
+                f"{self.urdf}: {key}={text!r} of <{element.tag}> is not {wanted}, which a kind of "
+                "the stock needs"
+            )
+        return number
 
 
 @dataclass(frozen=True)
@@ -200,9 +219,12 @@ def stock_problems(stock: StockRow, params: StockParams, bodies: Sequence[str]) 
     if problems:
         return problems
     items = draw_items(stock, msgspec.structs.replace(params, fill=1.0, missing=[]))
-    names = [item.name for item in items]
-    twice = dict.fromkeys(name for name in names if [*names, *bodies].count(name) > 1)
-    return [(("stock",), f"{name!r} is the name of two bodies") for name in twice]
+    counts = Counter([*(item.name for item in items), *bodies])
+    return [
+        (("stock",), f"{name!r} is the name of two bodies")
+        for name, count in counts.items()
+        if count > 1
+    ]
 
 
 def params_problems(stock: StockRow | None, params: StockParams) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from stepbus.config import package_path
-from stepbus.durations import parse_duration
+from stepbus.durations import format_duration, parse_duration
 from stepbus_schemas import WiringError
 
 from .checked import Finite, NonNegative, Positive, Problem, Source, Vector3, find_problems
@@ -174,12 +174,20 @@ class World(WorldFile, frozen=True, kw_only=True):
     items: dict[str, Item] = {}
     kinds: dict[str, str] = {}
 
-    def physics_ns(self, period_ns: int) -> int:
+    def physics_ns(self, period_ns: int, instead: str | None = None) -> int:
         """Return the length of a physics substep [ns].
 
-        period_ns: length of a communication step [ns]. Raises WiringError when the substep does
-        not divide it exactly.
+        period_ns: length of a communication step [ns]. instead: the params' `physics_step`, which
+        goes over that of the file. Raises WiringError when the substep does not divide the step
+        exactly.
         """
+        if instead is not None:
+            step_ns = parse_duration(instead)
+            if period_ns % step_ns:
+                step = format_duration(period_ns)
+                text = f"{instead} does not divide the plant's step of {step}"
+                raise WiringError(f"params.physics_step: {text}")
+            return step_ns
         if self.physics_step is not None:
             step_ns = parse_duration(self.physics_step)
             key, rest = "physics_step", period_ns % step_ns
