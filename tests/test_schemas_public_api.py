@@ -11,6 +11,8 @@ PACKAGES = [
     "stepbus_controller",
     "stepbus_mission",
     "stepbus_orchestrator",
+    "stepbus_perception",
+    "stepbus_planner",
     "stepbus_plant",
     "stepbus_scenarios",
     "stepbus_schemas",
@@ -61,3 +63,11 @@ def test_the_participant_library_offers_exactly_this() -> None:
         "JointCommand JointReference JointState Message MessageError OutputError Participant "
         "Plan PlanRequest Poses RunError Step StepbusError Ticket Verb WiringError load_ticket main take_part"
     )
+
+
+def test_every_message_fits_a_map_header_of_one_byte():
+    # Encoders write up to 15 fields with a header of one byte; more would change the bytes.
+    counts = {
+        name: len(kind.__struct_fields__) for name, kind in stepbus_schemas.MESSAGE_TYPES.items()
+    }
+    assert {name: count for name, count in counts.items() if count > 15} == {}

@@ -189,7 +189,7 @@ def test_without_a_controller_base_and_arm_are_braked(seconds, tmp_path):
 POST_ASIDE = "body: pillar, position: [1.9, 0.5, 0]"
 """In the straight way above the item, with room around it."""
 
-POST_AWAY = "at: 16s, body: pillar, position: [1.9, 0.6, 0]"
+POST_AWAY = "at: 15s, body: pillar, position: [1.9, 0.6, 0]"
 """Back where it was; straight down to the item the arm would touch it."""
 
 POST_ON_ITEM = "body: pillar, position: [2.015, 0.36, 0.38]"
