@@ -64,7 +64,9 @@ def test_it_starts_without_a_jump(tracking):
 def test_targets_and_measurements_of_all_fourteen_are_recorded(tracking):
     assert list(tracking.state.names) == ARMS
     assert tracking.state.fields["target"].shape == tracking.state.fields["position"].shape
-    assert tracking.command.fields["values"].shape == (200, 14)
+    assert tracking.state.fields["target"].shape == (201, 14)
+    # Positions that are commanded are no torques to plot.
+    assert tracking.command is None
 
 
 def test_the_summary_gives_amplitude_and_lag_in_degrees_and_milliseconds(tracking):

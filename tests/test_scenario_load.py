@@ -31,7 +31,7 @@ def test_what_is_not_set_has_its_default(tmp_path):
     plant = scenario.participant("plant")
     assert (scenario.seed, scenario.window, scenario.batch) == (0, 64, 32)
     assert scenario.bus == BusSpec(transport="unix", port=None, low_latency=None)
-    assert plant.deadlines == Deadlines(spawn_s=5, join_s=10, ready_s=30, step_s=3, stop_s=3)
+    assert plant.deadlines == Deadlines(spawn_s=20, join_s=10, ready_s=30, step_s=3, stop_s=3)
     assert (plant.every, plant.params) == (1, {})
 
 

@@ -4,28 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from store_support import last, moves, slow_with_robots, store, texts
 
-from stepbus.config import package_path
-from stepbus_orchestrator import Options, load, run
+from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.reader import Recording
-from stepbus_schemas import WiringError
 
-
-def has_robots():
-    try:
-        return package_path("package://example-robot-data/robots").is_dir()
-    except WiringError:
-        return False
-
-
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not has_robots(),
-        reason="example-robot-data is not installed; pip install 'stepbus[robots]'",
-    ),
-]
+pytestmark = slow_with_robots
 
 ITEM = "cola_a1_1"
 """What is gone for when a cola is ordered."""
@@ -47,41 +32,12 @@ def at(seconds, scenario="store/truth"):
     return round(seconds * 1e9 / load(scenario).step_ns)
 
 
-NAMES = ("plant", "perception", "mission", "controller", "planner")
-PATIENT = [f"{name}.spawn_timeout=120s" for name in NAMES]
-
-
-def store(folder, *overrides, scenario="store/truth"):
-    return run(load(scenario, [*PATIENT, *overrides]), Options(out=folder / "out"))
-
-
-def last(recording, topic):
-    """Return the last message of a port."""
-    return list(recording.messages(topic))[-1][1]
-
-
-def texts(recording, topic):
-    return [
-        message.text for _, message in recording.messages(topic) if getattr(message, "text", "")
-    ]
-
-
 def assert_at_rest(recording):
     """Arm and base stand at the end of the recording."""
     joints, base = last(recording, "plant/joint_state"), last(recording, "plant/odometry")
     assert np.abs(joints.velocity).max() < 0.01, joints
     assert abs(base.vx) < 0.005, base
     assert abs(base.wz) < 0.01, base
-
-
-def moves(recording):
-    """Return how far each item has moved from beginning to end [m]."""
-    described = recording.ports["plant/poses"].description
-    poses = [message for _, message in recording.messages("plant/poses")]
-    before, after = np.array(poses[0].position), np.array(poses[-1].position)
-    ways = np.linalg.norm(after - before, axis=1)
-    rows = zip(described.names, described.details["kind"], ways, strict=True)
-    return {name: way for name, kind, way in rows if kind}
 
 
 def assert_no_other_item_moved(recording, *besides):

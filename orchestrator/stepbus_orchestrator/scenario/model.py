@@ -36,7 +36,7 @@ class OutputSpec:
 class Deadlines:
     """How long a participant may take for each phase, by the wall clock [s]."""
 
-    spawn_s: float = 5.0
+    spawn_s: float = 20.0
     join_s: float = 10.0
     ready_s: float = 30.0
     step_s: float = 3.0
