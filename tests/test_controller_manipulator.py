@@ -366,6 +366,18 @@ def test_four_ways_to_stand_are_tried_before_a_pose_has_no_way(robot):
     assert len({tuple(np.round(request.goal, 6)) for request in stage.requests}) == 4
 
 
+@pytest.mark.parametrize(
+    ("said", "cause"),
+    [("no_way", "no_way"), ("not_holdable", "not_holdable"), ("bad_request", "invalid")],
+)
+def test_the_goal_fails_with_what_the_planner_says(robot, said, cause):
+    def planner(request):
+        return Plan(id=request.id, cause=said, text="why")
+
+    log = Stage(planned_arm(robot), answer=planner).run(joints_goal())
+    assert (log.outcome.cause, log.outcome.text) == (cause, "why")
+
+
 def test_the_next_way_to_stand_is_taken_where_the_first_has_none(robot):
     good = good_planner(robot)
 

@@ -174,8 +174,9 @@ class Dispatcher:
             self._monitor.begin(goal.touches, grips=goal.kind == "grip", moves=_MOVES[part])
         try:
             text = self._begin(goal, part, t)
-        except Refused as exc:
-            self._tell(goal.id, "failed", exc.cause, str(exc))
+        except RunError as exc:
+            cause = exc.cause if isinstance(exc, Refused) else "invalid"
+            self._tell(goal.id, "failed", cause, str(exc))
             self._rest_all(t)
             self._task = None
             return
@@ -286,7 +287,12 @@ class Dispatcher:
             self._end(Outcome(state="failed", cause="no_way", text=text))
             return
         task.replans += 1
-        self._arm.replan(t)
+        try:
+            self._arm.replan(t)
+        except RunError as exc:
+            self._rest_all(t)
+            self._end(Outcome(state="failed", cause="no_way", text=f"{why}; stopped; {exc}"))
+            return
         if self._monitor is not None:
             self._monitor.begin(task.goal.touches, moves=_MOVES[task.part])
         text = f"{why}; stopped, asked for another way ({task.replans} of {most})"

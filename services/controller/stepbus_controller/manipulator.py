@@ -40,6 +40,9 @@ from .way_back import WayBack
 _AT_ONCE = 1e-6
 """So near is a target that no motion is needed [rad]."""
 
+_HOPELESS = {"bad_request": "invalid", "not_holdable": "not_holdable"}
+"""Cause of a planner → of the goal, where no other way would do; otherwise there is no way."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ManipulatorOptions:
@@ -230,7 +233,7 @@ class Manipulator:
             return
         if plan.cause:
             search.refusals.append(plan.text or plan.cause)
-            self._ask_next(search, t)
+            self._ask_next(search, t, _HOPELESS.get(plan.cause, "no_way"))
             return
         try:
             motion = planned(plan, search.rest, search.leg.target, self._robot)
@@ -433,7 +436,7 @@ class Manipulator:
             touches=list(goal.touches),
         )
 
-    def _ask_next(self, search: _Search, t: float, cause: str = "no_way") -> None:
+    def _ask_next(self, search: _Search, t: float, cause: str) -> None:
         """Ask for the next way to stand; the goal has failed where there is none."""
         leg = next(search.legs, None)
         if leg is None:
