@@ -9,6 +9,8 @@ from recording_support import messages
 from stepbus_orchestrator import Options, load, run
 from stepbus_orchestrator.errors import ExitCode
 
+pytestmark = pytest.mark.slow
+
 TESTS = Path(__file__).parent
 SCENARIO = """
 name: sales

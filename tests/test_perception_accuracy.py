@@ -11,6 +11,8 @@ from stepbus_perception.detector import Detector, Found
 from stepbus_perception.images import make_view
 from stepbus_perception.kinds import read_goods
 
+pytestmark = pytest.mark.slow
+
 VIEWS = 40
 RIM = {"cola": 0.033, "juice": 0.0425, "water": 0.015, "soup": 0.035}
 SURE = 0.5

@@ -15,6 +15,8 @@ import sys
 import stepbus
 from stepbus import Description, Participant, PlanRequest, Poses
 
+pytestmark = pytest.mark.slow
+
 
 class Plant(Participant):
     def describe(self):
