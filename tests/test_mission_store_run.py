@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import msgpack
+import pytest
 from recording_support import messages
 
 from stepbus_orchestrator import Options, load, run
