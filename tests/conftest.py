@@ -1,11 +1,38 @@
 """Fixtures that several test files share."""
 
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from stepbus_orchestrator import Options, load, run
+
+ROBOTS = ("cv2", "eaik", "ompl", "toppra", "xacro")
+NEED_ROBOTS = [
+    "test_controller_analytic.py",
+    "test_controller_manipulator.py",
+    "test_controller_path.py",
+    "test_models.py",
+    "test_perception_accuracy.py",
+    "test_perception_detector.py",
+    "test_perception_participant.py",
+    "test_planner_participant.py",
+    "test_planner_run.py",
+    "test_planner_ways.py",
+    "test_store_scene.py",
+]
+"""Files whose imports need what the extra `robots` installs."""
+
+collect_ignore = [] if all(map(find_spec, ROBOTS)) else NEED_ROBOTS
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say which tests were not even looked at."""
+    if collect_ignore:
+        terminalreporter.write_line(
+            f"skipped {len(collect_ignore)} files of tests that need the extra robots: `make robots`"
+        )
 
 
 @pytest.fixture(scope="session")
