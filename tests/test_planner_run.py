@@ -10,12 +10,12 @@ from planner_support import write_arm
 from stepbus_orchestrator import Options, load, run
 from stepbus_schemas import Decoder, Plan
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import sys
 import stepbus
 from stepbus import Description, Participant, PlanRequest, Poses
-
-pytestmark = pytest.mark.slow
 
 
 class Plant(Participant):
