@@ -18,13 +18,14 @@ from stepbus import (
     WiringError,
 )
 from stepbus_schemas import PROTOCOL_VERSION
+from stepbus_schemas.messages import JointMode
 
 from .formats import raw_mistake
 from .link import Block
 from .participant import Bridge, Task
 
 Row = list[float]
-_MODES = ("torque", "velocity", "position", "teleport", "brake")
+_MODES: tuple[JointMode, ...] = ("torque", "velocity", "position", "teleport", "brake")
 _VECTORS = {
     "JointCommand/1": ("values",),
     "JointReference/1": ("position", "velocity", "acceleration"),
@@ -56,8 +57,8 @@ def flatten(message: Message, type_name: str, n: int, order: Sequence[int] = ())
 
 def _command(numbers: Sequence[float], _n: int) -> JointCommand:
     if numbers[0] not in range(len(_MODES)):
-        raise ValueError(f"mode {numbers[0]:g} is none of 0 (torque) … 3 (teleport)")
-    return JointCommand(mode=_MODES[int(numbers[0])], values=list(numbers[1:]))  # type: ignore[arg-type]
+        raise ValueError(f"mode {numbers[0]:g} is none of 0 (torque) … 4 (brake)")
+    return JointCommand(mode=_MODES[int(numbers[0])], values=list(numbers[1:]))
 
 
 def _reference(numbers: Sequence[float], n: int) -> JointReference:

@@ -83,21 +83,28 @@ class TravelRule:
             )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Retreat:
+    """Going back from a collision: what the goal fails with then, unless it goes on elsewhere."""
+
+    failure: Outcome
+    collision: Collision
+    goes_on: bool
+
+
 @dataclass(kw_only=True)
 class _Task:
     """The goal under way.
 
-    failure: what it has failed with already, while the robot still goes back from `collision`,
-    unless it `goes_on` by another way then. replans: how often it was given another way. close:
-    what is nearest while it stands and waits for its way. arm_rests: of kind `stop`.
+    retreat: while the robot goes back from what it has touched. replans: how often it was given
+    another way. close: what is nearest while it stands and waits for its way. arm_rests: of kind
+    `stop`.
     """
 
     goal: Goal
     part: Part
     told: bool = False
-    failure: Outcome | None = None
-    collision: Collision | None = None
-    goes_on: bool = False
+    retreat: _Retreat | None = None
     replans: int = 0
     close: tuple[str, str] | None = None
     arm_rests: bool = False
@@ -202,9 +209,10 @@ class Dispatcher:
         if self._lost:
             return
         self._lost = text
-        if self._task is not None and self._task.part != "all":
+        task = self._task
+        if task is not None and task.part != "all":
             self._rest_all(t)
-            self._end(Outcome(state="failed", cause="no_plan", text=text))
+            self._end(task, Outcome(state="failed", cause="no_plan", text=text))
 
     def _held(self) -> str:
         return self._monitor.held if self._monitor is not None else ""
@@ -245,20 +253,20 @@ class Dispatcher:
         if task.part == "all":
             self._warn(lost)
             self._look_stopping(task, ends["arm"])
-        elif task.failure is not None:
+        elif task.retreat is not None:
             self._warn(lost)
-            self._look_backing_off(task, ends[task.part], collision, t)
+            self._look_backing_off(task, task.retreat, ends[task.part], collision, t)
         elif collision is not None:
             self._collide(task, collision, t)
         elif lost:
             self._rest_all(t)
-            self._end(Outcome(state="failed", cause="slipped", text=lost))
+            self._end(task, Outcome(state="failed", cause="slipped", text=lost))
         elif hindrance := self._hindrance(task, watch):
             self._replan(task, hindrance, t)
         else:
             end = ends[task.part]
             if end is not None:
-                self._end(end)
+                self._end(task, end)
 
     def _hindrance(self, task: _Task, watch: Watch | None) -> str:
         """Return what is in the way that the arm goes by a plan; empty: nothing."""
@@ -284,14 +292,14 @@ class Dispatcher:
             ways = f", after {most} other way{'s' if most > 1 else ''}" if most else ""
             text = f"{why}; stopped{ways}"
             self._rest_all(t)
-            self._end(Outcome(state="failed", cause="no_way", text=text))
+            self._end(task, Outcome(state="failed", cause="no_way", text=text))
             return
         task.replans += 1
         try:
             self._arm.replan(t)
         except RunError as exc:
             self._rest_all(t)
-            self._end(Outcome(state="failed", cause="no_way", text=f"{why}; stopped; {exc}"))
+            self._end(task, Outcome(state="failed", cause="no_way", text=f"{why}; stopped; {exc}"))
             return
         if self._monitor is not None:
             self._monitor.begin(task.goal.touches, moves=_MOVES[task.part])
@@ -320,25 +328,25 @@ class Dispatcher:
 
     def _look_stopping(self, task: _Task, end: Outcome | None) -> None:
         if end is not None and end.state == "failed":
-            self._end(end)
+            self._end(task, end)
             return
         task.arm_rests = task.arm_rests or end is not None
         if task.arm_rests and not self._base.is_moving:
-            self._end(Outcome(state="succeeded", text="all is at rest"))
+            self._end(task, Outcome(state="succeeded", text="all is at rest"))
 
     def _collide(self, task: _Task, collision: Collision, t: float) -> None:
         """Stop, go back the way the robot came, and fail when that is done."""
         text = f"{collision}; stopped"
         if task.part == "hand":
             self._hand.stop()
-            self._end(Outcome(state="failed", cause="collision", text=text))
+            self._end(task, Outcome(state="failed", cause="collision", text=text))
             return
         may_go_on = task.part == "arm" and self._arm.follows_plan
         way = self._go_back(task.part, t)
-        task.goes_on = may_go_on and way > 0.0 and task.replans < self._evasion.replans
+        goes_on = may_go_on and way > 0.0 and task.replans < self._evasion.replans
         text = f"{text}, went back {way * 1e3:.0f} mm" if way > 0.0 else text
-        task.failure = Outcome(state="failed", cause="collision", text=text)
-        task.collision = collision
+        failure = Outcome(state="failed", cause="collision", text=text)
+        task.retreat = _Retreat(failure=failure, collision=collision, goes_on=goes_on)
         if self._monitor is not None:
             self._monitor.begin(task.goal.touches, moves=_MOVES[task.part])
 
@@ -354,25 +362,28 @@ class Dispatcher:
             return 0.0
 
     def _look_backing_off(
-        self, task: _Task, end: Outcome | None, collision: Collision | None, t: float
+        self,
+        task: _Task,
+        retreat: _Retreat,
+        end: Outcome | None,
+        collision: Collision | None,
+        t: float,
     ) -> None:
-        assert task.failure is not None and task.collision is not None  # noqa: S101, PT018
         stands = task.part == "base" and not self._base.is_moving
-        is_other = collision is not None and collision.pair != task.collision.pair
+        is_other = collision is not None and collision.pair != retreat.collision.pair
         if not is_other and end is None and not stands:
             return
         if is_other:
             self._rest_all(t)
             self._warn(f"on the way back {collision}")
-        elif task.goes_on and end is not None and end.state == "succeeded":
-            why, task.failure, task.collision = task.failure.text, None, None
-            self._replan(task, why, t)
+        elif retreat.goes_on and end is not None and end.state == "succeeded":
+            task.retreat = None
+            self._replan(task, retreat.failure.text, t)
             return
-        self._end(task.failure)
+        self._end(task, retreat.failure)
 
-    def _end(self, outcome: Outcome) -> None:
-        assert self._task is not None  # noqa: S101  asked by the callers
-        self._tell(self._task.goal.id, outcome.state, outcome.cause, outcome.text)
+    def _end(self, task: _Task, outcome: Outcome) -> None:
+        self._tell(task.goal.id, outcome.state, outcome.cause, outcome.text)
         self._task = None
 
     def _warn(self, *texts: str) -> None:

@@ -127,14 +127,17 @@ class InverseKinematics:
         shape (n,) [rad]; joints that do not move the tip stay there. Raises RunError for an
         unknown frame.
         """
-        best: Solution | None = None
-        for count, q in enumerate(self._starts(tip, start), 1):
-            found = self._judge(tip, self._descend(tip, target, q), target, count)
-            if best is None or _rank(found) < _rank(best):
-                best = found
-            if best.verdict == "reached" or self._is_hopeless(best, count):
+        attempts = (
+            self._judge(tip, self._descend(tip, target, q), target, count)
+            for count, q in enumerate(self._starts(tip, start), 1)
+        )
+        best, count = next(attempts), 1
+        while best.verdict != "reached" and not self._is_hopeless(best, count):
+            found = next(attempts, None)
+            if found is None:
                 break
-        assert best is not None  # noqa: S101  there is at least one start
+            count += 1
+            best = min(best, found, key=_rank)
         if best.verdict == "unreachable":
             closest = self._descend(tip, target, best.q, _CLOSEST)
             best = self._judge(tip, closest, target, count)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Literal
 
 from stepbus.config import Config
 from stepbus.participant import Participant
@@ -20,6 +21,8 @@ from .params import read_params
 from .planning import WayPlanner
 from .watching import Way, WayWatch, last_step
 from .world import World
+
+Level = Literal["info", "warning"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,12 +172,12 @@ class PlannerParticipant(Participant):
 
     def _publish(self, messages: dict[str, Message], plan: Plan) -> None:
         messages[self._plan_port] = plan
-        level = "warning" if plan.cause else "info"
+        level: Level = "warning" if plan.cause else "info"
         self._tell(messages, level, f"plan {plan.id}: {plan.text}")
 
-    def _tell(self, messages: dict[str, Message], level: str, text: str) -> None:
+    def _tell(self, messages: dict[str, Message], level: Level, text: str) -> None:
         if self._event_port is not None:
-            messages[self._event_port] = Event(level=level, text=text)  # type: ignore[arg-type]
+            messages[self._event_port] = Event(level=level, text=text)
 
     def _cancel(self) -> None:
         self._watch = None
