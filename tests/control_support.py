@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 import stepbus_scenarios
-from stepbus.config import Config
-from stepbus.inputs import make_inputs
-from stepbus.participant import Participant
-from stepbus.step import Step
 from stepbus_controller import ControllerParticipant
 from stepbus_mission import MissionParticipant
+from stepbus_participant.config import Config
+from stepbus_participant.inputs import make_inputs
+from stepbus_participant.participant import Participant
+from stepbus_participant.step import Step
 from stepbus_schemas import Description, InputConfig, JointState, Message, OutputConfig
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"

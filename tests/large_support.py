@@ -2,7 +2,7 @@
 
 _TALKER = """
 import os, signal, sys
-from stepbus import *
+from stepbus_participant import *
 
 class Mission(Participant):
     def update(self, step):

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from control_support import Stand
 
-from stepbus.config import Config
 from stepbus_mission.store import StoreMission
 from stepbus_mission.store_goals import GOALS
+from stepbus_participant.config import Config
 from stepbus_schemas import (
     BaseState,
     Description,

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stepbus.config import package_path
 from stepbus_orchestrator import Options, load, run
+from stepbus_participant.config import package_path
 from stepbus_schemas import WiringError
 
 NAMES = ("plant", "perception", "mission", "controller", "planner")

@@ -6,8 +6,8 @@ import msgpack
 import pytest
 from recording_support import messages
 
-from stepbus.config import package_path
 from stepbus_orchestrator import Options, load, run
+from stepbus_participant.config import package_path
 from stepbus_schemas import WiringError
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pybullet
 import pytest
 
-from stepbus.config import package_path
 from stepbus_orchestrator import Options, load, run
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.reader import Recording
 from stepbus_orchestrator.signals import read_tracking
 from stepbus_orchestrator.sinusoid import fit_sinusoids, motion_at_rest, sinusoid_lines
+from stepbus_participant.config import package_path
 from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import WiringError
 

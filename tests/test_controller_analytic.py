@@ -5,11 +5,11 @@ import pinocchio as pin
 import pytest
 from manipulator_support import DOWN, HOME, UR5, make_robot
 
-from stepbus.config import package_path
 from stepbus_controller import analytic
 from stepbus_controller.analytic import AnalyticChain, BranchSettings, BranchSolver
 from stepbus_controller.goals import Refused
 from stepbus_controller.kinematics import Kinematics
+from stepbus_participant.config import package_path
 from stepbus_schemas import RunError
 
 BAXTER = package_path("package://example-robot-data/robots/baxter_description/urdf/baxter.urdf")

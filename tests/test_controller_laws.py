@@ -10,8 +10,8 @@ from control_support import (
     tracking_errors,
 )
 
-from stepbus.settings import Settings
 from stepbus_controller import LAWS, Dynamics, Law, Reference, Robot
+from stepbus_participant.settings import Settings
 
 DT = 0.005
 

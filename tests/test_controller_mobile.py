@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from control_support import Stand
 
-from stepbus.config import Config
 from stepbus_controller.mobile import MobileController
+from stepbus_participant.config import Config
 from stepbus_schemas import (
     BaseState,
     Contacts,

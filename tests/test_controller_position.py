@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from stepbus import Config
 from stepbus_controller.position import PositionController
+from stepbus_participant import Config
 from stepbus_schemas import (
     Description,
     InputConfig,

@@ -10,10 +10,18 @@ import pytest
 from mcap.reader import make_reader
 from run_support import run_joints
 
-import stepbus.joining
-import stepbus.loop
-from stepbus import Description, Endpoint, JointCommand, JointState, Participant, Ticket, take_part
-from stepbus.zenoh_bus import _settings
+import stepbus_participant.joining
+import stepbus_participant.loop
+from stepbus_participant import (
+    Description,
+    Endpoint,
+    JointCommand,
+    JointState,
+    Participant,
+    Ticket,
+    take_part,
+)
+from stepbus_participant.zenoh_bus import _settings
 from stepbus_schemas import ENVELOPE_TYPES, Decoder, encode, encoding_of
 
 PAGE = (Path(__file__).parents[1] / "docs/protocol.md").read_text(encoding="utf-8")
@@ -111,9 +119,9 @@ def test_the_bytes_of_the_page_are_those_of_the_codec(row):
 
 
 def test_our_participant_given_what_is_received_sends_what_is_sent(monkeypatch):
-    monkeypatch.setattr(stepbus.joining.os, "getpid", lambda: 4711)
-    monkeypatch.setattr(stepbus.joining, "version", lambda name: "0.1.0")
-    monkeypatch.setattr(stepbus.loop, "_now_ns", lambda: 0)
+    monkeypatch.setattr(stepbus_participant.joining.os, "getpid", lambda: 4711)
+    monkeypatch.setattr(stepbus_participant.joining, "version", lambda name: "0.1.0")
+    monkeypatch.setattr(stepbus_participant.loop, "_now_ns", lambda: 0)
     bus = ScriptedBus()
     endpoint = Endpoint(listen=[], connect=[])
     take_part(Spring, Ticket(run="r", name="controller", token=TOKEN, endpoint=endpoint), bus)

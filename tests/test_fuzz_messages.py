@@ -10,11 +10,6 @@ import pytest
 from fuzz_support import OLD_TOKEN, STEP_NS, TOKEN, HandBus, Mutator, Sample, envelopes, outputs
 from run_support import write_scenario
 
-from stepbus import Endpoint, Ticket
-from stepbus.control import Control
-from stepbus.inputs import PeerFault, make_inputs, make_sources
-from stepbus.joining import join
-from stepbus.outbox import read_stamp, stamp
 from stepbus_orchestrator import load
 from stepbus_orchestrator.conductor import Conductor
 from stepbus_orchestrator.errors import RunFailure
@@ -22,6 +17,11 @@ from stepbus_orchestrator.progress import Silent
 from stepbus_orchestrator.recorder import McapFile, Recorder
 from stepbus_orchestrator.roster import Member, Phase
 from stepbus_orchestrator.timing import TimingRecorder
+from stepbus_participant import Endpoint, Ticket
+from stepbus_participant.control import Control
+from stepbus_participant.inputs import PeerFault, make_inputs, make_sources
+from stepbus_participant.joining import join
+from stepbus_participant.outbox import read_stamp, stamp
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
 
 TO_ORCHESTRATOR = ["join", "ready/controller", "log/controller", "fault/controller"]

@@ -5,8 +5,8 @@ import pytest
 from arm_support import JOINTS, write_arm
 from control_support import Stand
 
-from stepbus.config import Config
 from stepbus_controller.arm import ArmController
+from stepbus_participant.config import Config
 from stepbus_schemas import (
     Description,
     Goal,

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from stepbus.config import package_path
 from stepbus_controller.collisions import Collisions
 from stepbus_controller.ik import IkSettings, InverseKinematics
 from stepbus_controller.kinematics import Kinematics
 from stepbus_controller.motion import JointMotion, MotionLimits, Route
 from stepbus_controller.planning import Planner
+from stepbus_participant.config import package_path
 from stepbus_schemas import WiringError
 
 ROBOT = "package://example-robot-data/robots/baxter_description/"

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from stepbus import Endpoint, JointCommand, JointState, Participant, Ticket, take_part
+from stepbus_participant import Endpoint, JointCommand, JointState, Participant, Ticket, take_part
 from stepbus_schemas import (
     InputConfig,
     OutputConfig,

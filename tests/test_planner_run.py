@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 PROGRAM = """
 import sys
 import stepbus
-from stepbus import Description, Participant, PlanRequest, Poses
+from stepbus_participant import Description, Participant, PlanRequest, Poses
 
 
 class Plant(Participant):

@@ -6,10 +6,10 @@ from plant_support import body, make_plant
 from recording_support import messages
 from test_call import Asker
 
-from stepbus.calls import CallError
 from stepbus_orchestrator import Options, Pace, call, load, run
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.rerun import Preparation
+from stepbus_participant.calls import CallError
 from stepbus_schemas import JointCommand, JointState
 
 POSITION = body("arm", "two_link", "{mode: position}")

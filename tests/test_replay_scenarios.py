@@ -28,7 +28,7 @@ participants:
 SELDOM_PROGRAM = """
 import sys
 import stepbus
-from stepbus import Event
+from stepbus_participant import Event
 
 class Camera(stepbus.Participant):
     def update(self, step):

@@ -10,7 +10,7 @@ from stepbus_orchestrator import Options, load, run
 ECHO = '''
 import sys
 import stepbus
-from stepbus import Event, Participant
+from stepbus_participant import Event, Participant
 
 
 class Source(Participant):

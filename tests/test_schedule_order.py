@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 from scenario_support import TWO_LINK, changed, load_text, problems_of, wiring
 
-from stepbus.inputs import Input
 from stepbus_orchestrator.scenario import InputSpec, Schedule
+from stepbus_participant.inputs import Input
 from stepbus_schemas import InputConfig
 
 

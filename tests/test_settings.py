@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from stepbus.config import Config
-from stepbus.settings import Settings, nearest
+from stepbus_participant.config import Config
+from stepbus_participant.settings import Settings, nearest
 from stepbus_schemas import WiringError
 
 

@@ -3,7 +3,7 @@
 import sys
 
 import stepbus
-from stepbus import Description, JointCommand, JointReference, JointState, Participant
+from stepbus_participant import Description, JointCommand, JointReference, JointState, Participant
 
 PAIR = [0.25, 0.75]
 

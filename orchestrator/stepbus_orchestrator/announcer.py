@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from stepbus import Bus
+from stepbus_participant import Bus
 from stepbus_schemas import Stop, Trigger, encode, encoding_of
 
 from .watchdog import Watchdog

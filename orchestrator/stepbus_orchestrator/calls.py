@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from stepbus import Bus
+from stepbus_participant import Bus
 from stepbus_schemas import (
     Call,
     Called,

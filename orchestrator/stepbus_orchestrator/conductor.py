@@ -11,7 +11,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
-from stepbus import Bus
+from stepbus_participant import Bus
 from stepbus_schemas import CallRecord, Start, encode
 
 from .announcer import Announcer

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from stepbus import Bus
+from stepbus_participant import Bus
 
 from .errors import ParticipantFault, RunFailure
 from .intake import Intake, RunState

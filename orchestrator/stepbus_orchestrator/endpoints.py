@@ -8,7 +8,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus.ticket import Endpoint
+from stepbus_participant.ticket import Endpoint
 
 from .errors import BusFailed
 from .scenario import Scenario

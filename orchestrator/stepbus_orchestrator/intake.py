@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from stepbus import Bus
-from stepbus.outbox import read_stamp
+from stepbus_participant import Bus
+from stepbus_participant.outbox import read_stamp
 from stepbus_schemas import (
     Decoder,
     Fault,

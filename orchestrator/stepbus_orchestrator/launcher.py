@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stepbus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
+from stepbus_participant.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
 
 from .child import Child
 from .errors import StartFailed

@@ -10,9 +10,9 @@ from typing import Any
 
 import msgspec
 
-from stepbus import BusError
-from stepbus.ticket import Endpoint
-from stepbus.zenoh_bus import ZenohBus
+from stepbus_participant import BusError
+from stepbus_participant.ticket import Endpoint
+from stepbus_participant.zenoh_bus import ZenohBus
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
 from .calls import CALL_KEY

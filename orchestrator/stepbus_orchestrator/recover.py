@@ -11,7 +11,7 @@ from typing import Any
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from stepbus.durations import parse_duration
+from stepbus_participant.durations import parse_duration
 from stepbus_schemas import StepbusError
 
 from .errors import RecordingFailed

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from stepbus import BusError
-from stepbus.ticket import MessageFault
-from stepbus.zenoh_bus import ZenohBus
+from stepbus_participant import BusError
+from stepbus_participant.ticket import MessageFault
+from stepbus_participant.zenoh_bus import ZenohBus
 from stepbus_schemas import CallRecord, WiringError
 
 from .child import Child

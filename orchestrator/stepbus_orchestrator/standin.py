@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus import Bus
+from stepbus_participant import Bus
 from stepbus_schemas import (
     BaseCommand,
     Decoder,

@@ -8,8 +8,7 @@ sys.path.insert(0, str(Path(sys.argv[2])))
 
 from mission_store_support import FakeStore, shelf_a
 
-from stepbus import main
-from stepbus.participant import Participant
+from stepbus import Participant, main
 from stepbus_schemas import Description, Goal
 
 

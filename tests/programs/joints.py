@@ -20,8 +20,8 @@ from stepbus import (
     JointReference,
     JointState,
     Participant,
-    outbox,
 )
+from stepbus_participant import outbox
 from stepbus_schemas import Outputs
 
 ROLE = sys.argv[1]

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus import Config, Participant, main
+from stepbus_participant import Config, Participant, main
 
 from .formats import FORMATS
 from .maps import MapBridge

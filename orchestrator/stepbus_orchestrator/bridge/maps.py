@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import msgspec
 from msgspec.structs import astuple
 
-from stepbus import Config, Description, Message, Step
+from stepbus_participant import Config, Description, Message, Step
 from stepbus_schemas import PROTOCOL_VERSION, message_class
 
 from .errors import BridgeError

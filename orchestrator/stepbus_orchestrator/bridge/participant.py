@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus import Config, Description, Participant, RunError, WiringError
+from stepbus_participant import Config, Description, Participant, RunError, WiringError
 from stepbus_schemas import json_schema
 from stepbus_schemas.schema import not_null
 

@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 
-from stepbus import (
+from stepbus_participant import (
     Config,
     Description,
     JointCommand,

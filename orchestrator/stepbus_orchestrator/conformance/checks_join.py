@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any
 
-from stepbus.ticket import TICKET_VARIABLE
+from stepbus_participant.ticket import TICKET_VARIABLE
 
 from ..child import Child
 from .check import Check

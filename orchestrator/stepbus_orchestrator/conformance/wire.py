@@ -13,8 +13,8 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Self
 
-from stepbus import BusError
-from stepbus.zenoh_bus import ZenohBus
+from stepbus_participant import BusError
+from stepbus_participant.zenoh_bus import ZenohBus
 from stepbus_schemas import (
     encode,
     encoding_of,

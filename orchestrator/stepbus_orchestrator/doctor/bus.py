@@ -8,8 +8,8 @@ from contextlib import closing
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
-from stepbus import BusError, Endpoint
-from stepbus.zenoh_bus import ZenohBus
+from stepbus_participant import BusError, Endpoint
+from stepbus_participant.zenoh_bus import ZenohBus
 
 from ..endpoints import new_token
 from .finding import Finding

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-from stepbus import Bus
+from stepbus_participant import Bus
 from stepbus_schemas import CallRecord, Decoder, MessageError, Outputs
 
 from ..conductor import Conductor

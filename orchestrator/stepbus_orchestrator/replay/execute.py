@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stepbus import Bus, BusError
-from stepbus.zenoh_bus import ZenohBus
+from stepbus_participant import Bus, BusError
+from stepbus_participant.zenoh_bus import ZenohBus
 
 from ..calls import recorded_calls
 from ..compare import fields_of, in_order

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
-from stepbus import Bus
-from stepbus.outbox import stamp
+from stepbus_participant import Bus
+from stepbus_participant.outbox import stamp
 from stepbus_schemas import GREETING_STEP, Outputs, encode, encoding_of
 
 from ..scenario import ParticipantSpec

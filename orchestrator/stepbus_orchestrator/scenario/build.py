@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import msgspec
 
-from stepbus.durations import LONGEST_NS, format_duration
+from stepbus_participant.durations import LONGEST_NS, format_duration
 from stepbus_schemas import Description, WiringError, message_class
 
 from ..bridge.formats import FORMATS

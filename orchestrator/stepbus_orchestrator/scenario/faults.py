@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from stepbus.durations import format_duration, parse_duration
+from stepbus_participant.durations import format_duration, parse_duration
 from stepbus_schemas import WiringError
 
 from .model import FaultSpec, ParticipantSpec

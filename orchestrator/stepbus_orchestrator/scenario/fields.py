@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from stepbus.durations import parse_duration
+from stepbus_participant.durations import parse_duration
 from stepbus_schemas import WiringError
 
 from .problems import Keys, Problems, hint, show

@@ -1,6 +1,6 @@
 """The tester as a process: `python -m stepbus_orchestrator.selftest`."""
 
-from stepbus import main
+from stepbus_participant import main
 
 from .tester import Tester
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stepbus import Participant, Step
+from stepbus_participant import Participant, Step
 from stepbus_schemas import Description, JointState, Message, RunError
 
 from .plan import Trial, commands_at, make_plan, read_joints

@@ -7,11 +7,11 @@ from importlib.metadata import version
 
 import numpy as np
 
-from stepbus import main
-from stepbus.config import Config
-from stepbus.participant import Participant
-from stepbus.settings import Settings
-from stepbus.step import Step
+from stepbus_participant import main
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_participant.settings import Settings
+from stepbus_participant.step import Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepbus.settings import Settings
+from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
 from .collisions import Collisions

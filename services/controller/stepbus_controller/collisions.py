@@ -8,8 +8,8 @@ from typing import Any
 
 import pinocchio as pin
 
-from stepbus.config import package_path
-from stepbus.models import read_urdf_text
+from stepbus_participant.config import package_path
+from stepbus_participant.models import read_urdf_text
 from stepbus_schemas import WiringError
 
 from .dynamics import Vector, read_urdf

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from stepbus.models import read_urdf_text
-from stepbus.settings import nearest
+from stepbus_participant.models import read_urdf_text
+from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
 Vector = NDArray[np.float64]

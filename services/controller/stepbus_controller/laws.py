@@ -6,8 +6,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from stepbus.plugins import construct, read_class
-from stepbus.settings import Settings
+from stepbus_participant.plugins import construct, read_class
+from stepbus_participant.settings import Settings
 
 from .dynamics import Vector
 from .robot import Robot, read_robot

@@ -8,10 +8,10 @@ from importlib.metadata import version
 
 import numpy as np
 
-from stepbus import main
-from stepbus.config import Config
-from stepbus.participant import Participant
-from stepbus.step import Step
+from stepbus_participant import main
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_participant.step import Step
 from stepbus_schemas import (
     BaseState,
     Contacts,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus.config import Config
-from stepbus.settings import Settings, nearest
+from stepbus_participant.config import Config
+from stepbus_participant.settings import Settings, nearest
 from stepbus_schemas import RunError
 
 from .arm_settings import read_joint_limit, read_kinematics, read_settling, read_velocity_limit

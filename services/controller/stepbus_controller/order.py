@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import RunError, WiringError
 
 from .dynamics import Vector

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepbus.settings import Settings
+from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
 from .dynamics import STANDARD_GRAVITY, Dynamics, Vector

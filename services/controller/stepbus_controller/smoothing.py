@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stepbus.settings import Settings
+from stepbus_participant.settings import Settings
 
 from .dynamics import Vector
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-from stepbus.settings import Settings
+from stepbus_participant.settings import Settings
 from stepbus_schemas import JointReference
 
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import chain
 
-from stepbus.config import Config
-from stepbus.participant import Participant
-from stepbus.plugins import construct, read_class
-from stepbus.settings import Settings
-from stepbus.step import Step
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_participant.plugins import construct, read_class
+from stepbus_participant.settings import Settings
+from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, JointReference, Message, RunError
 
 from .generators import Generator, Sine, StepChange

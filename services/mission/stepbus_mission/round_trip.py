@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus import main
-from stepbus.config import Config
-from stepbus.participant import Participant
-from stepbus.settings import Settings, nearest
-from stepbus.step import Step
+from stepbus_participant import main
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_participant.settings import Settings, nearest
+from stepbus_participant.step import Step
 from stepbus_schemas import (
     Description,
     Event,

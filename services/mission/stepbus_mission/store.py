@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from stepbus import main
-from stepbus.config import Config
-from stepbus.participant import Participant
-from stepbus.settings import Settings, nearest
-from stepbus.step import Step
+from stepbus_participant import main
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_participant.settings import Settings, nearest
+from stepbus_participant.step import Step
 from stepbus_schemas import (
     BaseState,
     Description,

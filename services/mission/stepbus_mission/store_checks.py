@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 
 from .store_geometry import tilt_of
 from .store_looking import correct, find

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Detections, RunError
 from stepbus_schemas.messages import Point
 

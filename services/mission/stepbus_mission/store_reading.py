@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from stepbus.config import Config
-from stepbus.settings import Settings, nearest
+from stepbus_participant.config import Config
+from stepbus_participant.settings import Settings, nearest
 
 from .store_geometry import Spot
 from .store_settings import (

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from stepbus.settings import Noted, Settings, nearest
+from stepbus_participant.settings import Noted, Settings, nearest
 from stepbus_schemas import JointReference
 
 from .csv_table import Table, read_table

@@ -1,6 +1,6 @@
 """Take part in a run as its perception."""
 
-from stepbus import main
+from stepbus_participant import main
 
 from .participant import PerceptionParticipant
 

@@ -6,9 +6,9 @@ import logging
 from collections.abc import Mapping
 from importlib.metadata import version
 
-from stepbus.config import Config
-from stepbus.participant import Participant
-from stepbus.step import Step
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_participant.step import Step
 from stepbus_schemas import (
     Description,
     Detections,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus.models import read_urdf_text
-from stepbus.settings import nearest
+from stepbus_participant.models import read_urdf_text
+from stepbus_participant.settings import nearest
 from stepbus_schemas import JointState, RunError, WiringError
 
 from .geometry import Pose

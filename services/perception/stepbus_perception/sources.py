@@ -6,8 +6,8 @@ import importlib.util
 from dataclasses import dataclass
 from typing import Literal
 
-from stepbus.config import Config
-from stepbus.settings import Settings
+from stepbus_participant.config import Config
+from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
 from .robot import CameraMount

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Detections, Poses, RunError, WiringError
 
 from .geometry import Vector, inverse_times, rotation

@@ -1,6 +1,6 @@
 """Take part in a run as its planner."""
 
-from stepbus import main
+from stepbus_participant import main
 
 from .participant import PlannerParticipant
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepbus.durations import parse_duration
-from stepbus.settings import Settings
+from stepbus_participant.durations import parse_duration
+from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
 from .planning import Task

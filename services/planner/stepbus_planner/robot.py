@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from stepbus.config import package_path
-from stepbus.models import read_urdf_text
-from stepbus.settings import nearest
+from stepbus_participant.config import package_path
+from stepbus_participant.models import read_urdf_text
+from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
 Vector = NDArray[np.float64]

@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Description, Poses, RunError, WiringError
 
 _SHAPES: Mapping[str, tuple[int, Callable[..., Any]]] = {

@@ -1,6 +1,6 @@
 """The plant as a process: `python -m stepbus_plant`."""
 
-from stepbus import main
+from stepbus_participant import main
 
 from .participant import PlantParticipant
 

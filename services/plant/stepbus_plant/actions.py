@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus.durations import parse_duration
+from stepbus_participant.durations import parse_duration
 from stepbus_schemas import WiringError
 
 from .checked import Problem, Vector3, find_problems

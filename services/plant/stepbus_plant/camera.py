@@ -9,8 +9,8 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 import pybullet as bullet
 
-from stepbus.durations import format_duration, parse_duration
-from stepbus.settings import nearest
+from stepbus_participant.durations import format_duration, parse_duration
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Description, Image, WiringError
 
 from .checked import Problem

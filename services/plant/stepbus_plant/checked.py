@@ -11,7 +11,7 @@ import msgspec
 from ruamel.yaml import YAML, MappingNode, Node
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
 T = TypeVar("T")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pybullet as bullet
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Description, WiringError
 
 from .world import Actuation, JointSettings, OwnMode

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from stepbus.durations import parse_duration
+from stepbus_participant.durations import parse_duration
 from stepbus_schemas import WiringError
 
 from .actions import Action, action_problems

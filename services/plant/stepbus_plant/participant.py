@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus.calls import Verb
-from stepbus.config import Config
-from stepbus.durations import format_duration, parse_duration
-from stepbus.participant import Participant
-from stepbus.step import Step
+from stepbus_participant.calls import Verb
+from stepbus_participant.config import Config
+from stepbus_participant.durations import format_duration, parse_duration
+from stepbus_participant.participant import Participant
+from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
 
 from . import camera, devices

@@ -9,7 +9,7 @@ from typing import Any
 
 import pybullet as bullet
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
 from .checked import Problem

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
 from .camera import Cameras

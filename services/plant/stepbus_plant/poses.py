@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import pybullet as bullet
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import Description, Poses, WiringError
 from stepbus_schemas.messages import Point, Quaternion
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stepbus.calls import CallError, Verb
-from stepbus.settings import nearest
+from stepbus_participant.calls import CallError, Verb
+from stepbus_participant.settings import nearest
 
 from .complaints import degrees_hint
 from .drives import Drive

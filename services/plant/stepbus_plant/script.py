@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pybullet as bullet
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
 from .actions import Action

@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import msgspec
 import numpy as np
 
-from stepbus.settings import nearest
+from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
 from .checked import Finite, NonNegative, Positive, Problem, Vector3

@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from stepbus.config import package_path
-from stepbus.durations import format_duration, parse_duration
+from stepbus_participant.config import package_path
+from stepbus_participant.durations import format_duration, parse_duration
 from stepbus_schemas import WiringError
 
 from .checked import Finite, NonNegative, Positive, Problem, Source, Vector3, find_problems
