@@ -26,7 +26,7 @@ from ruamel.yaml import YAML
 
 from stepbus_orchestrator.reader import Recording
 from stepbus_plant import load_world, read_params
-from stepbus_plant.physics import Physics
+from stepbus_plant.physics.engine import Physics
 from stepbus_schemas import Detections, Event, GripperState, Image, JointState, Message, Poses
 
 Picture = NDArray[np.uint8]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from control_support import Stand
 
-from stepbus_mission.store import StoreMission
-from stepbus_mission.store_goals import GOALS
+from stepbus_mission.store.goals import GOALS
+from stepbus_mission.store.participant import StoreMission
 from stepbus_participant.config import Config
 from stepbus_schemas import (
     BaseState,

@@ -12,8 +12,8 @@ import numpy as np
 import pybullet as bullet
 
 from stepbus_perception.geometry import Pose, rotation
-from stepbus_plant.camera import Camera
-from stepbus_plant.world import CameraRow
+from stepbus_plant.devices.camera import Camera
+from stepbus_plant.world.file import CameraRow
 from stepbus_schemas import Description, Image, Poses
 
 UPRIGHT = "0 0 0 0 0 0 1"

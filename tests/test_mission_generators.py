@@ -5,7 +5,7 @@ import math
 import pytest
 from control_support import SINE, make_mission, mission_config
 
-from stepbus_mission.polynomials import evaluate, quintic
+from stepbus_mission.references.polynomials import evaluate, quintic
 from stepbus_schemas import JointReference
 
 H = 1e-4

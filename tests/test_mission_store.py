@@ -5,7 +5,7 @@ import math
 import pytest
 from mission_store_support import FakeStore, Thing, config, sell, shelf_a
 
-from stepbus_mission.store import StoreMission
+from stepbus_mission.store.participant import StoreMission
 from stepbus_schemas import Description, WiringError, encode
 
 ONE_SALE = (

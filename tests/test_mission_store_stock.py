@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from stepbus_mission.store_geometry import Spot, nearest_quarter, tilt_of, yaw_of
-from stepbus_mission.store_report import Row, summary
-from stepbus_mission.store_stock import Stock, measures
+from stepbus_mission.store.geometry import Spot, nearest_quarter, tilt_of, yaw_of
+from stepbus_mission.store.report import Row, summary
+from stepbus_mission.store.stock import Stock, measures
 from stepbus_schemas import Description, Poses, RunError, WiringError
 
 HALF = math.sqrt(0.5)

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from mission_store_support import FakeStore, config, sell, shelf_a
 
-from stepbus_mission.store import StoreMission
-from stepbus_mission.store_checks import CHECKS
-from stepbus_mission.store_goals import GOALS
-from stepbus_mission.store_table import LAST, TABLE, diagram
+from stepbus_mission.store.checks import CHECKS
+from stepbus_mission.store.goals import GOALS
+from stepbus_mission.store.participant import StoreMission
+from stepbus_mission.store.table import LAST, TABLE, diagram
 from stepbus_schemas import WiringError
 
 GOODS = (("cola", 2), ("cola", 3))

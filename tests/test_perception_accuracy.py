@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from perception_support import TOPS, Item, fill_shelves, open_store
 
-from stepbus_perception.detector import Detector, Found
+from stepbus_perception.detection.detector import Detector, Found
 from stepbus_perception.images import make_view
-from stepbus_perception.kinds import read_goods
+from stepbus_perception.items import read_goods
 
 pytestmark = pytest.mark.slow
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from perception_support import COLORS, SHAPES, TOPS, Item, open_store
 
-from stepbus_perception.colours import Palette
-from stepbus_perception.detector import Detector
+from stepbus_perception.detection.colours import Palette
+from stepbus_perception.detection.detector import Detector
 from stepbus_perception.images import make_view
-from stepbus_perception.kinds import read_goods
+from stepbus_perception.items import read_goods
 from stepbus_perception.truth import Truth
 
 

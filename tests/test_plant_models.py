@@ -4,7 +4,7 @@ import pybullet
 import pytest
 from plant_support import LIMIT, make_plant
 
-from stepbus_plant.models import loadable
+from stepbus_plant.world.models import loadable
 from stepbus_schemas import WiringError
 
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'

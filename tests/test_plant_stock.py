@@ -8,7 +8,7 @@ from devices_support import box, link, write_can, write_urdf
 
 from stepbus_plant import Params, Plant, load_world
 from stepbus_plant.params import read_params
-from stepbus_plant.stock import StockParams, draw_items
+from stepbus_plant.world.stock import StockParams, draw_items
 from stepbus_schemas import WiringError
 
 STOCK = """

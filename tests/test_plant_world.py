@@ -4,7 +4,7 @@ import pytest
 from plant_support import MS, body, make_plant, write_world
 
 from stepbus_plant import Params, load_world
-from stepbus_plant.world import Body, Friction, JointSettings, WorldFile
+from stepbus_plant.world.file import Body, Friction, JointSettings, WorldFile
 from stepbus_schemas import WiringError
 
 FIVE_MISTAKES = """gravity: [0, 0]

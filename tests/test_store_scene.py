@@ -12,7 +12,7 @@ import pytest
 from stepbus_controller.analytic import AnalyticChain
 from stepbus_controller.kinematics import Kinematics
 from stepbus_plant import Params, Plant, load_world, read_params
-from stepbus_plant.stock import StockParams
+from stepbus_plant.world.stock import StockParams
 
 STORE = Path(str(resources.files("stepbus_scenarios"))) / "store"
 ROBOT = STORE / "robot.urdf.xacro"

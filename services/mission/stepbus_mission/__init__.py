@@ -1,8 +1,8 @@
 """The mission: references with exact derivatives, from a generator of your choice."""
 
-from .generators import Generator, Sine, StepChange
-from .participant import TASKS, MissionParticipant
-from .trajectories import CsvTrajectory, Waypoints
+from .references.generators import Generator, Sine, StepChange
+from .references.participant import TASKS, MissionParticipant
+from .references.trajectories import CsvTrajectory, Waypoints
 
 __all__ = [
     "TASKS",

@@ -2,7 +2,7 @@
 
 from stepbus_participant import main
 
-from .participant import MissionParticipant
+from .references.participant import MissionParticipant
 
 if __name__ == "__main__":
     raise SystemExit(main(MissionParticipant))

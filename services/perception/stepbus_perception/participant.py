@@ -22,7 +22,7 @@ from stepbus_schemas import (
 
 from .geometry import turn_about_z
 from .images import View, make_view
-from .kinds import Goods, read_goods
+from .items import Goods, read_goods
 from .robot import JointReader
 from .sources import CameraSettings, TruthSettings, read_settings
 from .truth import Truth
@@ -40,7 +40,7 @@ class Eye:
         self, settings: CameraSettings, frame: str, goods: Goods, described: Description
     ) -> None:
         # Without OpenCV ground truth still works.
-        from .detector import Detector  # noqa: PLC0415
+        from .detection.detector import Detector  # noqa: PLC0415
 
         self._frame = frame
         self._mount = settings.mount

@@ -9,7 +9,7 @@ from stepbus_participant.settings import nearest
 from stepbus_schemas import Detections, Poses, RunError, WiringError
 
 from .geometry import Vector, inverse_times, rotation
-from .kinds import Goods
+from .items import Goods
 
 
 class Truth:

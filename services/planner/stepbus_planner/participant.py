@@ -17,10 +17,10 @@ from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Pose
 
 from . import search, timing
 from .libraries import need
+from .obstacles import World
 from .params import read_params
+from .path_monitor import Way, WayWatch, last_step
 from .planning import WayPlanner
-from .watching import Way, WayWatch, last_step
-from .world import World
 
 Level = Literal["info", "warning"]
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from stepbus_schemas import Plan, PlanRequest, Poses
 
+from .obstacles import World
 from .robot import PlannedRobot, Vector
 from .scene import Checker, Margins, Scene, Surroundings
 from .search import Search, find_way
 from .timing import Limits, Timed, dense, timed
-from .world import World
 
 _ROUNDING = 1e-3
 """How far beyond a limit a measured joint may be [rad]."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from .obstacles import Link
 from .robot import PlannedRobot, Vector, radius_from
-from .world import Link
 
 _CLOSER = 0.5
 """Share of a gap at the start or the goal that is left where the gap is below the margin."""

@@ -3,6 +3,6 @@
 from .params import Params, read_params
 from .participant import PlantParticipant
 from .plant import Plant
-from .world import World, load_world
+from .world.file import World, load_world
 
 __all__ = ["Params", "Plant", "PlantParticipant", "World", "load_world", "read_params"]

@@ -10,10 +10,10 @@ import msgspec
 from stepbus_participant.durations import parse_duration
 from stepbus_schemas import WiringError
 
-from .actions import Action, action_problems
 from .checked import NonNegative, Positive, find_problems, without_nulls
-from .stock import StockParams
-from .world import Actuation
+from .world.actions import Action, action_problems
+from .world.file import Actuation
+from .world.stock import StockParams
 
 Quantity = Literal["position", "velocity", "effort"]
 

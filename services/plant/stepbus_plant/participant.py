@@ -14,11 +14,12 @@ from stepbus_participant.participant import Participant
 from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
 
-from . import camera, devices
-from .devices import Driver
+from .devices import camera
+from .devices import registry as devices
+from .devices.registry import Driver
 from .params import read_params
 from .plant import Plant
-from .world import load_world
+from .world.file import load_world
 
 _TYPES = {
     "inputs": ("JointCommand/1", *devices.INPUTS),

@@ -11,21 +11,21 @@ import msgspec
 from stepbus_participant.settings import nearest
 from stepbus_schemas import Description, JointState, WiringError
 
-from .camera import Cameras
 from .checked import Gathered
-from .commander import Commander
-from .complaints import Complaints
-from .devices import Devices
-from .drives import make_drives
+from .devices.camera import Cameras
+from .devices.poses import PoseSensor
+from .devices.registry import Devices
 from .errors import PhysicsError
-from .joints import Joint, describe_joints
+from .joints.calls import Questions
+from .joints.commander import Commander
+from .joints.drives import make_drives
+from .joints.sensing import Sensors, Values
+from .joints.warnings import Complaints
 from .params import Params
-from .physics import Physics
-from .poses import PoseSensor
-from .questions import Questions
+from .physics.engine import Physics
+from .physics.joint import Joint, describe_joints
 from .script import Script, check_script
-from .sensing import Sensors, Values
-from .world import World
+from .world.file import World
 
 
 class Plant:

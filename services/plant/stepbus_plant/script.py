@@ -11,10 +11,10 @@ import pybullet as bullet
 from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
-from .actions import Action
-from .camera import Cameras
-from .joints import Joint
-from .physics import Physics
+from .devices.camera import Cameras
+from .physics.engine import Physics
+from .physics.joint import Joint
+from .world.actions import Action
 
 # More than any motor has, and how much of an error a substep takes back. A wheel at 5 rad/s under
 # a base of 80 kg then stops within 0.022 rad and is back within 0.001 rad after 0.1 s.

@@ -1,0 +1,1 @@
+"""References over time: a generator, its trajectory, and the participant that publishes it."""

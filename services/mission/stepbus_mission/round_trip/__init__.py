@@ -1,0 +1,1 @@
+"""An arm that goes from pose to pose and reports how well it holds each."""

@@ -1,0 +1,1 @@
+"""Devices beside single joints: bases, grippers, contact sensors, cameras, poses of links."""

@@ -1,0 +1,240 @@
+"""Cameras: what they see, and which port shows which image of which camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+import pybullet as bullet
+
+from stepbus_participant.durations import format_duration, parse_duration
+from stepbus_participant.settings import nearest
+from stepbus_plant.checked import Problem
+from stepbus_plant.world.file import CameraRow, World
+from stepbus_schemas import Description, Image, WiringError
+
+from .poses import PoseSensor, link_places
+
+TYPE = "Image/1"
+
+Quantity = Literal["rgb", "depth"]
+Rendering = tuple[Image, Image]
+"""Colours and depth, in the order of `Quantity`."""
+
+# Matt surfaces under a white light from above: every colour is 0.6 to 1.0 times that of its visual.
+_LIGHT = {
+    "shadow": 0,
+    "lightDirection": (0.3, 0.2, 1.0),
+    "lightColor": (1.0, 1.0, 1.0),
+    "lightDistance": 2.0,
+    "lightAmbientCoeff": 0.6,
+    "lightDiffuseCoeff": 0.4,
+    "lightSpecularCoeff": 0.0,
+}
+
+
+class Camera:
+    """A pinhole camera without lens distortion that sees colours and depth.
+
+    Its link is the optical frame: z is the direction of view, x is right, y is down. Pixels are
+    counted by their centres, from 0, so that the optical axis meets the image at
+    ((width - 1) / 2, (height - 1) / 2).
+    """
+
+    def __init__(self, row: CameraRow, client: int, bodies: Sequence[str]) -> None:
+        self.row = row
+        self.period_ns = parse_duration(row.period)
+        self._client = client
+        self._pose = PoseSensor(client, bodies, [row.link])
+        self._focal = row.height / 2 / math.tan(row.fov / 2)
+        self._projection = self._column_major(self._project())
+
+    def _project(self) -> np.ndarray:
+        """Return OpenGL's projection matrix, shape (4, 4)."""
+        row, matrix = self.row, np.zeros((4, 4))
+        matrix[0, 0] = 2 * self._focal / row.width
+        matrix[1, 1] = 2 * self._focal / row.height
+        # The renderer looks through the corner of a pixel; half a pixel on is its centre.
+        matrix[0, 2], matrix[1, 2] = 1 / row.width, 1 / row.height
+        matrix[2, 2] = (row.far + row.near) / (row.near - row.far)
+        matrix[2, 3] = 2 * row.far * row.near / (row.near - row.far)
+        matrix[3, 2] = -1.0
+        return matrix
+
+    def _view(self) -> np.ndarray:
+        """Return the matrix from the world to OpenGL's camera frame, shape (4, 4)."""
+        pose = self._pose.sense()
+        rotation = np.reshape(bullet.getMatrixFromQuaternion(pose.orientation[0]), (3, 3))
+        # OpenGL looks along -z and has y up.
+        rotation = rotation * (1.0, -1.0, -1.0)
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation.T
+        matrix[:3, 3] = -rotation.T @ pose.position[0]
+        return matrix
+
+    @staticmethod
+    def _column_major(matrix: np.ndarray) -> list[float]:
+        values: list[float] = matrix.T.ravel().tolist()
+        return values
+
+    def render(self) -> Rendering:
+        """Return what the camera sees now: its colours, and the depth along z [m].
+
+        Depth is +inf where there is nothing between `near` and `far` (REP 117 and 118 of ROS).
+        """
+        row = self.row
+        _, _, rgba, buffer, _ = bullet.getCameraImage(
+            row.width,
+            row.height,
+            viewMatrix=self._column_major(self._view()),
+            projectionMatrix=self._projection,
+            renderer=bullet.ER_TINY_RENDERER,
+            flags=bullet.ER_NO_SEGMENTATION_MASK,
+            physicsClientId=self._client,
+            **_LIGHT,
+        )
+        colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (row.height, row.width, 4))[..., :3]
+        return self._image("rgb8", colours), self._image("32FC1", self._depth(buffer))
+
+    def _depth(self, buffer: Any) -> np.ndarray:
+        """Return metres from OpenGL's depth buffer, which has 0 at `near` and 1 at `far`."""
+        near, far = self.row.near, self.row.far
+        seen = np.asarray(buffer, dtype=np.float64)
+        metres = far * near / (far - (far - near) * seen)
+        return np.where(seen < 1.0, metres, np.inf).astype("<f4")
+
+    def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: np.ndarray) -> Image:
+        return Image(
+            width=self.row.width,
+            height=self.row.height,
+            encoding=encoding,
+            data=pixels.tobytes(),
+            focal=(self._focal, self._focal),
+            centre=((self.row.width - 1) / 2, (self.row.height - 1) / 2),
+        )
+
+
+class _View(NamedTuple):
+    """What one port shows."""
+
+    camera: str
+    quantity: Quantity
+
+
+class Cameras:
+    """All cameras that a world file declares, and which of them are on.
+
+    bodies: names of the engine's bodies, in its order. period_ns: length of the plant's step [ns].
+    enabled: whether anything is rendered at all.
+    Raises WiringError that lists every mistake, each with its line.
+    """
+
+    def __init__(
+        self, world: World, client: int, bodies: Sequence[str], period_ns: int, *, enabled: bool
+    ) -> None:
+        places = link_places(client, bodies) if world.cameras else {}
+        world.source.refuse(
+            [
+                problem
+                for name, row in world.cameras.items()
+                for problem in _problems(name, row, places, period_ns)
+            ]
+        )
+        self._cameras = {name: Camera(row, client, bodies) for name, row in world.cameras.items()}
+        self._on = dict.fromkeys(self._cameras, enabled)
+        self._enabled = enabled
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of all cameras, in the order of the world."""
+        return list(self._cameras)
+
+    def switch(self, name: str, *, on: bool) -> None:
+        """Switch a camera on or off; without `enabled` all of them stay off."""
+        self._on[name] = on and self._enabled
+
+    def views(self, ports: Iterable[str]) -> Views:
+        """Return what shows images on ports, which say by their names what they show.
+
+        Raises WiringError that lists the ports whose names say nothing.
+        """
+        known: dict[str, _View] = {}
+        for quantity in get_args(Quantity):
+            if len(self._cameras) == 1:
+                known[quantity] = _View(self.names[0], quantity)
+            known |= {f"{name}_{quantity}": _View(name, quantity) for name in self._cameras}
+        ports = list(ports)
+        text = f"call it one of {', '.join(known)}" if known else "the world has no 'cameras'"
+        mistakes = [f"{port}: has type {TYPE}; {text}" for port in ports if port not in known]
+        if mistakes:
+            raise WiringError("\n".join(mistakes))
+        return Views(self, {port: known[port] for port in ports})
+
+    def due(self, name: str, t_ns: int) -> bool:
+        """Return whether a camera gives an image at a time [ns]."""
+        return self._on[name] and t_ns % self._cameras[name].period_ns == 0
+
+    def camera(self, name: str) -> Camera:
+        """Return a camera by its name."""
+        return self._cameras[name]
+
+
+class Views:
+    """The images of several ports; each camera is rendered once for all of them."""
+
+    def __init__(self, cameras: Cameras, views: Mapping[str, _View]) -> None:
+        self._cameras = cameras
+        self._views = views
+        self._names = list(dict.fromkeys(view.camera for view in views.values()))
+
+    def describe(self) -> dict[str, Description]:
+        """Return of each port the camera, its link, the period and the shape of the image."""
+        return {port: self._description(view) for port, view in self._views.items()}
+
+    def _description(self, view: _View) -> Description:
+        camera = self._cameras.camera(view.camera)
+        row = camera.row
+        return Description(
+            names=[view.camera],
+            shape=[row.height, row.width, 3 if view.quantity == "rgb" else 1],
+            details={"link": [row.link], "period": [format_duration(camera.period_ns)]},
+        )
+
+    def images(self, t_ns: int) -> dict[str, Image]:
+        """Return the image of each port whose camera is due at a time [ns]."""
+        due = [name for name in self._names if self._cameras.due(name, t_ns)]
+        rendered = {name: self._cameras.camera(name).render() for name in due}
+        return {
+            port: rendered[view.camera][get_args(Quantity).index(view.quantity)]
+            for port, view in self._views.items()
+            if view.camera in rendered
+        }
+
+
+def _problems(
+    name: str, row: CameraRow, places: Iterable[str], period_ns: int
+) -> Iterable[Problem]:
+    """Yield what is wrong with a camera; period_ns: length of the plant's step [ns]."""
+    if row.link not in places:
+        yield (
+            ("cameras", name, "link"),
+            f"link {row.link!r} is unknown; {nearest(row.link, places)}",
+        )
+    if row.fov >= math.pi:
+        hint = f"is it in degrees? {row.fov:g}° are {math.radians(row.fov):.4f} rad"
+        yield ("cameras", name, "fov"), f"{row.fov:g} rad is no less than half a turn; {hint}"
+    if row.near >= row.far:
+        text = f"{row.near:g} m is not nearer than 'far', {row.far:g} m"
+        yield ("cameras", name, "near"), text
+    try:
+        rest = parse_duration(row.period) % period_ns
+    except WiringError as exc:
+        yield ("cameras", name, "period"), str(exc)
+    else:
+        if rest:
+            text = (
+                f"{row.period} is no multiple of the plant's step of {format_duration(period_ns)}"
+            )
+            yield ("cameras", name, "period"), text

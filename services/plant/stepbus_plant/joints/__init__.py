@@ -1,0 +1,1 @@
+"""Joints: commands, drives, sensors, warnings, and calls about them."""

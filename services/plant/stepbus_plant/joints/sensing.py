@@ -1,0 +1,68 @@
+"""What the sensors show of the true state: chosen quantities, noise, quantisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from stepbus_plant.params import Params
+from stepbus_schemas import JointState
+
+Values = list[float]
+"""One number per sensed joint."""
+
+
+class Sensors:
+    """Turns true joint states into what is sensed.
+
+    seed: of the noise; the same seed gives the same noise. Each quantity has a stream of its own,
+    so that noise on one does not change the noise on another.
+    """
+
+    def __init__(self, params: Params, seed: int) -> None:
+        def make(number: int, quantity: str) -> Callable[[Values], Values | None]:
+            return _sensor(params, quantity, np.random.Generator(np.random.PCG64([seed, number])))
+
+        self._position = make(0, "position")
+        self._velocity = make(1, "velocity")
+        self._effort = make(2, "effort")
+
+    def sense(
+        self, position: Values, velocity: Values, effort: Values, target: Values | None
+    ) -> JointState:
+        """Return what is sensed of true positions, velocities and efforts; targets are known."""
+        return JointState(
+            position=self._position(position),
+            velocity=self._velocity(velocity),
+            effort=self._effort(effort),
+            target=target,
+        )
+
+
+def _sensor(
+    params: Params, quantity: str, random: np.random.Generator
+) -> Callable[[Values], Values | None]:
+    """Return the function from true to sensed values of one quantity."""
+    noise: float = getattr(params.noise, quantity)
+    resolution: float | None = getattr(params.resolution, quantity)
+
+    def disturbed(values: Values) -> Values:
+        sensed = np.asarray(values)
+        if noise:
+            sensed = sensed + noise * random.standard_normal(len(values))
+        if resolution is not None:
+            sensed = resolution * np.round(sensed / resolution)
+        return [float(value) for value in sensed]
+
+    if quantity not in params.sense:
+        return _nothing
+    return disturbed if noise or resolution is not None else _everything
+
+
+def _nothing(_: Values) -> None:
+    return None
+
+
+def _everything(values: Values) -> Values:
+    return values

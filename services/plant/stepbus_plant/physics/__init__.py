@@ -1,0 +1,1 @@
+"""The physics engine, and the joints it simulates."""

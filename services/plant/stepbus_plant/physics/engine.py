@@ -1,0 +1,274 @@
+"""The physics engine: PyBullet without a window, loaded with a world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pybullet as bullet
+
+from stepbus_participant.settings import nearest
+from stepbus_plant.checked import Problem
+from stepbus_plant.errors import PhysicsError
+from stepbus_plant.params import Params
+from stepbus_plant.world.file import Body, JointSettings, World
+from stepbus_plant.world.models import loadable, pairs_without_collision
+from stepbus_plant.world.stock import Item
+from stepbus_schemas import WiringError
+
+from .joint import (
+    Joint,
+    is_fixed,
+    is_movable,
+    make_joint,
+    name_uniquely,
+    unsupported_kind,
+    with_efforts,
+)
+
+
+class Physics:
+    """One PyBullet client with everything in it; a fresh one per run.
+
+    step_ns: length of a physics substep [ns]. params: actuation of joints for which the world has
+    none, and efforts over the world's.
+    joints: all movable ones, in the order of the world's bodies and of their models. fixed: names
+    of those that are not. urdfs: each body's model as it was loaded, in the order of the bodies.
+    Raises WiringError that lists every URDF that cannot be loaded, each with its line. What else is
+    wrong with joints is told by `prepare`, which has to come before the first step.
+    """
+
+    def __init__(self, world: World, step_ns: int, params: Params) -> None:
+        self.client: int = bullet.connect(bullet.DIRECT)
+        self._source = world.source
+        self._efforts = params.effort
+        self._actuation = params.actuation
+        self._problems: list[Problem] = []
+        self.fixed: set[str] = set()
+        self.urdfs: list[bytes] = []
+        try:
+            self._set_up(world, step_ns)
+            found = [
+                (name, joint)
+                for name, body in world.bodies.items()
+                for joint in self._load(name, body, world)
+            ]
+            if any(where[-1] == "urdf" for where, _ in self._problems):
+                world.source.refuse(self._problems)
+            self.joints = name_uniquely(found)
+        except BaseException:
+            self.close()
+            raise
+
+    def prepare(self) -> None:
+        """Give all joints their limits and motors, and put them where they start.
+
+        Raises WiringError that lists every joint that the world file gets wrong, each with its
+        line, or else those that the params do.
+        """
+        self._source.refuse(self._problems)
+        self.joints = with_efforts(self.joints, self._efforts)
+        for joint in self.joints:
+            self._prepare(joint)
+
+    def _set_up(self, world: World, step_ns: int) -> None:
+        # Not needed for repeatability, but it changes the trajectory: set it once, at once.
+        bullet.setPhysicsEngineParameter(
+            deterministicOverlappingPairs=1,
+            numSolverIterations=world.solver_iterations,
+            physicsClientId=self.client,
+        )
+        bullet.setTimeStep(step_ns * 1e-9, physicsClientId=self.client)
+        bullet.setGravity(*world.gravity, physicsClientId=self.client)
+
+    def _load(self, name: str, body: Body, world: World) -> list[Joint]:
+        """Load one body and return its movable joints, with the names their URDF has."""
+        item = world.items.get(name)
+        try:
+            with loadable(Path(body.urdf), None if item is None else item.make) as urdf:
+                number: int = bullet.loadURDF(
+                    str(urdf),
+                    basePosition=body.position,
+                    baseOrientation=bullet.getQuaternionFromEuler(body.orientation_rpy),
+                    useFixedBase=body.fixed_base,
+                    flags=_flags(body, item),
+                    physicsClientId=self.client,
+                )
+                self.urdfs.append(urdf.read_bytes())
+        except bullet.error as exc:
+            self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
+            return []
+        except WiringError as exc:
+            self._problems.append((("bodies", name, "urdf"), str(exc)))
+            return []
+        if world.sleeping:
+            self._let_sleep(number)
+        self._still(number, body)
+        self._let_pass(number, name, body)
+        return self._joints_of(number, name, body)
+
+    def _still(self, number: int, body: Body) -> None:
+        """Take PyBullet's own damping and clamps away, and set the friction of each link."""
+        friction = {
+            f"{key}Friction": value
+            for key in ("lateral", "rolling", "spinning")
+            if (value := getattr(body.friction, key)) is not None
+        }
+        for link in range(-1, self._count(number)):
+            bullet.changeDynamics(
+                number,
+                link,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                physicsClientId=self.client,
+                **friction,
+            )
+        # By default PyBullet cuts every velocity at 100 rad/s, which hides a divergence.
+        bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
+
+    def _let_sleep(self, number: int) -> None:
+        """Let a body sleep once it has come to rest; one with motors would not wake up by them."""
+        if not any(is_movable(info) for info in self._infos(number)):
+            bullet.changeDynamics(
+                number,
+                -1,
+                activationState=bullet.ACTIVATION_STATE_ENABLE_SLEEPING,
+                physicsClientId=self.client,
+            )
+
+    def _let_pass(self, number: int, name: str, body: Body) -> None:
+        """Take away the collisions of the body with itself that its SRDF rules out."""
+        if body.srdf is None:
+            return
+        try:
+            pairs = pairs_without_collision(Path(body.srdf))
+        except WiringError as exc:
+            self._problems.append((("bodies", name, "srdf"), str(exc)))
+            return
+        links = {bullet.getBodyInfo(number, self.client)[0].decode(): -1}
+        links |= {info[12].decode(): info[0] for info in self._infos(number)}
+        unknown = dict.fromkeys(link for pair in pairs for link in pair if link not in links)
+        self._problems += [
+            (
+                ("bodies", name, "srdf"),
+                f"{body.srdf}: link {link!r} is unknown; {nearest(link, links)}",
+            )
+            for link in unknown
+        ]
+        for first, second in pairs:
+            if first not in unknown and second not in unknown:
+                bullet.setCollisionFilterPair(
+                    number, number, links[first], links[second], 0, physicsClientId=self.client
+                )
+
+    def _infos(self, body: int) -> list[Sequence[Any]]:
+        return [bullet.getJointInfo(body, n, self.client) for n in range(self._count(body))]
+
+    def _count(self, body: int) -> int:
+        count: int = bullet.getNumJoints(body, physicsClientId=self.client)
+        return count
+
+    def _joints_of(self, number: int, name: str, body: Body) -> list[Joint]:
+        infos = self._infos(number)
+        joints = [
+            make_joint(number, info, self._settings(info, body), self._actuation)
+            for info in infos
+            if is_movable(info)
+        ]
+        for info in infos:
+            if kind := unsupported_kind(info):
+                text = f"joint {info[1].decode()!r} of {body.urdf} is {kind}; this plant has none"
+                self._problems.append((("bodies", name, "urdf"), text))
+        self.fixed |= {info[1].decode() for info in infos if is_fixed(info)}
+        self._check_joints(name, body, joints)
+        return joints
+
+    def _settings(self, info: Sequence[Any], body: Body) -> JointSettings:
+        return body.joints.get(info[1].decode(), JointSettings()).over(body.joint_defaults)
+
+    def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
+        known = [joint.name for joint in joints]
+        self._problems += [
+            (("bodies", name, "joints", wanted), f"unknown; {nearest(wanted, known)}")
+            for wanted in body.joints
+            if wanted not in known
+        ]
+        for joint in joints:
+            keys = ("joints", joint.name) if joint.name in body.joints else ("joint_defaults",)
+            self._problems += [
+                (("bodies", name, *keys), f"joint {joint.name}: {text}")
+                for text in joint.mistakes()
+            ]
+
+    def _prepare(self, joint: Joint) -> None:
+        """Set the limits, damping and start of a joint, and still its default motor."""
+        limits = {}
+        if math.isfinite(joint.lower):
+            limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
+        bullet.changeDynamics(
+            joint.body,
+            joint.index,
+            jointDamping=joint.damping,
+            physicsClientId=self.client,
+            **limits,
+        )
+        self.put(joint, joint.start, joint.start_velocity)
+        bullet.setJointMotorControl2(
+            joint.body,
+            joint.index,
+            bullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=joint.friction,
+            physicsClientId=self.client,
+        )
+
+    def put(self, joint: Joint, position: float, velocity: float) -> None:
+        """Set position [rad] and velocity [rad/s] of a joint, without regard to forces."""
+        bullet.resetJointState(
+            joint.body, joint.index, position, velocity, physicsClientId=self.client
+        )
+
+    def wake(self, body: int) -> None:
+        """Wake a body up: one that sleeps would stay where it is put, even in the air."""
+        bullet.changeDynamics(
+            body,
+            -1,
+            activationState=bullet.ACTIVATION_STATE_WAKE_UP,
+            physicsClientId=self.client,
+        )
+
+    def read(self, body: int, indices: list[int]) -> Any:
+        """Return PyBullet's (position, velocity, reaction, applied torque) of joints of a body."""
+        return bullet.getJointStates(body, indices, self.client)
+
+    def step(self) -> None:
+        """Advance by one substep.
+
+        Raises PhysicsError when PyBullet does.
+        """
+        try:
+            bullet.stepSimulation(self.client)
+        except bullet.error as exc:
+            raise PhysicsError(f"the physics engine failed: {exc}") from exc
+
+    def close(self) -> None:
+        """Leave the physics engine; harmless when repeated."""
+        if self.client >= 0:
+            bullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+
+def _flags(body: Body, item: Item | None) -> int:
+    # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
+    flags: int = bullet.URDF_USE_INERTIA_FROM_FILE
+    if body.srdf is not None:
+        flags |= bullet.URDF_USE_SELF_COLLISION
+    if not body.visuals:
+        flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
+    if item is not None:
+        # A cylinder made of 32 faces has a margin, and would come to stand 1 mm higher.
+        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
+    return flags
