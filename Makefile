@@ -24,7 +24,7 @@ test-slow: setup
 	@$(PYTHON) -m pytest -m slow || [ $$? -eq 5 ]
 
 chaos: setup
-	@$(PYTHON) -m pytest -m slow tests/test_chaos.py
+	@$(PYTHON) -m pytest -m slow tests/faults/test_chaos.py
 
 check: setup
 	@$(PYTHON) -m ruff format --check .

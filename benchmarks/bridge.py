@@ -23,8 +23,9 @@ from mcap.reader import make_reader
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator import Options, load, run
-from stepbus_orchestrator.timing import StepTiming
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.recording.timing import StepTiming
+from stepbus_orchestrator.run.run_scenario import run
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples/controllers"

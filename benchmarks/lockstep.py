@@ -17,7 +17,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator import Options, Result, load, run
+from stepbus_orchestrator import Options, Result, load
+from stepbus_orchestrator.run.run_scenario import run
 
 HERE = Path(__file__).parent
 STEPS = 4000

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import msgspec
 from mcap.reader import make_reader
 
-from stepbus_orchestrator import Options, load, run
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.run.run_scenario import run
 
 KINDS = ("cola", "juice", "water", "soup")
 _ROW = re.compile(

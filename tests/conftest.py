@@ -6,21 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from stepbus_orchestrator import Options, load, run
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.run.run_scenario import run
 
 ROBOTS = ("cv2", "eaik", "ompl", "toppra", "xacro")
 NEED_ROBOTS = [
-    "test_controller_analytic.py",
-    "test_controller_manipulator.py",
-    "test_controller_path.py",
-    "test_models.py",
-    "test_perception_accuracy.py",
-    "test_perception_detector.py",
-    "test_perception_participant.py",
-    "test_planner_participant.py",
-    "test_planner_run.py",
-    "test_planner_ways.py",
-    "test_store_scene.py",
+    "motion/test_analytic.py",
+    "motion/test_manipulator.py",
+    "motion/test_path.py",
+    "participant/test_models.py",
+    "perception/test_accuracy.py",
+    "perception/test_detector.py",
+    "perception/test_participant.py",
+    "planner/test_participant.py",
+    "planner/test_run.py",
+    "planner/test_ways.py",
+    "scenarios/test_store_scene.py",
 ]
 """Files whose imports need what the extra `robots` installs."""
 

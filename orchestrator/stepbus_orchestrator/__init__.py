@@ -1,10 +1,10 @@
 """The orchestrator: starts participants, drives them in lockstep, records them."""
 
-from .live_file import call
-from .pace import Pace
-from .progress import Observer, Progress
-from .result import Result
-from .run import Options, run
+from .run.live_file import call
+from .run.pace import Pace
+from .run.progress import Observer, Progress
+from .run.result import Result
+from .run.run_scenario import Options
 from .scenario import load
 
-__all__ = ["Observer", "Options", "Pace", "Progress", "Result", "call", "load", "run"]
+__all__ = ["Observer", "Options", "Pace", "Progress", "Result", "call", "load"]

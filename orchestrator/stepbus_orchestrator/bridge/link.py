@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from ..last_words import last_words
+from stepbus_orchestrator.processes.last_error import last_words
+
 from .errors import BridgeError
 from .program import Program
 

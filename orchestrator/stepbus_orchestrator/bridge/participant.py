@@ -9,11 +9,11 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import Config, Description, Participant, RunError, WiringError
 from stepbus_schemas import json_schema
 from stepbus_schemas.schema import not_null
 
-from ..scenario.program import command
 from .link import Framing, Link
 from .program import Program
 

@@ -7,27 +7,25 @@ import sys
 import textwrap
 from collections.abc import Sequence
 
+from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_schemas import StepbusError
 
-from ..errors import ExitCode, RunFailure
-from . import (
-    bridge_command,
-    call_command,
-    conformance_command,
-    describe_command,
-    diff_command,
-    doctor_command,
-    new_command,
-    recover_command,
-    replay_command,
-    rerun_command,
-    run_command,
-    selftest_command,
-    validate_command,
-    verify_command,
-)
 from .command import Command
-from .output import complain, open_closed_streams
+from .participants import bridge as bridge_command
+from .participants import conformance as conformance_command
+from .participants import selftest as selftest_command
+from .recordings import diff as diff_command
+from .recordings import recover as recover_command
+from .recordings import replay as replay_command
+from .recordings import rerun as rerun_command
+from .scenarios import call as call_command
+from .scenarios import describe as describe_command
+from .scenarios import run as run_command
+from .scenarios import validate as validate_command
+from .scenarios import verify as verify_command
+from .setup import doctor as doctor_command
+from .setup import new as new_command
+from .terminal.output import complain, open_closed_streams
 
 _COLUMNS = 79
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from stepbus_orchestrator.scenario.problems import hint
 from stepbus_schemas import WiringError
 
-from ..scenario.problems import hint
 from . import (
     checks_faults,
     checks_forms,

@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from ..errors import Interrupted
+from stepbus_orchestrator.errors import Interrupted
+
 from .kit import Kit
 from .outcome import CheckResult, Failed, Outcome, Skipped
 

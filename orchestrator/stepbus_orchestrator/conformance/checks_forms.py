@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.analysis.compare import differences
+from stepbus_orchestrator.analysis.tolerance import Slack
 from stepbus_schemas import Description, encode, message_class
 
-from ..compare import differences
-from ..tolerance import Slack
 from .check import Check
 from .feeds import edited, plain, reverse, reverse_description, vectors_of
 from .kit import Kit, Trace

@@ -6,9 +6,9 @@ import os
 import time
 from typing import Any
 
+from stepbus_orchestrator.processes.child import Child
 from stepbus_participant.ticket import TICKET_VARIABLE
 
-from ..child import Child
 from .check import Check
 from .kit import Kit
 from .outcome import Failed, Skipped

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import msgspec
 
+from stepbus_orchestrator.run.admission import max_message_bytes
 from stepbus_schemas import Outputs, Start, Stop, Trigger, encode
 
-from ..reception import max_message_bytes
 from .check import Check
 from .feeds import Feed, Ports
 from .kit import Kit

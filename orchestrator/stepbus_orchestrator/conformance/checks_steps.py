@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_schemas import encoding_of
 
-from ..errors import RunFailure
-from ..replay import ReplayResult, replay
 from .check import Check
 from .kit import Kit, step_problem
 from .outcome import Failed, Skipped

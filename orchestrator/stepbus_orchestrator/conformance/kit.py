@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.compare import PortComparison
+from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_schemas import Description
 
-from ..compare import PortComparison
-from ..tolerance import Tolerance
 from .feeds import Feed
 from .material import Material
 from .outcome import Failed, Skipped

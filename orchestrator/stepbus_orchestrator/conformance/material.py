@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.replay.check import recorded_descriptions
+from stepbus_orchestrator.replay.recorded import Recorded
+from stepbus_orchestrator.run.participants import input_descriptions
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.problems import hint
 from stepbus_schemas import Description, WiringError
 
-from ..errors import RunFailure
-from ..reader import Recording
-from ..replay.check import recorded_descriptions
-from ..replay.recorded import Recorded
-from ..roster import input_descriptions
-from ..run import Options, run
-from ..scenario import ParticipantSpec, Scenario
-from ..scenario.problems import hint
 from .feeds import Feed, Ports
 
 _LEAST_STEPS = 24

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
     GREETING_STEP,
     Decoder,
@@ -16,8 +17,6 @@ from stepbus_schemas import (
     Ready,
     message_class,
 )
-
-from ..scenario import ParticipantSpec
 
 _decode_outputs = Decoder(Outputs)
 _decode_log = Decoder(Log)

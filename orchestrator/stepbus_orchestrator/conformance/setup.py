@@ -10,11 +10,10 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.processes.endpoints import Mesh, low_latency, make_mesh
+from stepbus_orchestrator.run.admission import welcome_of
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Envelope, Refusal, Welcome
-
-from ..endpoints import Mesh, low_latency, make_mesh
-from ..reception import welcome_of
-from ..scenario import ParticipantSpec, Scenario
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_schemas import GREETING_STEP, Description, Outputs, Start, Stop, Trigger, encode
 
-from ..replay.recorded import envelope
 from .feeds import Feed, Ports
 from .outcome import Failed
 from .wire import Wire

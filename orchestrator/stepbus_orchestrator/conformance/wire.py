@@ -13,6 +13,11 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Self
 
+from stepbus_orchestrator.errors import BusFailed, Interrupted
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.endpoints import new_token, private_folder
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_participant import BusError
 from stepbus_participant.zenoh_bus import ZenohBus
 from stepbus_schemas import (
@@ -20,11 +25,6 @@ from stepbus_schemas import (
     encoding_of,
 )
 
-from ..child import Child
-from ..endpoints import new_token, private_folder
-from ..errors import BusFailed, Interrupted
-from ..launcher import Launcher
-from ..watchdog import Watchdog
 from .material import Material
 from .outcome import Failed
 from .seen import Ear

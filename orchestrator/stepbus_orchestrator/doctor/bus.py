@@ -8,10 +8,10 @@ from contextlib import closing
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
+from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_participant import BusError, Endpoint
 from stepbus_participant.zenoh_bus import ZenohBus
 
-from ..endpoints import new_token
 from .finding import Finding
 from .machine import free_ports
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.tolerance import read_tolerance
 from stepbus_schemas import StepbusError
 
-from ..tolerance import read_tolerance
 from .execute import replay
 from .result import ReplayResult
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from stepbus_orchestrator.analysis.compare import Divergence, PortComparison, PortResult
+from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.errors import ParticipantFault
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording.recorder import Recorder
+from stepbus_orchestrator.run.deadlines import at
+from stepbus_orchestrator.run.participants import Descriptions
+from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 
-from ..compare import Divergence, PortComparison, PortResult
-from ..deadlines import at
-from ..errors import ParticipantFault
-from ..reader import Recording
-from ..recorder import Recorder
-from ..roster import Descriptions
-from ..scenario import ParticipantSpec
-from ..tolerance import Tolerance
 from .recorded import Track
 
 

@@ -10,25 +10,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.compare import fields_of, in_order
+from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.run.calls import recorded_calls
+from stepbus_orchestrator.run.participants import Member
+from stepbus_orchestrator.run.progress import Observer, Silent
+from stepbus_orchestrator.run.result import TIMING_FILE
+from stepbus_orchestrator.run.supervise import supervise
+from stepbus_orchestrator.scenario import Scenario, Schedule, command, start_command
 from stepbus_participant import Bus, BusError
 from stepbus_participant.zenoh_bus import ZenohBus
 
-from ..calls import recorded_calls
-from ..compare import fields_of, in_order
-from ..endpoints import Mesh, make_mesh, new_token, private_folder
-from ..errors import BusFailed
-from ..launcher import Launcher
-from ..progress import Observer, Silent
-from ..reader import Recording
-from ..result import TIMING_FILE
-from ..roster import Member
-from ..scenario import Scenario, Schedule, command, start_command
-from ..supervise import supervise
-from ..timing import TimingRecorder
-from ..tolerance import Tolerance
 from .check import Check, recorded_descriptions
-from .conductor import Replayer
 from .inputs import inputs_of
+from .loop import Replayer
 from .peers import Peer, Peers
 from .prepare import alone, prepare, shorten
 from .recorded import Recorded

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from ..compare import PortComparison
-from ..reader import Recording
-from ..scenario import ParticipantSpec, Scenario, Schedule
-from ..tolerance import Tolerance
+from stepbus_orchestrator.analysis.compare import PortComparison
+from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
+
 from .result import InputValue
 
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
+from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import Bus
 from stepbus_participant.outbox import stamp
 from stepbus_schemas import GREETING_STEP, Outputs, encode, encoding_of
 
-from ..scenario import ParticipantSpec
 from .recorded import Recorded, envelope
 
 

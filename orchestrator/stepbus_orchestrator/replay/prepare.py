@@ -6,16 +6,16 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from stepbus_orchestrator.processes.endpoints import low_latency
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.run_scenario import SCENARIO_ATTACHMENT
+from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario.document import parse_value
+from stepbus_orchestrator.scenario.problems import hint
 from stepbus_schemas import WiringError
 
-from ..endpoints import low_latency
-from ..reader import Recording
-from ..rerun import origin_of, unpack
-from ..run import SCENARIO_ATTACHMENT
-from ..scenario import Scenario, load
-from ..scenario.document import parse_value
-from ..scenario.problems import hint
 from .recorded import replayable_steps
+from .rerun import origin_of, unpack
 
 _NO_PROGRAM = "[python]"
 

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from stepbus_orchestrator.recording.reader import Entry, Recording
+from stepbus_orchestrator.recording.recorder import CHAIN_TOPIC
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Outputs
-
-from ..reader import Entry, Recording
-from ..recorder import CHAIN_TOPIC
-from ..scenario import ParticipantSpec, Scenario
 
 
 class Track:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import RecordingFailed
-from ..reader import Recording
-from ..recorder import VERSIONS_METADATA, McapFile, Recorder
-from ..run import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT
-from ..scenario import Scenario, Schedule, resolved
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording.recorder import VERSIONS_METADATA, McapFile, Recorder
+from stepbus_orchestrator.run.run_scenario import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT
+from stepbus_orchestrator.scenario import Scenario, Schedule, resolved
 
 
 class Reference:

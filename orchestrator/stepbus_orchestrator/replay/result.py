@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from ..compare import Divergence, PortResult, short
-from ..compare_text import port_lines
+from stepbus_orchestrator.analysis.compare import Divergence, PortResult, short
+from stepbus_orchestrator.analysis.compare_text import port_lines
 
 
 class InputValue(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,10 +9,10 @@ from typing import Any, cast
 
 import msgspec
 
+from stepbus_orchestrator.bridge.formats import FORMATS
 from stepbus_participant.durations import LONGEST_NS, format_duration
 from stepbus_schemas import Description, WiringError, message_class
 
-from ..bridge.formats import FORMATS
 from .faults import Setting, parse_fault
 from .fields import Field
 from .model import (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from stepbus_orchestrator.bridge.formats import raw_mistake
 from stepbus_schemas import WiringError
 
-from ..bridge.formats import raw_mistake
 from .find_files import search_files
 from .model import InputSpec, ParticipantSpec, Scenario
 from .problems import Problems, hint

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
+from stepbus_orchestrator.bridge.formats import bridge_words
 from stepbus_schemas import WiringError
 
-from ..bridge.formats import bridge_words
 from .model import ParticipantSpec
 from .paths import is_file, is_folder
 from .problems import hint

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import msgspec
 
+from stepbus_orchestrator.analysis.signals import Signal, read_signal
+from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.recording.reader import Port, Recording
+from stepbus_orchestrator.run.describe import describe
+from stepbus_orchestrator.run.progress import Observer
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import Description, WiringError
 
-from ..describe import describe
-from ..errors import ExitCode, RunFailure
-from ..progress import Observer
-from ..reader import Port, Recording
-from ..result import Result
-from ..run import Options, run
-from ..scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
-from ..signals import Signal, read_signal
 from .judge import Verdict, better, judge
 from .plan import make_plan, modes_of, read_joints
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from ..signals import Array, Signal
+from stepbus_orchestrator.analysis.signals import Array, Signal
+
 from .plan import TestedJoint, Trial
 
 # How far from its goal a joint may end, and how far another may move meanwhile [rad, m].

@@ -1,0 +1,144 @@
+"""Compares two recordings, port by port."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from stepbus_orchestrator.recording.reader import Entry, Recording
+from stepbus_orchestrator.recording.recorder import CHAIN_TOPIC
+
+from .compare import Divergence, PortComparison, PortResult, fields_of, in_order
+from .compare_text import port_lines
+from .tolerance import Tolerance
+
+T = TypeVar("T")
+
+
+class Diff(msgspec.Struct, frozen=True, kw_only=True):
+    """What comparing two recordings came to.
+
+    equal: whether both have the same ports with the same messages, within the tolerance. ports:
+    by the step of their first divergence; equal ones come last. divergence: the first one.
+    only_first, only_second: topics that one of them lacks. steps: newest step of each; −1 without
+    a message. notes: what else is different: attachments, versions, descriptions, damage.
+    """
+
+    first: str
+    second: str
+    equal: bool
+    divergence: Divergence | None
+    ports: Sequence[PortResult]
+    only_first: Sequence[str]
+    only_second: Sequence[str]
+    steps: tuple[int, int]
+    notes: Sequence[str]
+
+    def text(self) -> str:
+        """Return it in lines, the first divergence first."""
+        return "\n".join([*self._headline(), *self._ports(), *self.notes])
+
+    def _headline(self) -> Iterator[str]:
+        count = sum(port.equal + port.within for port in self.ports)
+        if self.equal:
+            yield f"equal: {count} messages on {len(self.ports)} ports"
+        elif self.divergence is not None:
+            yield f"first divergence: {self.divergence.text()}"
+        if self.steps[0] != self.steps[1]:
+            yield f"the first ends at step {self.steps[0]}, the second at step {self.steps[1]}"
+        for side, topics in (("first", self.only_first), ("second", self.only_second)):
+            if topics:
+                yield f"only in the {side}: {', '.join(topics)}"
+
+    def _ports(self) -> Iterator[str]:
+        for port in self.ports:
+            yield from port_lines(port, "first", "second", self.divergence)
+
+
+def diff(first: Path, second: Path, tolerance: Tolerance | None = None) -> Diff:
+    """Compare the messages of two recordings, which may be of different length or cut off.
+
+    Raises RecordingFailed when one cannot be read, WiringError when the tolerance names a port or
+    field that neither has.
+    """
+    one, other = Recording.open(first), Recording.open(second)
+    tolerance = tolerance or Tolerance()
+    known = {topic: fields_of(port.type) for r in (one, other) for topic, port in r.ports.items()}
+    tolerance.check(known)
+    # Their chains sum up what the messages say, and differ wherever they do.
+    topics = [topic for topic in one.ports if topic in other.ports and topic != CHAIN_TOPIC]
+    ports = in_order([_compare(topic, one, other, tolerance) for topic in topics])
+    only_first, only_second = _missing(one, other), _missing(other, one)
+    divergence = ports[0].divergence if ports else None
+    return Diff(
+        first=str(first),
+        second=str(second),
+        equal=not (divergence or only_first or only_second),
+        divergence=divergence,
+        ports=ports,
+        only_first=only_first,
+        only_second=only_second,
+        steps=(_newest(one), _newest(other)),
+        notes=list(_notes(one, other, topics)),
+    )
+
+
+def _missing(one: Recording, other: Recording) -> list[str]:
+    return [topic for topic in one.ports if topic not in other.ports and topic != CHAIN_TOPIC]
+
+
+def _newest(recording: Recording) -> int:
+    return max((entries[-1].step for entries in recording.entries.values() if entries), default=-1)
+
+
+def _compare(topic: str, one: Recording, other: Recording, tolerance: Tolerance) -> PortResult:
+    comparison = PortComparison(topic, one.ports[topic].type, tolerance)
+    for step, first, second in merged(one.entries[topic], other.entries[topic]):
+        comparison.take(step, first, second)
+    return comparison.result()
+
+
+def merged(
+    first: Sequence[Entry], second: Sequence[Entry]
+) -> Iterator[tuple[int, bytes | None, bytes | None]]:
+    """Yield (step, data of the first, data of the second), None where one has no message."""
+    at_first = at_second = 0
+    while at_first < len(first) and at_second < len(second):
+        one, other = first[at_first], second[at_second]
+        if one.step == other.step:
+            yield one.step, one.data, other.data
+        elif one.step < other.step:
+            yield one.step, one.data, None
+        else:
+            yield other.step, None, other.data
+        at_first += one.step <= other.step
+        at_second += other.step <= one.step
+    for entry in first[at_first:]:
+        yield entry.step, entry.data, None
+    for entry in second[at_second:]:
+        yield entry.step, None, entry.data
+
+
+def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[str]:
+    for recording in (one, other):
+        if recording.damage:
+            yield f"{recording.path} is damaged: {recording.damage}"
+    for topic in topics:
+        a, b = one.ports[topic], other.ports[topic]
+        if a.type != b.type:
+            yield f"{topic}: the first is {a.type}, the second {b.type}"
+        if a.description != b.description:
+            yield f"{topic}: the descriptions differ (names, units or limits)"
+    yield from _contents("attachment", one.attachments, other.attachments)
+    yield from _contents("metadata", one.metadata, other.metadata)
+
+
+def _contents(what: str, one: Mapping[str, T], other: Mapping[str, T]) -> Iterator[str]:
+    for name in dict.fromkeys((*one, *other)):
+        if name not in other or name not in one:
+            yield f"{what} {name} is only in the {'first' if name in one else 'second'}"
+        elif one[name] != other[name]:
+            yield f"{what} {name} differs"

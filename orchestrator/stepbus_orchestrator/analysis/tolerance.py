@@ -1,0 +1,165 @@
+"""How far two messages may be apart and still count as equal: by port and field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stepbus_orchestrator.scenario.document import read_document
+from stepbus_orchestrator.scenario.fields import Field
+from stepbus_orchestrator.scenario.problems import Problems, hint, show
+from stepbus_schemas import WiringError
+
+ANY = "*"
+"""Stands for every port, or for every field of a port."""
+
+IGNORE = "ignore"
+_FIELD_KEYS = ("abs", "rel")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slack:
+    """How far two values of one field may be apart: |a − b| ≤ abs + rel · |a|, a the recorded.
+
+    ignore: any two values are equal. NaN equals NaN, and an infinity only itself.
+    """
+
+    abs: float = 0.0
+    rel: float = 0.0
+    ignore: bool = False
+
+    def allows(self, recorded: float, other: float) -> bool:
+        """Return whether two numbers count as equal."""
+        if self.ignore or recorded == other:
+            return True
+        if math.isnan(recorded) or math.isnan(other):
+            return math.isnan(recorded) and math.isnan(other)
+        if math.isinf(recorded) or math.isinf(other):
+            return False
+        return abs(recorded - other) <= self.abs + self.rel * abs(recorded)
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """The slack of fields: (topic such as `controller/command`, field) → slack; `*` for any.
+
+    What is not in it has to be equal to the byte. The more exact of two entries holds: one for
+    the topic before one for any, then one for the field before one for any.
+    """
+
+    rules: Mapping[tuple[str, str], Slack] = field(default_factory=dict)
+
+    def slack(self, topic: str, name: str) -> Slack | None:
+        """Return the slack of a field; None where it has to be equal to the bit."""
+        keys = ((topic, name), (topic, ANY), (ANY, name), (ANY, ANY))
+        return next((self.rules[key] for key in keys if key in self.rules), None)
+
+    def concerns(self, topic: str) -> bool:
+        """Return whether anything of a topic may differ."""
+        return any(named in {topic, ANY} for named, _ in self.rules)
+
+    def __or__(self, other: Tolerance) -> Tolerance:
+        """Return both together; where both name a field, the abs and rel of `other` hold."""
+        return Tolerance({**self.rules, **other.rules})
+
+    def check(self, fields: Mapping[str, Sequence[str]]) -> None:
+        """Raise WiringError for every topic and field that nobody has. fields: by topic."""
+        mistakes = [m for key in self.rules for m in _mistakes(*key, fields)]
+        if mistakes:
+            raise WiringError("\n".join(mistakes))
+
+
+def _mistakes(topic: str, name: str, fields: Mapping[str, Sequence[str]]) -> Iterable[str]:
+    if topic not in {*fields, ANY}:
+        yield f"tolerance: no channel {topic!r} in the recording{hint(topic, fields)}"
+        return
+    known = fields[topic] if topic != ANY else [n for names in fields.values() for n in names]
+    if name not in {*known, ANY}:
+        where = "in any channel" if topic == ANY else f"in {topic}"
+        yield f"tolerance: no field {name!r} {where}{hint(name, known)}"
+
+
+def read_tolerance(path: Path) -> Tolerance:
+    """Read a YAML file such as `controller/command: {values: {abs: 1e-9}, mode: ignore}`.
+
+    Raises ScenarioError that lists every mistake with its line.
+    """
+    document = read_document(path, "a tolerance file is a map from topics to fields")
+    problems = Problems(document.file, document.places, document.problems)
+    rules: dict[tuple[str, str], Slack] = {}
+    for topic in Field(document.data, (), problems).children():
+        if topic.value == IGNORE:
+            rules[topic.name, ANY] = Slack(ignore=True)
+        elif isinstance(topic.value, dict):
+            rules |= {(topic.name, item.name): _slack(item) for item in topic.children()}
+        else:
+            topic.wrong(f"must be {IGNORE!r} or a map of fields, not {show(topic.value)}")
+    problems.refuse()
+    return Tolerance(rules)
+
+
+def _slack(item: Field) -> Slack:
+    if item.value == IGNORE:
+        return Slack(ignore=True)
+    if not isinstance(item.value, dict):
+        item.wrong(f"must be {IGNORE!r} or {{abs: …, rel: …}}, not {show(item.value)}")
+        return Slack()
+    item.check_keys(_FIELD_KEYS)
+    return Slack(abs=_number(item["abs"]), rel=_number(item["rel"]))
+
+
+def _number(item: Field) -> float:
+    value = item.value
+    if item.absent:
+        return 0.0
+    if isinstance(value, int | float) and not isinstance(value, bool) and _is_slack(value):
+        return float(value)
+    item.wrong(f"must be a finite number from 0 on, not {show(value)}")
+    return 0.0
+
+
+def _is_slack(value: float) -> bool:
+    return math.isfinite(value) and value >= 0
+
+
+def parse_tolerance(
+    absolute: Iterable[str], relative: Iterable[str], ignored: Iterable[str], participant: str = ""
+) -> Tolerance:
+    """Return the tolerance of command line options such as `command.values=1e-9`.
+
+    absolute, relative: `[PORT[.FIELD]=]NUMBER`. ignored: `PORT[.FIELD]`. A port is a topic such as
+    `controller/command`, or a port of `participant`. Raises WiringError for one that is none.
+    """
+    slacks: dict[tuple[str, str], dict[str, float]] = {}
+    for option, settings in (("abs", absolute), ("rel", relative)):
+        for setting in settings:
+            target, _, number = setting.rpartition("=")
+            value = _parsed(f"--{option} {setting}", number)
+            slacks.setdefault(_target(target, participant), {})[option] = value
+    rules = {
+        key: Slack(abs=found.get("abs", 0.0), rel=found.get("rel", 0.0))
+        for key, found in slacks.items()
+    }
+    rules |= {_target(target, participant): Slack(ignore=True) for target in ignored}
+    return Tolerance(rules)
+
+
+def _parsed(option: str, number: str) -> float:
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not _is_slack(value):
+        raise WiringError(
+            f"{option}: {number!r} is no finite number from 0 on; "
+            "write [PORT[.FIELD]=]NUMBER, e.g. command.values=1e-9"
+        )
+    return value
+
+
+def _target(text: str, participant: str) -> tuple[str, str]:
+    port, _, name = text.partition(".")
+    topic = port if "/" in port or not participant else f"{participant}/{port}"
+    return (topic if port else ANY), name or ANY

@@ -1,0 +1,138 @@
+"""Runs a scenario again and again under other circumstances; the recordings must be equal."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from stepbus_orchestrator.processes.delays import Delays
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Transport
+
+WINDOWS = (1, 2, 8, 64)
+TRANSPORTS: tuple[Transport, ...] = ("tcp", "unix")
+
+
+class Trial(msgspec.Struct, frozen=True, kw_only=True):
+    """The circumstances of one run, none of which may change its result.
+
+    number: from 1 on. start_order: names of the participants. delayed: whether they are held up
+    at random while they run.
+    """
+
+    number: int
+    window: int
+    transport: Transport
+    start_order: tuple[str, ...]
+    delayed: bool
+
+
+class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+    """What one trial came to. delays: how often a participant was held up."""
+
+    trial: Trial
+    result: Result
+    delays: int
+
+    @property
+    def steps_per_s(self) -> float:
+        """Return how many steps were done per second of wall time; 0 where none was."""
+        return self.result.steps / self.result.wall_s if self.result.wall_s else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """All trials that were run: up to the first that failed or differed from the first.
+
+    outcomes: in their order, at least one.
+    """
+
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def failed(self) -> Outcome | None:
+        """Return the trial that failed, if one did."""
+        last = self.outcomes[-1]
+        return last if last.result.exit_code else None
+
+    @property
+    def different(self) -> tuple[Outcome, Outcome] | None:
+        """Return the first trial and the one that differs from it, if one does."""
+        first, last = self.outcomes[0], self.outcomes[-1]
+        if self.failed or first.result.sha256 == last.result.sha256:
+            return None
+        return first, last
+
+
+def plan(scenario: Scenario, count: int, seed: int) -> list[Trial]:
+    """Return `count` trials: the scenario as it is, then shuffled starts, delays, other windows.
+
+    Windows and transports take turns, so that each pair of them comes once in eight trials.
+    """
+    names = tuple(spec.name for spec in scenario.participants)
+    generator = np.random.default_rng(seed)
+    plain = Trial(
+        number=1,
+        window=scenario.window,
+        transport=scenario.bus.transport,
+        start_order=names,
+        delayed=False,
+    )
+    others = [
+        Trial(
+            number=index + 2,
+            window=WINDOWS[index % 4],
+            transport=TRANSPORTS[(index + index // 4) % 2],
+            start_order=tuple(names[at] for at in generator.permutation(len(names))),
+            delayed=True,
+        )
+        for index in range(count - 1)
+    ]
+    return [plain, *others]
+
+
+def verify(
+    scenario: Scenario,
+    trials: list[Trial],
+    folder: Path,
+    *,
+    seed: int,
+    on_outcome: Callable[[Outcome], None],
+    interrupt: threading.Event | None = None,
+) -> Verification:
+    """Run trials until one fails or differs from the first.
+
+    folder: gets a folder for each run, named by its number. seed: of the delays. on_outcome: is
+    told of each trial. interrupt: ends the run that is going on, as a failure.
+    """
+    outcomes: list[Outcome] = []
+    for trial in trials:
+        outcomes.append(_attempt(scenario, trial, folder / str(trial.number), seed, interrupt))
+        on_outcome(outcomes[-1])
+        found = Verification(outcomes=tuple(outcomes))
+        if found.failed or found.different:
+            break
+    return Verification(outcomes=tuple(outcomes))
+
+
+def _attempt(
+    scenario: Scenario, trial: Trial, out: Path, seed: int, interrupt: threading.Event | None
+) -> Outcome:
+    changed = dataclasses.replace(
+        scenario,
+        window=trial.window,
+        batch=scenario.batch if trial.number == 1 else max(1, trial.window // 2),
+        bus=dataclasses.replace(scenario.bus, transport=trial.transport),
+    )
+    delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
+    options = Options(out=out, start_order=trial.start_order, around=delays.around)
+    result = run(changed, options, interrupt=interrupt)
+    return Outcome(trial=trial, result=result, delays=sum(delays.counts.values()))

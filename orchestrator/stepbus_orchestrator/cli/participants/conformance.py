@@ -1,0 +1,146 @@
+"""`stepbus conformance`: check a program against the protocol."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.conformance import CHECKS, CheckResult, Report, conformance, select
+from stepbus_orchestrator.conformance.junit import write_junit
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.scenario import load
+
+_FORMATS = ("json", "msgpack", "raw")
+_STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "program",
+        nargs="*",
+        metavar="-- PROGRAM",
+        help="command line of the program, started in the current folder (default: that of the "
+        "scenario)",
+    )
+    parser.add_argument("--bridge", choices=_FORMATS, help="start it through `stepbus bridge`")
+    parser.add_argument(
+        "--scenario", default="two_link", help="whose ports are played (default: two_link)"
+    )
+    parser.add_argument(
+        "--participant", default="controller", metavar="NAME", help="default: controller"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="override one value of the scenario, e.g. controller.step_timeout=10s",
+    )
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help="one check; may be repeated"
+    )
+    parser.add_argument("--list", action="store_true", help="list the checks and start nothing")
+    parser.add_argument("--logs", type=Path, metavar="FOLDER", help="keep the program's logs")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    if args.list:
+        return _list(args)
+    scenario = load(args.scenario, args.set)
+    checks = select(args.only)
+    with interruptible() as interrupt:
+        report = conformance(
+            scenario,
+            args.participant,
+            args.program,
+            bridge=args.bridge,
+            checks=checks,
+            logs=args.logs,
+            on_result=_silent if args.json else _Display(),
+            interrupt=interrupt,
+        )
+    if args.junit is not None:
+        write_junit(report, args.junit)
+    if args.json:
+        say_json({"conforms": report.conforms, "report": report})
+    else:
+        _conclude(report)
+    return ExitCode.FINISHED if report.conforms else ExitCode.NONCONFORMING
+
+
+def _list(args: argparse.Namespace) -> int:
+    checks = select(args.only)
+    if args.json:
+        say_json([{"name": c.name, "clause": c.clause, "summary": c.summary} for c in checks])
+        return ExitCode.FINISHED
+    for check in checks:
+        summary = check.summary.replace("`", "")
+        say(f"{check.name:20} {check.clause:6} {summary}")
+    return ExitCode.FINISHED
+
+
+def _silent(_result: CheckResult) -> None:
+    """Say nothing; the JSON says all."""
+
+
+class _Display:
+    """Shows each result as it comes: a row of a table in a terminal, else a plain line."""
+
+    def __init__(self) -> None:
+        self._console = Console()
+
+    def __call__(self, result: CheckResult) -> None:
+        if not self._console.is_terminal:
+            say(f"{result.outcome:8} {result.name} ({result.clause}): {result.seen}")
+            return
+        self._console.print(_row(result))
+
+
+def _row(result: CheckResult) -> Table:
+    row = Table.grid(padding=(0, 1), expand=True)
+    for width in (7, 19, 6):
+        row.add_column(width=width, no_wrap=True)
+    row.add_column(ratio=1)
+    style = _STYLES[result.outcome]
+    row.add_row(f"[{style}]{result.outcome}[/]", result.name, result.clause, _escaped(result.seen))
+    return row
+
+
+def _escaped(text: str) -> str:
+    return text.replace("[", "\\[")
+
+
+def _conclude(report: Report) -> None:
+    counts = [f"{report.count('pass')} passed", f"{report.count('fail')} failed"]
+    counts.append(f"{report.count('skipped')} skipped")
+    verdict = "conforms" if report.conforms else "does not conform"
+    say(
+        f"{report.participant} {verdict} to protocol 1: {', '.join(counts)} of "
+        f"{len(report.checks)} checks in {report.wall_s:.0f} s"
+    )
+
+
+COMMAND = Command(
+    name="conformance",
+    summary="check a program against the protocol",
+    description="Plays orchestrator and peers to one participant, over the real bus, and checks "
+    f"what it does: {len(CHECKS)} checks, each of a clause of docs/protocol.md. The program is "
+    "started anew for each. Exits with 0 when none fails, with 11 when one does.",
+    examples=(
+        "stepbus conformance -- ./my_controller",
+        "stepbus conformance --bridge json -- node controller.mjs",
+        "stepbus conformance --only windows --only determinism -- ./my_controller",
+        "stepbus conformance --scenario my/scenario.yaml --participant plant",
+        "stepbus conformance --list",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,45 @@
+"""`stepbus diff`: compare two recordings."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.errors import ExitCode
+
+from .tolerance_arguments import add_tolerance_arguments, tolerance_of
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("first", type=Path, help="a recording")
+    parser.add_argument("second", type=Path, help="another recording")
+    add_tolerance_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    found = diff(args.first, args.second, tolerance_of(args))
+    if args.json:
+        say_json(found)
+    else:
+        say(found.text())
+    return ExitCode.FINISHED if found.equal else ExitCode.DIFFERENT
+
+
+COMMAND = Command(
+    name="diff",
+    summary="compare two recordings, port by port",
+    description="Compares the messages of two recordings, which may be of different length or cut "
+    "off: to the byte, or within a tolerance. Shows the first difference first. PORT is a topic "
+    "such as controller/command. Exits with 0 when they are equal, else with 10.",
+    examples=(
+        "stepbus diff runs/a/run.mcap runs/b/run.mcap",
+        "stepbus diff a.mcap b.mcap --abs controller/command.values=1e-9",
+        "stepbus diff a.mcap b.mcap --tolerance tolerance.yaml --json",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,82 @@
+"""`stepbus recover`: make a whole recording of one that is cut off or spoilt."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.recording.recover import Recovery, recover
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, help="the MCAP file to read")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--out", type=Path, help="the file to write (default: <recording>.recovered.mcap)"
+    )
+    where.add_argument("--in-place", action="store_true", help="replace the file that was read")
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    source: Path = args.recording
+    target = args.out or source.with_name(f"{source.stem}.recovered.mcap")
+    recovery = recover(source, source if args.in_place else target, in_place=args.in_place)
+    if args.json:
+        say_json({**_fields(recovery), "missing_steps": recovery.missing_steps})
+    else:
+        for line in _lines(recovery):
+            say(line)
+    return 0
+
+
+def _fields(recovery: Recovery) -> dict[str, object]:
+    return {name: _plain(value) for name, value in vars(recovery).items()}
+
+
+def _plain(value: object) -> object:
+    return str(value) if isinstance(value, Path) else value
+
+
+def _lines(recovery: Recovery) -> list[str]:
+    """Return what was saved and what was lost, in sentences."""
+    kept = f"{recovery.messages} messages up to step {recovery.last_step}"
+    lines = [
+        f"{recovery.source}: {recovery.damage or 'undamaged'}",
+        (
+            f"kept {kept if recovery.messages else 'no messages'}; attachments: "
+            f"{recovery.attachments}, metadata records: {recovery.metadata}"
+        ),
+    ]
+    if recovery.damage:
+        lines.append(_loss(recovery))
+    return [*lines, f"wrote {recovery.target}"]
+
+
+def _loss(recovery: Recovery) -> str:
+    if recovery.only_index_lost:
+        return f"lost nothing but the index ({recovery.lost_bytes} bytes), which was made anew"
+    lost = f"lost the {recovery.lost_bytes} bytes from byte {recovery.kept_bytes} on"
+    if recovery.planned_steps is None:
+        return lost
+    return (
+        f"{lost}; {recovery.missing_steps} of the scenario's {recovery.planned_steps} steps "
+        "are missing"
+    )
+
+
+COMMAND = Command(
+    name="recover",
+    summary="make a whole recording of one that is cut off or spoilt",
+    description="Reads an MCAP file up to its first damaged record and writes all of it to a new "
+    "file, with its attachments, metadata and a new index. Says what was lost.",
+    examples=(
+        "stepbus recover runs/two_link-20250101-120000/run.mcap",
+        "stepbus recover broken.mcap --out fixed.mcap",
+        "stepbus recover broken.mcap --in-place",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,113 @@
+"""`stepbus replay`: one participant against its recording."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import msgspec
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.replay import WINDOW, ReplayResult, replay
+from stepbus_schemas import WiringError
+
+from .tolerance_arguments import add_tolerance_arguments, tolerance_of
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, help="the run.mcap of a run")
+    parser.add_argument("--participant", required=True, metavar="NAME", help="whom to start")
+    add_tolerance_arguments(parser)
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="override one value of the recorded scenario, e.g. controller.params.kp=101",
+    )
+    parser.add_argument(
+        "--update", type=Path, metavar="OUT.mcap", help="write a new reference recording"
+    )
+    parser.add_argument(
+        "--window",
+        type=_window,
+        default=WINDOW,
+        help=f"steps its peers are played ahead of it (default: {WINDOW})",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+    parser.add_argument(
+        "--exec",
+        nargs=argparse.REMAINDER,
+        metavar="PROGRAM",
+        help="another program than the recorded one: all that follows is its command line; it is "
+        "started in the current folder",
+    )
+
+
+def _window(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of steps, at least 1")
+    return int(text)
+
+
+def _execute(args: argparse.Namespace) -> int:
+    if args.exec == []:
+        raise WiringError("--exec: the program is missing; write it last, with its arguments")
+    result = _replay(args)
+    if args.json:
+        say_json({**msgspec.structs.asdict(result), "steps_per_s": result.steps_per_s})
+    else:
+        _conclude(result)
+    return ExitCode.FINISHED if result.equal else ExitCode.DIFFERENT
+
+
+def _replay(args: argparse.Namespace) -> ReplayResult:
+    tolerance = tolerance_of(args, args.participant)
+    display = None if args.json else make_display(f"replay of {args.participant}")
+    try:
+        with interruptible() as interrupt:
+            return replay(
+                args.recording,
+                args.participant,
+                program=args.exec,
+                overrides=args.set,
+                tolerance=tolerance,
+                update=args.update,
+                window=args.window,
+                observer=display,
+                interrupt=interrupt,
+            )
+    finally:
+        if display is not None:
+            display.close()
+
+
+def _conclude(result: ReplayResult) -> None:
+    say(result.text())
+    say(f"wall time {result.wall_s:.2f} s ({result.steps_per_s:.0f} steps/s)")
+    if result.updated is not None:
+        replaced = sum(port.within + port.different for port in result.ports)
+        say(f"wrote {result.updated}: {replaced} messages of {result.participant} are new")
+
+
+COMMAND = Command(
+    name="replay",
+    summary="run one participant against its recording and compare",
+    description="Starts one participant of a recorded run, as it was recorded or another program, "
+    "feeds it exactly the recorded inputs in lockstep, and compares each of its outputs with the "
+    "recorded one: to the byte, or within a tolerance. Shows the first divergent step with its "
+    "inputs. Exits with 0 when all are equal, with 10 when not. A recording contains programs: "
+    "replay only one you trust.",
+    examples=(
+        "stepbus replay run.mcap --participant controller",
+        "stepbus replay run.mcap --participant controller --set controller.params.kp=101",
+        "stepbus replay run.mcap --participant controller --abs 1e-9 --exec ./my_controller",
+        "stepbus replay run.mcap --participant controller --update new.mcap",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,107 @@
+"""`stepbus rerun`: run again from nothing but a recording."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from stepbus_orchestrator.analysis.diff import Diff, diff
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.replay.rerun import Preparation, Rerun
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, help="the run.mcap of a run")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="override one value, e.g. window=1; may be repeated",
+    )
+    parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    preparation = Preparation(args.recording, args.out or _default(args.recording), args.set)
+    if not args.json:
+        _warn(preparation.notes)
+    rerun = _run(preparation, quiet=args.json)
+    found = None if rerun.equal else diff(rerun.recording, rerun.result.recording)
+    if args.json:
+        say_json(_fields(rerun, found))
+    else:
+        _warn(rerun.notes[len(preparation.notes) :])
+        _conclude(rerun, found)
+    if rerun.result.exit_code:
+        return rerun.result.exit_code
+    return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
+
+
+def _default(recording: Path) -> Path:
+    """Return a new folder in runs/, named after the recorded run and numbered."""
+    path = recording.absolute()
+    stem = f"{path.parent.name if path.name == 'run.mcap' else path.stem}-rerun"
+    names = [stem, *(f"{stem}-{number}" for number in range(2, 1000))]
+    return next(Path("runs") / name for name in names if not (Path("runs") / name).exists())
+
+
+def _warn(notes: Sequence[str]) -> None:
+    for note in notes:
+        say(f"note: {note}")
+
+
+def _run(preparation: Preparation, *, quiet: bool) -> Rerun:
+    display = None if quiet else make_display(preparation.scenario.name)
+    try:
+        with interruptible() as interrupt:
+            return preparation.run(display, interrupt)
+    finally:
+        if display is not None:
+            display.close()
+
+
+def _conclude(rerun: Rerun, found: Diff | None) -> None:
+    result = rerun.result
+    if result.exit_code:
+        complain(result.reason)
+    if found is None:
+        say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
+    elif found.equal:
+        say(f"{result.steps} steps, every message as recorded; only the notes above differ")
+    else:
+        say(f"{rerun.recording} and {result.recording} differ:\n{found.text()}")
+    say(f"recording {result.recording}")
+
+
+def _fields(rerun: Rerun, found: Diff | None) -> dict[str, object]:
+    return {
+        "equal": rerun.equal,
+        "messages_equal": found is None or found.equal,
+        "diff": found,
+        "notes": rerun.notes,
+        "recorded_sha256": rerun.recorded_sha256,
+        "result": rerun.result,
+    }
+
+
+COMMAND = Command(
+    name="rerun",
+    summary="run again from nothing but a recording",
+    description="Takes the scenario and its files out of a recording into <out>/source, runs "
+    "them, and says whether the new recording is equal to the byte. Notes what is different on "
+    "this machine. Exits with 0 when every message is equal, else with 10. A recording contains "
+    "programs: run only one you trust.",
+    examples=(
+        "stepbus rerun runs/two_link-20250101-120000/run.mcap",
+        "stepbus rerun run.mcap --set window=1 --out /tmp/again",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,31 @@
+"""Options that say how far two messages may be apart."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stepbus_orchestrator.analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
+
+
+def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a comparison."""
+    slack, where = "[PORT[.FIELD]=]NUMBER", "PORT[.FIELD]"
+    parser.add_argument(
+        "--abs", action="append", default=[], metavar=slack, help="absolute tolerance, e.g. 1e-9"
+    )
+    parser.add_argument(
+        "--rel", action="append", default=[], metavar=slack, help="relative tolerance"
+    )
+    parser.add_argument(
+        "--ignore", action="append", default=[], metavar=where, help="a port or field to leave out"
+    )
+    parser.add_argument(
+        "--tolerance", type=Path, metavar="FILE", help="YAML file of tolerances (docs/replay.md)"
+    )
+
+
+def tolerance_of(args: argparse.Namespace, participant: str = "") -> Tolerance:
+    """Return the tolerance of the options, those of the command line on top of the file's."""
+    from_file = Tolerance() if args.tolerance is None else read_tolerance(args.tolerance)
+    return from_file | parse_tolerance(args.abs, args.rel, args.ignore, participant)

@@ -1,0 +1,79 @@
+"""`stepbus call`: ask a participant of a run that goes on, from a second terminal."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.run.live_file import call
+from stepbus_orchestrator.scenario.document import parse_value
+from stepbus_participant.settings import nearest
+from stepbus_schemas import WiringError
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", type=Path, help="folder of a run that goes on")
+    parser.add_argument(
+        "participant",
+        nargs="?",
+        default="",
+        help="whom to ask; without it, lists what can be asked",
+    )
+    parser.add_argument("verb", nargs="?", default="", help="what to ask")
+    parser.add_argument("args", nargs="*", metavar="ARG", help="arguments, as YAML values")
+    parser.add_argument("--json", action="store_true", help="print the answer as JSON only")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    if not args.verb:
+        _list(call(args.run).value, args.participant, as_json=args.json)
+        return 0
+    values = [parse_value(text, text) for text in args.args]
+    reply = call(args.run, args.participant, args.verb, values)
+    if args.json:
+        say_json({"step": reply.step, "value": reply.value})
+    else:
+        say(msgspec.json.encode(reply.value).decode())
+    return 0
+
+
+def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json: bool) -> None:
+    if participant and participant not in offered:
+        who = nearest(participant, offered) if offered else "nobody in this run does"
+        raise WiringError(f"{participant!r} answers no calls; {who}")
+    rows = {name: verbs for name, verbs in offered.items() if participant in {"", name}}
+    if as_json:
+        say_json(rows)
+        return
+    table = Table(box=None, pad_edge=False)
+    for column in ("participant", "call", "arguments and answer", "changes the run"):
+        table.add_column(column, overflow="fold")
+    for name, verbs in rows.items():
+        for verb, item in verbs.items():
+            table.add_row(name, verb, escape(item["help"]), "yes" if item["changes"] else "")
+    Console().print(table)
+
+
+COMMAND = Command(
+    name="call",
+    summary="ask a participant of a run that goes on",
+    description="Asks a participant something while its run goes on, from a second terminal. It "
+    "answers between two steps, without any effect on the result; a call that changes something is "
+    "recorded with its step, and done again by rerun and replay.",
+    examples=(
+        "stepbus call runs/two_link-20260101-120000",
+        "stepbus call runs/two_link-20260101-120000 plant joint_position joint1",
+        "stepbus call runs/two_link-20260101-120000 plant set_joint_position joint1 0.5",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,157 @@
+"""`stepbus run`: run a scenario, watch it, and say what came of it."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import nullcontext
+from pathlib import Path
+
+from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
+from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.terminal.keys import has_terminal, steered
+from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.run.pace import Pace
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, default_folder, run
+from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_schemas import WiringError
+
+# So many warnings stand in the summary; all of them were shown when they came.
+_MOST_WARNINGS = 10
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument("--out", type=Path, help="folder of this run (default: runs/<name>-<time>)")
+    parser.add_argument("--window", type=int, help="steps in flight; 1: synchronous mode")
+    parser.add_argument("--transport", choices=("unix", "tcp"), help="how processes are linked")
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="FAULT",
+        help="inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or "
+        "'random 3 seed 1'; may be repeated (docs/faults.md)",
+    )
+    parser.add_argument(
+        "--debug",
+        action="append",
+        default=[],
+        metavar="PARTICIPANT",
+        help="give a participant this terminal and no deadline, so that it can run in a debugger",
+    )
+    parser.add_argument(
+        "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
+    )
+    parser.add_argument("--no-report", action="store_true", help="make no report.png")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _overrides(args: argparse.Namespace) -> list[str]:
+    """Return all overrides, those with an option of their own included."""
+    extra = []
+    if args.window is not None:
+        extra += [f"window={args.window}", f"batch={max(1, args.window // 2)}"]
+    if args.transport is not None:
+        extra.append(f"bus.transport={args.transport}")
+    return [*args.set, *extra]
+
+
+def _execute(args: argparse.Namespace) -> int:
+    scenario = load(args.scenario, _overrides(args), args.fault)
+    if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
+        raise WiringError(
+            "--pause-at needs a terminal whose keys let the run go on; it goes with neither "
+            "--json nor --debug"
+        )
+    out = args.out or default_folder(scenario, Path("runs"))
+    pace = Pace(args.pause_at)
+    options = Options(out=out, pace=pace, debug=args.debug)
+    result = _run(scenario, options, pace, quiet=args.json)
+    lines = [] if args.no_report else _report(result)
+    if args.json:
+        say_json(result)
+    else:
+        _summarise(result, lines)
+    return result.exit_code
+
+
+def _run(scenario: Scenario, options: Options, pace: Pace, *, quiet: bool) -> Result:
+    """Run with a display; Ctrl-C and SIGTERM end the run cleanly, keys steer it."""
+    display = None if quiet else make_display(scenario.name, plain=bool(options.debug))
+    try:
+        with interruptible() as interrupt:
+            # Whoever is debugged reads the keys.
+            keys = nullcontext() if quiet or options.debug else steered(pace, interrupt)
+            with keys:
+                return run(scenario, options, display, interrupt)
+    finally:
+        if display is not None:
+            display.close()
+
+
+def _report(result: Result) -> list[str]:
+    """Make the plots and return what the summary says of the recording."""
+    if not result.recording.exists() or result.steps == 0:
+        return []
+    # It loads matplotlib, which takes longer than to start a run.
+    from stepbus_orchestrator.report.report import write_report  # noqa: PLC0415
+
+    return write_report(result.recording)
+
+
+def _summarise(result: Result, lines: list[str]) -> None:
+    if result.exit_code:
+        complain(result.reason)
+    why = "" if result.exit_code or result.reason == "finished" else f" ({result.reason})"
+    say(
+        f"{result.scenario}: {result.outcome}{why} after {result.steps} steps of "
+        f"{result.step_ns * 1e-6:g} ms"
+    )
+    if result.wall_s:
+        say(
+            f"wall time {result.wall_s:.2f} s ({result.steps / result.wall_s:.0f} steps/s), "
+            f"real-time factor {result.real_time_factor:.2f}, start-up {result.start_s:.2f} s"
+        )
+    for line in lines:
+        say(line)
+    dropped = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
+    if dropped or result.foreign:
+        say(f"messages dropped: {dropped or 'none'}; from strangers: {result.foreign}")
+    for line in _warnings(result):
+        say(line)
+    if result.faults:
+        say(f"faults injected: {', '.join(result.faults)}")
+    if result.sha256:
+        say(f"recording {result.recording}\nsha256    {result.sha256}")
+
+
+def _warnings(result: Result) -> list[str]:
+    """Return the warnings of the run, the first few in full."""
+    if not result.warning_count:
+        return []
+    shown = result.warnings[:_MOST_WARNINGS]
+    lines = [f"  {warned.level}: {warned.source}: {warned.text}" for warned in shown]
+    if result.warning_count > len(shown):
+        lines.append(f"  and {result.warning_count - len(shown)} more, in result.json")
+    return [f"warnings  {result.warning_count}", *lines]
+
+
+COMMAND = Command(
+    name="run",
+    summary="run a scenario and record it",
+    description="Starts every participant of a scenario, drives them in lockstep, and records "
+    "everything to run.mcap. Ctrl-C ends the run cleanly; on a terminal, p pauses it and goes on, "
+    "s does one step, q stops it, without any effect on the result. The exit code tells the cause "
+    "of a failure (docs/exit-codes.md).",
+    examples=(
+        "stepbus run two_link",
+        "stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s",
+        "stepbus run my/scenario.yaml --window 1 --out /tmp/run1",
+        "stepbus run two_link --fault 'freeze controller at 500 for 200ms'",
+        "stepbus run my/scenario.yaml --debug controller",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

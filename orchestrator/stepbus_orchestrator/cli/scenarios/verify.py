@@ -1,0 +1,134 @@
+"""`stepbus verify`: the same result under other circumstances, or the first step that differs."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+from pathlib import Path
+
+from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.analysis.verify import Outcome, Verification, plan, verify
+from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
+from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.scenario import load
+
+_RUNS = 5
+_SHOWN_HASH = 12
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument("-n", type=_count, default=_RUNS, help="how often to run it (default: 5)")
+    parser.add_argument(
+        "--seed", type=_seed, default=0, help="of the start orders and delays (default: 0)"
+    )
+    parser.add_argument(
+        "--keep", type=Path, metavar="FOLDER", help="keep the runs in this new folder"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of runs, at least 2")
+    return int(text)
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a seed, a number from 0 on")
+    return int(text)
+
+
+def _execute(args: argparse.Namespace) -> int:
+    scenario = load(args.scenario, args.set)
+    folder = _folder(args.keep)
+    trials = plan(scenario, args.n, args.seed)
+
+    def show(outcome: Outcome) -> None:
+        if not args.json:
+            say(_line(outcome, args.n))
+
+    with interruptible() as interrupt:
+        found = verify(
+            scenario, trials, folder, seed=args.seed, on_outcome=show, interrupt=interrupt
+        )
+    if args.json:
+        say_json(_fields(found))
+    else:
+        _conclude(found)
+    if args.keep is None and not found.failed and not found.different:
+        shutil.rmtree(folder)
+    elif not args.json:
+        say(f"the runs are in {folder}")
+    return _code(found)
+
+
+def _folder(keep: Path | None) -> Path:
+    """Make the folder of the runs; raises RecordingFailed when that cannot be done."""
+    if keep is None:
+        return Path(tempfile.mkdtemp(prefix="verify-stepbus-"))
+    try:
+        keep.mkdir(parents=True)
+    except OSError as exc:
+        raise RecordingFailed(
+            f"cannot make the folder {keep}: {exc.strerror}; choose a new one with --keep"
+        ) from exc
+    return keep
+
+
+def _line(outcome: Outcome, count: int) -> str:
+    trial = outcome.trial
+    what = outcome.result.sha256[:_SHOWN_HASH] or "no recording"
+    return (
+        f"run {trial.number} of {count}: window {trial.window:2}, {trial.transport:4}, started "
+        f"{' '.join(trial.start_order)}, {outcome.delays:4} delays: {what}, "
+        f"{outcome.steps_per_s:.0f} steps/s"
+    )
+
+
+def _conclude(found: Verification) -> None:
+    first = found.outcomes[0].result
+    if found.failed:
+        complain(found.failed.result.reason)
+    elif found.different:
+        one, other = found.different
+        complain(
+            f"run {other.trial.number} differs from run {one.trial.number}: the same scenario "
+            "gave two results"
+        )
+        say(diff(one.result.recording, other.result.recording).text())
+    else:
+        say(f"{len(found.outcomes)} runs of {first.steps} steps, one result\nsha256 {first.sha256}")
+
+
+def _code(found: Verification) -> int:
+    if found.failed:
+        return found.failed.result.exit_code
+    return ExitCode.DIFFERENT if found.different else ExitCode.FINISHED
+
+
+def _fields(found: Verification) -> dict[str, object]:
+    difference = None
+    if found.different:
+        one, other = found.different
+        difference = diff(one.result.recording, other.result.recording)
+    return {"equal": not _code(found), "diff": difference, "runs": found.outcomes}
+
+
+COMMAND = Command(
+    name="verify",
+    summary="run a scenario several times and compare the recordings",
+    description="Runs a scenario several times: once as it is, then with shuffled start order, "
+    "random delays in every participant, and other windows and transports. All recordings must "
+    "be equal to the byte; otherwise it shows the first difference and exits with 10.",
+    examples=(
+        "stepbus verify two_link",
+        "stepbus verify two_link -n 10 --set duration=2s --seed 1",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,36 @@
+"""`stepbus doctor`: whether this machine has what stepbus needs."""
+
+from __future__ import annotations
+
+import argparse
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.doctor import examine
+from stepbus_orchestrator.errors import ExitCode
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print JSON for programs")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    findings = examine()
+    if args.json:
+        say_json(findings)
+    else:
+        for finding in findings:
+            say(f"{finding.verdict:4}  {finding.what:18} {finding.text}")
+    failed = any(finding.verdict == "fail" for finding in findings)
+    return ExitCode.INTERNAL if failed else ExitCode.FINISHED
+
+
+COMMAND = Command(
+    name="doctor",
+    summary="check this machine: versions, bus, ports, disk, extras",
+    description="Looks at versions, passes a message over the bus, and looks for free ports and "
+    "disk space and missing extras. Exit code 1 when something is broken.",
+    examples=("stepbus doctor",),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

@@ -1,0 +1,42 @@
+"""`stepbus new`: a scenario with a controller of one's own, to start from."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import say
+from stepbus_orchestrator.starters.starter import STARTERS, write_starter
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, help="folder to make; must not hold anything yet")
+    parser.add_argument(
+        "--language",
+        default="python",
+        metavar="LANGUAGE",
+        help=f"language of the controller: {', '.join(STARTERS)} (default: python)",
+    )
+
+
+def _execute(args: argparse.Namespace) -> int:
+    files = write_starter(args.folder, args.language)
+    say(f"{args.folder}: {', '.join(map(str, files))}")
+    folder = shlex.quote(str(args.folder))
+    build = STARTERS[args.language].build.format(folder=folder)
+    say(f"next: {build} && stepbus run {folder}" if build else f"next: stepbus run {folder}")
+    return 0
+
+
+COMMAND = Command(
+    name="new",
+    summary="make a scenario with a controller of your own",
+    description="Makes a folder with a scenario of the built-in plant and mission, its model, "
+    "and a small PD controller to change, in a language of your choice. It runs as it is, once "
+    "what its README says is installed.",
+    examples=("stepbus new my_scenario", "stepbus new --language octave my_scenario"),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

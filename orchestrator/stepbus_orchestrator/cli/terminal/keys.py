@@ -1,0 +1,70 @@
+"""Keys that steer a run from the terminal: pause, resume, single steps, stop."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Iterator
+
+from stepbus_orchestrator.run.pace import Pace
+
+HELP = "p or space: pause and go on · s or Enter: one step · q: stop"
+_LOOK_EVERY_S = 0.2
+
+
+def has_terminal() -> bool:
+    """Return whether somebody can press keys and see what comes of it."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+@contextlib.contextmanager
+def steered(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
+    """Let keys steer a run while this is open; nothing happens without a terminal.
+
+    interrupt: is set when the user wants to stop.
+    """
+    if not has_terminal():
+        yield
+        return
+    over = threading.Event()
+    descriptor = sys.stdin.fileno()
+    before = termios.tcgetattr(descriptor)
+    tty.setcbreak(descriptor)
+    thread = threading.Thread(target=_listen, args=(descriptor, pace, interrupt, over), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def _listen(descriptor: int, pace: Pace, interrupt: threading.Event, over: threading.Event) -> None:
+    while not over.is_set():
+        ready, _, _ = select.select([descriptor], [], [], _LOOK_EVERY_S)
+        if not ready:
+            continue
+        keys = os.read(descriptor, 64).decode(errors="ignore")
+        if not keys:
+            return
+        for key in keys:
+            press(key, pace, interrupt)
+
+
+def press(key: str, pace: Pace, interrupt: threading.Event) -> None:
+    """Do what a key stands for."""
+    if key in "p ":
+        if pace.paused:
+            pace.resume()
+        else:
+            pace.pause()
+    elif key in "s\n\r":
+        pace.step()
+    elif key == "q":
+        interrupt.set()

@@ -1,0 +1,146 @@
+"""What a run looks like while it goes on: a live table, or plain lines without a terminal."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+from queue import SimpleQueue
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from stepbus_orchestrator.run.progress import Progress
+
+from .keys import HELP
+
+_PLAIN_EVERY_S = 2.0
+_LAST_S = 2.0
+
+
+class LiveTable:
+    """Shows progress as a table that updates itself, at the pace it is told."""
+
+    def __init__(self, title: str, console: Console) -> None:
+        self._title = title
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._live.start()
+        self._console = console
+
+    def progress(self, progress: Progress) -> None:
+        """Draw the table anew."""
+        self._live.update(_table(self._title, progress), refresh=True)
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Print a sentence above the table."""
+        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
+
+    def close(self) -> None:
+        """Take the table away."""
+        self._live.stop()
+
+
+class PlainLines:
+    """Shows progress as a line every two seconds."""
+
+    def __init__(self, title: str, console: Console) -> None:
+        self._title = title
+        self._console = console
+        self._shown_s = -_PLAIN_EVERY_S
+
+    def progress(self, progress: Progress) -> None:
+        """Print a line, when the last one is old enough."""
+        if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
+            self._shown_s = progress.elapsed_s
+            self._console.print(
+                f"{self._title}: {_headline(progress)}", markup=False, soft_wrap=True
+            )
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Print a sentence."""
+        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
+
+    def close(self) -> None:
+        """Nothing is left to do."""
+
+
+class EventsOnly(PlainLines):
+    """Shows no progress: somebody else, such as a debugger, has the terminal."""
+
+    def progress(self, progress: Progress) -> None:
+        """Say nothing."""
+
+
+class Aside:
+    """Shows everything from a thread of its own.
+
+    A terminal that nobody reads, or that is held by Ctrl-S, blocks whoever writes to it; the run
+    must go on. What it has no time for is left out, but for sentences.
+    """
+
+    def __init__(self, display: LiveTable | PlainLines) -> None:
+        self._display = display
+        self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="display", daemon=True)
+        self._thread.start()
+
+    def progress(self, progress: Progress) -> None:
+        """Show how far the run is, if there is time for it."""
+        if self._queue.empty():
+            self._queue.put(partial(self._display.progress, progress))
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Show a sentence."""
+        self._queue.put(partial(self._display.event, level, who, step, text))
+
+    def close(self) -> None:
+        """Show what is left, if the terminal takes it, and take the table away."""
+        self._queue.put(self._display.close)
+        self._queue.put(None)
+        self._thread.join(_LAST_S)
+
+    def _work(self) -> None:
+        while (show := self._queue.get()) is not None:
+            show()
+
+
+def make_display(title: str, *, plain: bool = False) -> Aside:
+    """Return the display that fits where stdout goes; plain: somebody else has the terminal."""
+    console = Console()
+    if plain:
+        return Aside(EventsOnly(title, console))
+    return Aside(LiveTable(title, console) if console.is_terminal else PlainLines(title, console))
+
+
+def _headline(progress: Progress) -> str:
+    if progress.phase == "starting":
+        late = [name for name, phase in progress.phases.items() if phase != "ready"]
+        return f"starting, waiting for {', '.join(late)}"
+    simulated_s = progress.step * progress.step_ns * 1e-9
+    total = "" if progress.steps is None else f" of {progress.steps}"
+    if progress.phase == "paused":
+        return f"paused before step {progress.step}{total}, t = {simulated_s:.3f} s"
+    factor = simulated_s / progress.elapsed_s if progress.elapsed_s else 0.0
+    return f"step {progress.step}{total}, t = {simulated_s:.2f} s, {factor:.1f} × real time"
+
+
+def _table(title: str, progress: Progress) -> Table:
+    table = Table(
+        title=f"{title}: {_headline(progress)}",
+        title_justify="left",
+        caption=HELP,
+        caption_justify="left",
+    )
+    for column in ("participant", "state", "µs per step", "dropped"):
+        table.add_column(column, justify="left" if column in {"participant", "state"} else "right")
+    for name, phase in progress.phases.items():
+        state = "holds the step" if name in progress.holders else phase
+        compute = progress.compute_us.get(name)
+        table.add_row(
+            name,
+            state,
+            "" if compute is None else f"{compute:.0f}",
+            str(progress.drops.get(name, 0)),
+        )
+    return table

@@ -1,0 +1,109 @@
+"""Starts the participants of a run, and ends them whatever happens."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_participant.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
+
+from .child import Child
+
+
+class Launcher:
+    """Owns every process of one run.
+
+    folder: the run's private folder. logs: folder of the participants' logs.
+    """
+
+    def __init__(self, *, run: str, token: str, folder: Path, logs: Path) -> None:
+        self._run = run
+        self._token = token
+        self._folder = folder
+        self._logs = logs
+        self.children: dict[str, Child] = {}
+        reaper = Path(__file__).with_name("reaper.py")
+        self._reaper = subprocess.Popen(
+            [sys.executable, "-I", "-S", str(reaper), str(folder)],
+            stdin=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def start(
+        self,
+        spec: ParticipantSpec,
+        command: Sequence[str],
+        endpoint: Endpoint,
+        scenario_folder: Path,
+        *,
+        faults: Sequence[MessageFault] = (),
+        has_terminal: bool = False,
+    ) -> Child:
+        """Start one participant.
+
+        faults: on its messages. has_terminal: it gets our terminal, to be debugged.
+
+        Raises StartFailed when its program cannot be executed.
+        """
+        ticket = Ticket(
+            run=self._run,
+            name=spec.name,
+            token=self._token,
+            endpoint=endpoint,
+            join_timeout_s=spec.deadlines.join_s,
+            faults=list(faults),
+        )
+        path = self._folder / f"{spec.name}.ticket"
+        try:
+            ticket.save(path)
+        except OSError as exc:
+            raise StartFailed(
+                f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; "
+                "set TMPDIR to a folder with room",
+                participant=spec.name,
+            ) from exc
+        child = Child(
+            spec.name,
+            command,
+            cwd=scenario_folder,
+            log=self._logs / f"{spec.name}.log",
+            environment=_environment(path),
+            has_terminal=has_terminal,
+        )
+        self._tell_reaper(f"+{child.pid}")
+        self.children[spec.name] = child
+        return child
+
+    def end_all(self) -> None:
+        """End every process that is left, and the reaper, which removes the private folder."""
+        for child in self.children.values():
+            child.end()
+            self._tell_reaper(f"-{child.pid}")
+        with contextlib.suppress(BrokenPipeError):
+            self._reaper.communicate()
+
+    def _tell_reaper(self, line: str) -> None:
+        if self._reaper.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._reaper.stdin.write(line + "\n")
+                self._reaper.stdin.flush()
+
+
+def _environment(ticket: Path) -> Mapping[str, str]:
+    """Return the environment of a participant: ours, the ticket, and unbuffered prints."""
+    # One thread for each BLAS: more only compete for the cores the lockstep runs on.
+    single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return {
+        **os.environ,
+        **single,
+        "PYTHONUNBUFFERED": "1",
+        "PYTHONHASHSEED": "0",
+        TICKET_VARIABLE: str(ticket),
+    }

@@ -1,0 +1,1 @@
+"""Writes and reads the recording of a run."""

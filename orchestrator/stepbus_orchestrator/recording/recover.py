@@ -1,0 +1,186 @@
+"""Makes a whole recording of one that is cut off or spoilt."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, IndexType, Writer
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.scenario.document import parse_value
+from stepbus_participant.durations import parse_duration
+from stepbus_schemas import StepbusError
+
+from .recorder import CHUNK_BYTES
+from .scanner import Salvage
+
+_SCENARIO = "scenario.yaml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """What was saved, and what was lost.
+
+    damage: what is wrong with the source, empty when nothing is. messages, attachments,
+    metadata: how many records were kept. last_step: the newest step with a message; −1 without
+    any. planned_steps: what the scenario asks for, where it is known. kept_bytes, lost_bytes: of
+    the source; what is lost includes the index, which is made anew. only_index_lost: whether all
+    messages are there.
+    """
+
+    source: Path
+    target: Path
+    damage: str
+    messages: int
+    attachments: int
+    metadata: int
+    last_step: int
+    planned_steps: int | None
+    kept_bytes: int
+    lost_bytes: int
+    only_index_lost: bool
+
+    @property
+    def missing_steps(self) -> int | None:
+        """Return how many steps of the scenario are not there; None where nobody knows."""
+        if self.planned_steps is None:
+            return None
+        return 0 if self.only_index_lost else max(0, self.planned_steps - 1 - self.last_step)
+
+
+def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
+    """Write all that is whole in a recording to a new one, in the recorded order.
+
+    source: an MCAP file, uncompressed or zstd; it is only read. target: appears when it is
+    complete; may exist, or be the source, only with `in_place`.
+
+    Raises RecordingFailed when the source holds nothing to recover, or when the target exists
+    already or cannot be written.
+    """
+    if target.exists() and not in_place:
+        raise RecordingFailed(f"{target} exists already; choose another name with --out")
+    part = target.with_name(f".{target.name}.part")
+    try:
+        try:
+            recovery = _Copy(source, target).write(part)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as exc:
+        if isinstance(exc, RecordingFailed):
+            raise
+        raise RecordingFailed(
+            f"{target} cannot be written: {exc.strerror or exc}; choose another file with --out"
+        ) from exc
+    return recovery
+
+
+class _Copy:
+    """Writes the records of one file into another, with numbers of its own for channels."""
+
+    def __init__(self, source: Path, target: Path) -> None:
+        self._salvage = Salvage(source)
+        self._target = target
+        self._schemas = {0: 0}
+        self._channels: dict[int, int] = {}
+        self._counts = {Message: 0, Attachment: 0, Metadata: 0}
+        self._last_step = -1
+        self._planned_steps: int | None = None
+
+    def write(self, part: Path) -> Recovery:
+        """Write all that is whole to `part`; raises OSError when that cannot be written."""
+        records = self._salvage.records()
+        header = next(records, None)
+        if not isinstance(header, Header):
+            raise RecordingFailed(
+                f"{self._salvage.path} has {self._salvage.size} bytes and not one whole record: "
+                "there is nothing to recover"
+            )
+        with part.open("wb") as file:
+            # As the recorder does, so that an undamaged recording comes out byte for byte.
+            writer: Any = Writer(
+                file,
+                chunk_size=CHUNK_BYTES,
+                compression=CompressionType.ZSTD,
+                index_types=IndexType.ALL,
+            )
+            writer.start(profile=header.profile, library=header.library)
+            for record in records:
+                self._take(writer, record)
+            writer.finish()
+            file.flush()
+            # It may take the place of the only copy there is.
+            os.fsync(file.fileno())
+        return self._recovery()
+
+    def _take(self, writer: Any, record: McapRecord) -> None:
+        match record:
+            case Message():
+                self._take_message(writer, record)
+            case Channel() if record.id not in self._channels:
+                self._channels[record.id] = writer.register_channel(
+                    record.topic,
+                    record.message_encoding,
+                    self._schemas.get(record.schema_id, 0),
+                    record.metadata,
+                )
+            case Schema() if record.id not in self._schemas:
+                number = writer.register_schema(record.name, record.encoding, record.data)
+                self._schemas[record.id] = number
+            case Attachment():
+                self._take_attachment(writer, record)
+            case Metadata():
+                self._counts[Metadata] += 1
+                writer.add_metadata(record.name, record.metadata)
+
+    def _take_message(self, writer: Any, message: Message) -> None:
+        self._counts[Message] += 1
+        self._last_step = max(self._last_step, message.sequence)
+        writer.add_message(
+            self._channels[message.channel_id],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
+
+    def _take_attachment(self, writer: Any, attachment: Attachment) -> None:
+        self._counts[Attachment] += 1
+        if attachment.name == _SCENARIO:
+            self._planned_steps = _planned_steps(attachment.data)
+        writer.add_attachment(
+            create_time=attachment.create_time,
+            log_time=attachment.log_time,
+            name=attachment.name,
+            media_type=attachment.media_type,
+            data=attachment.data,
+        )
+
+    def _recovery(self) -> Recovery:
+        salvage = self._salvage
+        return Recovery(
+            source=salvage.path,
+            target=self._target,
+            damage=salvage.damage,
+            messages=self._counts[Message],
+            attachments=self._counts[Attachment],
+            metadata=self._counts[Metadata],
+            last_step=self._last_step,
+            planned_steps=self._planned_steps,
+            kept_bytes=salvage.intact_bytes,
+            lost_bytes=salvage.size - salvage.intact_bytes,
+            only_index_lost=salvage.has_end,
+        )
+
+
+def _planned_steps(data: bytes) -> int | None:
+    """Return how many steps a resolved scenario asks for; None where it does not say."""
+    with contextlib.suppress(StepbusError, UnicodeDecodeError, KeyError, TypeError, AttributeError):
+        content = parse_value(_SCENARIO, data.decode())
+        return parse_duration(content["duration"]) // parse_duration(content["step"])
+    return None

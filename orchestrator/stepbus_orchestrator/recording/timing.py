@@ -1,0 +1,122 @@
+"""Writes timing.mcap: what happened when by the wall clock; run.mcap knows none."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from stepbus_orchestrator.errors import RecordingFailed
+
+from .recorder import McapFile
+
+# In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
+_ROWS = 256
+
+_encode = msgspec.msgpack.Encoder().encode
+
+
+class TimingEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that happened once: a join, the start, a drop, the end."""
+
+    kind: str
+    participant: str
+    text: str
+
+
+class StepTiming(msgspec.Struct, frozen=True, kw_only=True):
+    """How long a participant waited and computed in its steps."""
+
+    participant: str
+    rows: list[tuple[int, int, int]]
+    """(step, waited [ns], computed [ns])."""
+    arrivals: list[tuple[int, int]]
+    """When log batches arrived: (newest step, time since the epoch [ns])."""
+
+
+class TriggerTiming(msgspec.Struct, frozen=True, kw_only=True):
+    """When triggers were sent."""
+
+    rows: list[tuple[int, int]]
+    """(upto, time since the epoch [ns])."""
+
+
+_TYPES: Mapping[str, type[msgspec.Struct]] = {
+    "StepTiming/1": StepTiming,
+    "TimingEvent/1": TimingEvent,
+    "TriggerTiming/1": TriggerTiming,
+}
+
+
+def _schema_of(name: str) -> dict[str, Any]:
+    (_,), types = msgspec.json.schema_components([_TYPES[name]])
+    schema: dict[str, Any] = types[_TYPES[name].__name__]
+    return schema
+
+
+class TimingRecorder:
+    """Appends to timing.mcap; its log times are nanoseconds since the epoch.
+
+    It serves the user and decides nothing: when the disk is full it falls silent, and leaves it
+    to the recording itself to end the run.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = McapFile(path)
+        self._channels = {
+            name: self._file.add_channel(topic, name, {}, _schema_of)
+            for topic, name in (
+                ("events", "TimingEvent/1"),
+                ("steps", "StepTiming/1"),
+                ("triggers", "TriggerTiming/1"),
+            )
+        }
+        self._sequence = 0
+        self._rows: dict[str, list[tuple[int, int, int]]] = {}
+        self._arrivals: dict[str, list[tuple[int, int]]] = {}
+        self._triggers: list[tuple[int, int]] = []
+
+    def event(self, kind: str, participant: str = "", text: str = "") -> None:
+        """Note that something happened now."""
+        self._add("TimingEvent/1", TimingEvent(kind=kind, participant=participant, text=text))
+
+    def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
+        """Note that a log batch arrived now, and how long its steps took."""
+        held = self._rows.setdefault(participant, [])
+        held.extend(rows)
+        self._arrivals.setdefault(participant, []).append((rows[-1][0], time.time_ns()))
+        if len(held) >= _ROWS:
+            self._write_steps(participant)
+
+    def trigger(self, upto: int) -> None:
+        """Note that a trigger was sent now."""
+        self._triggers.append((upto, time.time_ns()))
+        if len(self._triggers) >= _ROWS:
+            self._write_triggers()
+
+    def _write_steps(self, participant: str) -> None:
+        rows, arrivals = self._rows.pop(participant), self._arrivals.pop(participant)
+        record = StepTiming(participant=participant, rows=rows, arrivals=arrivals)
+        self._add("StepTiming/1", record)
+
+    def _write_triggers(self) -> None:
+        self._add("TriggerTiming/1", TriggerTiming(rows=self._triggers))
+        self._triggers = []
+
+    def _add(self, name: str, record: msgspec.Struct) -> None:
+        self._sequence += 1
+        with contextlib.suppress(RecordingFailed):
+            self._file.add(self._channels[name], time.time_ns(), _encode(record), self._sequence)
+
+    def close(self) -> None:
+        """Write what is held back and finish the file, as far as the disk allows."""
+        for participant in list(self._rows):
+            self._write_steps(participant)
+        if self._triggers:
+            self._write_triggers()
+        with contextlib.suppress(RecordingFailed):
+            self._file.close()

@@ -1,0 +1,226 @@
+"""Runs a recording's scenario again from nothing but the recording."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.calls import recorded_calls
+from stepbus_orchestrator.run.progress import Observer
+from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
+from stepbus_orchestrator.run.run_scenario import (
+    ENVIRONMENT_METADATA,
+    SCENARIO_ATTACHMENT,
+    Options,
+    run,
+)
+from stepbus_orchestrator.scenario import Scenario, command, load, resolved
+from stepbus_schemas import CallRecord
+
+SOURCE_FOLDER = "source"
+_FILES = "files/"
+_VERSIONS = "versions/"
+_PROGRAMS = (b"#!", b"\x7fELF")
+_PACKAGE_URL = re.compile(rb"package://[^\s\"'<>,\]})]+")
+_OURS = ("python", "stepbus")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """What a recording holds of where it comes from.
+
+    files: name → content, without the scenario. versions: `orchestrator` or participant →
+    library → version; `cpu` and `machine` are among those of the orchestrator. steps: the newest
+    one with a message, plus one. damage: what is wrong with the file. calls: those that changed
+    the run.
+    """
+
+    recording: Path
+    scenario: bytes
+    files: Mapping[str, bytes]
+    versions: Mapping[str, Mapping[str, str]]
+    steps: int
+    damage: str
+    calls: Sequence[CallRecord] = ()
+
+
+def read_origin(recording: Path) -> Origin:
+    """Read what a run needs from its recording, which may be cut off behind it.
+
+    Raises RecordingFailed when the file is none, or as `origin_of` does.
+    """
+    return origin_of(Recording.open(recording))
+
+
+def origin_of(recording: Recording) -> Origin:
+    """Return what a run needs from its recording.
+
+    Raises RecordingFailed when that holds no scenario, or a file whose name leads out of its
+    folder.
+    """
+    if SCENARIO_ATTACHMENT not in recording.attachments:
+        raise RecordingFailed(
+            f"{recording.path} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
+        )
+    return Origin(
+        recording=recording.path,
+        scenario=recording.attachments[SCENARIO_ATTACHMENT],
+        files=_files(recording.path, recording.attachments),
+        versions={
+            name.removeprefix(_VERSIONS): content
+            for name, content in recording.metadata.items()
+            if name.startswith(_VERSIONS)
+        },
+        steps=1 + max((e[-1].step for e in recording.entries.values() if e), default=-1),
+        damage=recording.damage,
+        calls=recorded_calls(recording),
+    )
+
+
+def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes]:
+    files = {
+        name.removeprefix(_FILES): data
+        for name, data in attachments.items()
+        if name.startswith(_FILES)
+    }
+    for name in files:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts or not path.parts or "\0" in name:
+            raise RecordingFailed(f"{recording}: attached file {name!r} leads out of its folder")
+    return files
+
+
+def unpack(origin: Origin, folder: Path) -> Path:
+    """Write the scenario and its files to a new folder and return the scenario's path.
+
+    Raises RecordingFailed when they cannot be written.
+    """
+    scenario = folder / SCENARIO_ATTACHMENT
+    try:
+        folder.mkdir(parents=True)
+        for name, content in origin.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+            if content.startswith(_PROGRAMS):
+                path.chmod(0o755)
+        scenario.write_bytes(origin.scenario)
+    except OSError as exc:
+        raise RecordingFailed(
+            f"{exc.filename or folder} cannot be written: {exc.strerror}; choose another --out"
+        ) from exc
+    return scenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rerun:
+    """A run made from a recording.
+
+    recorded_sha256: of the recording it was made from. notes: what may make it different, one
+    sentence each.
+    """
+
+    recording: Path
+    recorded_sha256: str
+    result: Result
+    notes: Sequence[str] = field(default=())
+
+    @property
+    def equal(self) -> bool:
+        """Return whether the new recording is the old one, byte for byte."""
+        return self.recorded_sha256 == self.result.sha256
+
+
+class Preparation:
+    """A run from a recording that is about to start; its files are unpacked in `out/source`.
+
+    overrides: settings such as `window=1`. notes: what may make it different from the recorded
+    one. Raises RecordingFailed when the recording is not fit for it or `out` holds a run already,
+    and ScenarioError when the scenario cannot run here.
+    """
+
+    def __init__(self, recording: Path, out: Path, overrides: Sequence[str] = ()) -> None:
+        self._origin = read_origin(recording)
+        self._out = out
+        if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
+            raise RecordingFailed(f"{out} holds a run already; choose another --out")
+        path = unpack(self._origin, out / SOURCE_FOLDER)
+        self.scenario = load(path, overrides)
+        recorded = self._origin.versions.get("orchestrator", {})
+        self.notes = [
+            *_damage(self._origin),
+            *_changes(self._origin, self.scenario, overrides),
+            *_open_end(self._origin, self.scenario),
+            *_version_notes("the orchestrator", recorded, own_versions()),
+            *_outside(self._origin, self.scenario),
+        ]
+
+    def run(
+        self, observer: Observer | None = None, interrupt: threading.Event | None = None
+    ) -> Rerun:
+        """Run, and compare with the recording; observer, interrupt: as of `run`."""
+        options = Options(out=self._out, calls=self._origin.calls)
+        result = run(self.scenario, options, observer, interrupt)
+        now = read_origin(result.recording).versions
+        later = [
+            note
+            for name, recorded in self._origin.versions.items()
+            if f"{_VERSIONS}{name}" != ENVIRONMENT_METADATA and name in now
+            for note in _version_notes(name, recorded, now[name])
+        ]
+        return Rerun(
+            recording=self._origin.recording,
+            recorded_sha256=file_sha256(self._origin.recording),
+            result=result,
+            notes=[*self.notes, *later],
+        )
+
+
+def _damage(origin: Origin) -> list[str]:
+    return [f"the recording is damaged: {origin.damage}"] if origin.damage else []
+
+
+def _changes(origin: Origin, scenario: Scenario, overrides: Sequence[str]) -> list[str]:
+    if resolved(scenario).encode() == origin.scenario:
+        return []
+    cause = f"--set {' '.join(overrides)}" if overrides else "this version reads it differently"
+    return [f"the scenario is not the recorded one: {cause}"]
+
+
+def _open_end(origin: Origin, scenario: Scenario) -> list[str]:
+    if scenario.steps is not None:
+        return []
+    note = (
+        f"the scenario has no duration, the recording has {origin.steps} steps; if no participant "
+        "ends the run, end it with Ctrl-C or give it one with --set duration=…"
+    )
+    return [note]
+
+
+def _version_notes(who: str, recorded: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Return a sentence for each thing that is another than it was."""
+    return [
+        f"{who} ran with {name} {recorded.get(name, 'absent')}, now it is {now.get(name, 'absent')}"
+        for name in sorted({*recorded, *now})
+        if recorded.get(name) != now.get(name)
+    ]
+
+
+def _outside(origin: Origin, scenario: Scenario) -> list[str]:
+    """Return a sentence for each file that the run takes from this machine."""
+    contents = [origin.scenario, *origin.files.values()]
+    urls = {url.decode(errors="replace") for text in contents for url in _PACKAGE_URL.findall(text)}
+    programs = {
+        command(spec.exec, scenario.folder)[0]
+        for spec in scenario.participants
+        if spec.exec[0] not in _OURS
+    }
+    outside = {path for path in programs if not Path(path).is_relative_to(scenario.folder)}
+    return [
+        f"not in the recording, taken from this machine: {name}" for name in sorted(urls | outside)
+    ]

@@ -1,0 +1,76 @@
+"""Plots of many joints: one panel each, measured over target, in degrees."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.analysis.signals import Array, Signal, Tracking
+
+# Less than this is not worth to be seen as motion [°, mm].
+_LEAST_SPAN = 1.0
+_COLUMNS = 4
+_MEASURED = {"color": "#1f77b4", "linewidth": 2.0}
+_TARGET = {"color": "#d95f02", "linewidth": 1.4, "linestyle": (0, (4, 3))}
+
+
+def draw_panels(figure: Any, tracking: Tracking) -> None:
+    """Draw one panel per measured joint; angles in degrees, prismatic joints in millimetres.
+
+    figure: of matplotlib, with a constrained layout. Lines that mean the same have one colour.
+    """
+    state = tracking.state
+    if state is None:
+        return
+    rows = -(-len(state.names) // _COLUMNS)
+    axes = figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False)
+    for axis, joint in zip(axes.flatten(), state.names, strict=False):
+        _panel(axis, tracking, state, joint)
+    for axis in axes.flatten()[len(state.names) :]:
+        axis.set_axis_off()
+    for axis in axes.flatten()[: len(state.names)][-_COLUMNS:]:
+        axis.set_xlabel("simulation time [s]")
+        axis.tick_params(labelbottom=True)
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=len(labels), fontsize=12)
+
+
+def _panel(axis: Any, tracking: Tracking, state: Signal, joint: str) -> None:
+    scale, unit = _unit(state, joint)
+    axis.set_title(joint)
+    axis.set_ylabel(f"[{unit}]")
+    axis.grid(visible=True, alpha=0.3)
+    axis.margins(x=0.01)
+    shown: list[Array] = []
+    measured = state.of("position", joint)
+    if measured is not None:
+        shown.append(scale * measured)
+        axis.plot(state.t, shown[-1], label="measured", **_MEASURED)
+    source, quantity = _target_of(tracking, joint)
+    wanted = None if source is None else source.of(quantity, joint)
+    if source is not None and wanted is not None:
+        shown.append(scale * wanted)
+        axis.plot(source.t, shown[-1], label="target", **_TARGET)
+    _widen(axis, shown)
+
+
+def _target_of(tracking: Tracking, joint: str) -> tuple[Signal | None, str]:
+    """Return where a joint's target stands: its reference, or else its position target."""
+    if tracking.reference is not None and joint in tracking.reference.names:
+        return tracking.reference, "position"
+    return tracking.state, "target"
+
+
+def _unit(state: Signal, joint: str) -> tuple[float, str]:
+    kind = state.kinds.get(joint, "")
+    return (1e3, "mm") if kind == "prismatic" else (float(np.degrees(1.0)), "°")
+
+
+def _widen(axis: Any, shown: list[Array]) -> None:
+    """Show noise as small as it is."""
+    values = np.concatenate([row[np.isfinite(row)] for row in shown]) if shown else np.array([])
+    if values.size and np.ptp(values) < _LEAST_SPAN:
+        middle = float(values.min() + values.max()) / 2
+        axis.set_ylim(middle - _LEAST_SPAN / 2, middle + _LEAST_SPAN / 2)
+        axis.ticklabel_format(useOffset=False)

@@ -1,0 +1,1 @@
+"""Runs a scenario: start-up, stepping, closing, shutdown."""

@@ -1,0 +1,95 @@
+"""Who may join a run: names, tokens, protocol version, port types."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+
+from stepbus_orchestrator.processes.endpoints import low_latency
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_schemas import PROTOCOL_VERSION, Hello, InputConfig, OutputConfig, Refusal, Welcome
+
+_NO_LIMIT = 1 << 30
+_LOW_LATENCY_BYTES = 60_000
+
+
+def max_message_bytes(scenario: Scenario) -> int:
+    """Return the largest message that the scenario's transport carries [bytes]."""
+    return _LOW_LATENCY_BYTES if low_latency(scenario) else _NO_LIMIT
+
+
+def participant_seed(seed: int, name: str) -> int:
+    """Return a participant's own seed: 53 bits of SHA-256 over the run's seed and its name."""
+    digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
+    return int.from_bytes(digest[:8], "little") >> 11
+
+
+def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome:
+    """Return all a participant has to know."""
+    specs = {other.name: other for other in scenario.participants}
+    return Welcome(
+        protocol=PROTOCOL_VERSION,
+        name=spec.name,
+        token=token,
+        step_ns=scenario.step_ns,
+        every=spec.every,
+        publishes=spec.publishes,
+        window=scenario.window,
+        # Who fires at every fourth step fills a batch in four times the steps of the window.
+        batch=max(1, scenario.batch // spec.every),
+        seed=participant_seed(scenario.seed, spec.name),
+        inputs={
+            port: InputConfig(
+                source=item.source,
+                port=item.port,
+                type=specs[item.source].outputs[item.port].type,
+                delay=item.delay,
+                every=specs[item.source].every,
+                bulk=specs[item.source].outputs[item.port].bulk,
+            )
+            for port, item in spec.inputs.items()
+        },
+        outputs={
+            port: OutputConfig(type=item.type, bulk=item.bulk)
+            for port, item in spec.outputs.items()
+        },
+        params=dict(spec.params),
+        folder=str(scenario.folder.resolve()),
+        max_outputs_bytes=max_message_bytes(scenario),
+    )
+
+
+def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcome | Refusal:
+    """Return the answer to a `Hello`."""
+    welcome = welcomes.get(hello.name)
+    if hello.token != token:
+        return Refusal(reason="this is another run: the token of the ticket is not ours")
+    if welcome is None:
+        known = ", ".join(welcomes)
+        return Refusal(reason=f"no participant {hello.name!r} in this run; it has {known}")
+    if hello.protocol != PROTOCOL_VERSION:
+        return Refusal(
+            reason=f"{hello.name} speaks protocol {hello.protocol}, the orchestrator "
+            f"{PROTOCOL_VERSION}; use matching versions of stepbus"
+        )
+    inputs = {port: item.type for port, item in welcome.inputs.items()}
+    outputs = {port: item.type for port, item in welcome.outputs.items()}
+    reasons = [
+        *_mismatches(hello.name, "input", hello.inputs, inputs),
+        *_mismatches(hello.name, "output", hello.outputs, outputs),
+    ]
+    return Refusal(reason="; ".join(reasons)) if reasons else welcome
+
+
+def _mismatches(
+    name: str, kind: str, program: Mapping[str, str] | None, scenario: Mapping[str, str]
+) -> list[str]:
+    """Return where the program's ports are not those of the scenario."""
+    if program is None:
+        return []
+    return [
+        f"{kind} {name}.{port}: the program has {program.get(port, 'no such port')}, "
+        f"the scenario {scenario.get(port, 'no such port')}"
+        for port in [*scenario, *(extra for extra in program if extra not in scenario)]
+        if program.get(port) != scenario.get(port)
+    ]

@@ -1,0 +1,90 @@
+"""The step barrier: what has been reported, how far everybody may go, and who holds a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from operator import add
+
+from stepbus_orchestrator.scenario import Scenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Edge:
+    """One input as the barrier sees it."""
+
+    source: str
+    delay: int
+
+
+class Barrier:
+    """Counts the outputs of every participant; pure logic, no clock and no bus.
+
+    reported: newest step each participant has reported; negative before its first.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._window = scenario.window
+        self._steps = scenario.steps
+        self._every = {spec.name: spec.every for spec in scenario.participants}
+        self._first = {s.name for s in scenario.participants if s.publishes == "first"}
+        self._edges: Mapping[str, list[_Edge]] = {
+            spec.name: [_Edge(source=i.source, delay=i.delay) for i in spec.inputs.values()]
+            for spec in scenario.participants
+        }
+        self.reported = {name: -every for name, every in self._every.items()}
+
+    def report(self, name: str, step: int) -> bool:
+        """Take in that a participant has published a step; return whether it was the next one."""
+        if step != self.reported[name] + self._every[name]:
+            return False
+        self.reported[name] = step
+        return True
+
+    @property
+    def completed(self) -> int:
+        """Return how many steps are complete: every output due in them has been reported."""
+        done: int = min(map(add, self.reported.values(), self._every.values()))
+        return done if self._steps is None else min(done, self._steps)
+
+    @property
+    def upto(self) -> int:
+        """Return the newest trigger: steps below it may be worked on."""
+        ahead = self.completed + self._window
+        return ahead if self._steps is None else min(ahead, self._steps)
+
+    @property
+    def finished(self) -> bool:
+        """Return whether every step of the run is complete."""
+        return self._steps is not None and self.completed >= self._steps
+
+    def next_step(self, name: str) -> int:
+        """Return the step whose output a participant owes next."""
+        return self.reported[name] + self._every[name]
+
+    def holders(self) -> list[str]:
+        """Return those who hold the oldest incomplete step.
+
+        They owe an output although all they need for it has been reported; whoever waits for
+        them is not among them.
+        """
+        if self.finished:
+            return []
+        step = self.completed
+        owing = [name for name in self.reported if self.next_step(name) <= step]
+        return [name for name in owing if self._has_inputs(name)]
+
+    def _has_inputs(self, name: str) -> bool:
+        return not self.missing(name)
+
+    def missing(self, name: str) -> list[str]:
+        """Return the participants whose outputs somebody still needs for its next output."""
+        step = self.next_step(name)
+        if name in self._first:
+            # What it publishes next is the result of the step before.
+            step -= self._every[name]
+        return [edge.source for edge in self._edges[name] if not self._arrived(edge, step)]
+
+    def _arrived(self, edge: _Edge, step: int) -> bool:
+        reach = step - edge.delay
+        return reach < 0 or self.reported[edge.source] >= reach - reach % self._every[edge.source]

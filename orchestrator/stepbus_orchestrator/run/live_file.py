@@ -1,0 +1,100 @@
+"""How to reach a run that goes on, and calls to it from outside."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.processes.endpoints import ORCHESTRATOR
+from stepbus_participant import BusError
+from stepbus_participant.ticket import Endpoint
+from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
+
+from .calls import CALL_KEY
+
+LIVE_FILE = ".live.json"
+_decode_reply = Decoder(CallReply)
+_ANSWER_S = 20.0
+
+
+class Live(msgspec.Struct, frozen=True, kw_only=True):
+    """A run that goes on: its key space, its secret, and how to reach its orchestrator."""
+
+    run: str
+    token: str
+    endpoint: Endpoint
+
+    @classmethod
+    def of(cls, run: str, token: str, orchestrator: Endpoint) -> Live:
+        """Return how to reach the orchestrator that listens on an endpoint."""
+        endpoint = Endpoint(
+            listen=[],
+            connect=orchestrator.listen,
+            low_latency=orchestrator.low_latency,
+            user=ORCHESTRATOR if orchestrator.users else None,
+            password=orchestrator.password,
+        )
+        return cls(run=run, token=token, endpoint=endpoint)
+
+    def save(self, folder: Path) -> None:
+        """Write it into a run's folder, readable by its owner only."""
+        with contextlib.suppress(OSError):
+            path = folder / LIVE_FILE
+            file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+            with os.fdopen(file, "wb") as stream:
+                stream.write(msgspec.json.encode(self))
+
+
+def forget(folder: Path) -> None:
+    """Remove what leads to a run that is over."""
+    (folder / LIVE_FILE).unlink(missing_ok=True)
+
+
+def call(
+    folder: Path, participant: str = "", verb: str = "", args: Sequence[Any] = ()
+) -> CallReply:
+    """Ask a participant of a run that goes on; it answers between two steps.
+
+    folder: of the run. participant: whom; empty: the answer's value lists what all can be asked.
+    verb, args: what; numbers, texts, lists, maps.
+
+    Raises WiringError when no run goes on there or the call was refused, BusFailed when nobody
+    answers.
+    """
+    live = _read(folder)
+    try:
+        bus = ZenohBus(live.endpoint, live.run)
+    except BusError as exc:
+        raise BusFailed(f"{folder}: {exc}; was the run killed?") from exc
+    try:
+        request = CallRequest(token=live.token, participant=participant, verb=verb, args=list(args))
+        for answer in bus.query(CALL_KEY, encode(request), encoding_of("CallRequest/1"), _ANSWER_S):
+            reply = _decode_reply(answer)
+            if reply.error is not None:
+                raise WiringError(reply.error)
+            return reply
+    finally:
+        bus.close()
+    raise BusFailed(
+        f"{folder}: the run does not answer; was it killed? Then "
+        "`stepbus recover` mends its recording"
+    )
+
+
+def _read(folder: Path) -> Live:
+    try:
+        return msgspec.json.decode((folder / LIVE_FILE).read_bytes(), type=Live)
+    except FileNotFoundError as exc:
+        raise WiringError(
+            f"no run goes on in {folder}; name the folder of one that does, e.g. "
+            "runs/two_link-20260101-120000"
+        ) from exc
+    except (OSError, msgspec.MsgspecError) as exc:
+        raise WiringError(f"{folder / LIVE_FILE} cannot be read: {exc}") from exc

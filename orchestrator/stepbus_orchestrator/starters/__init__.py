@@ -1,0 +1,1 @@
+"""What `stepbus new` writes."""

@@ -1,0 +1,125 @@
+"""Two messages are equal to the byte, or within a tolerance, or the first field that differs is named."""
+
+import math
+
+import msgspec
+import pytest
+
+from stepbus_orchestrator.analysis.compare import PortComparison
+from stepbus_orchestrator.analysis.tolerance import Slack, Tolerance
+from stepbus_schemas import JointCommand, JointState, encode
+
+TOPIC = "controller/command"
+
+
+def command(*values, mode="torque", **more):
+    return encode(JointCommand(mode=mode, values=list(values), **more))
+
+
+def compared(first, second, rules=None, type_name="JointCommand/1"):
+    """Return the result of comparing one message at step 7."""
+    comparison = PortComparison(TOPIC, type_name, Tolerance(rules or {}))
+    comparison.take(7, first, second)
+    return comparison.result()
+
+
+def test_equal_bytes_are_equal():
+    result = compared(command(1.0), command(1.0))
+    assert (result.equal, result.divergence, result.fields) == (1, None, ())
+
+
+def test_the_first_differing_field_is_named_with_its_index_and_both_values():
+    found = compared(command(1.0, 2.0, 3.0), command(1.0, 2.5, 4.0)).divergence
+    assert (found.step, found.field, found.first, found.second) == (7, "values[1]", 2.0, 2.5)
+    assert found.text() == (
+        "step 7: controller/command: values[1]: first 2.0, second 2.5 (difference 0.5)"
+    )
+
+
+def test_the_largest_difference_of_a_field_is_kept_with_its_place():
+    comparison = PortComparison(TOPIC, "JointCommand/1", Tolerance())
+    for step, value in enumerate((2.5, 2.0, 4.0, 3.0)):
+        comparison.take(step, command(1.0, 2.0), command(1.0, value))
+    (count,) = comparison.result().fields
+    assert (count.field, count.different, count.largest) == ("values", 3, 2.0)
+    assert (count.at_step, count.at) == (2, "values[1]")
+
+
+@pytest.mark.parametrize(
+    ("slack", "first", "second", "equal"),
+    [
+        (Slack(abs=1e-3), 1.0, 1.0009, True),
+        (Slack(abs=1e-3), 1.0, 1.002, False),
+        (Slack(rel=1e-3), 100.0, 100.09, True),
+        (Slack(rel=1e-3), 100.0, 100.2, False),
+        (Slack(abs=0.1, rel=1e-3), 100.0, 100.15, True),
+        (Slack(abs=1.0), math.nan, math.nan, True),
+        (Slack(abs=1.0), math.nan, 0.0, False),
+        (Slack(abs=1.0), math.inf, math.inf, True),
+        (Slack(rel=1.0), math.inf, 0.0, False),
+        (Slack(), 0.0, -0.0, True),
+        (Slack(ignore=True), math.nan, 7.0, True),
+    ],
+)
+def test_a_slack_allows_what_it_says(slack, first, second, equal):
+    result = compared(command(first), command(second), {(TOPIC, "values"): slack})
+    assert (result.divergence is None) is equal
+
+
+def test_zero_and_minus_zero_are_not_the_same_bits():
+    found = compared(command(0.0), command(-0.0)).divergence
+    assert (found.field, str(found.second)) == ("values[0]", "-0.0")
+
+
+def test_nan_equals_nan_whatever_its_bits():
+    nan = command(math.nan)
+    other = nan.replace(msgspec.msgpack.encode(math.nan), bytes.fromhex("cbfff8000000000001"))
+    assert nan != other
+    result = compared(nan, other, {(TOPIC, "values"): Slack()})
+    assert (result.within, result.divergence) == (1, None)
+
+
+def test_the_same_values_in_other_bytes_are_named_as_such():
+    reverse = msgspec.msgpack.encode({"values": [1.0], "mode": "torque"})
+    found = compared(command(1.0), reverse).divergence
+    assert (found.kind, found.field) == ("encoding", "")
+    assert "the same values in other bytes" in found.text()
+
+
+def test_with_a_tolerance_values_count_and_not_bytes():
+    other = msgspec.msgpack.encode({"values": [1], "mode": "torque"})
+    assert compared(command(1.0), other, {(TOPIC, "*"): Slack()}).divergence is None
+
+
+def test_a_slack_is_for_numbers_only():
+    result = compared(command(1.0), command(1.0, mode="velocity"), {("*", "*"): Slack(abs=9.0)})
+    assert result.divergence.field == "mode"
+
+
+def test_vectors_of_different_length_differ_as_a_whole():
+    found = compared(command(1.0), command(1.0, 2.0), {("*", "*"): Slack(abs=9.0)}).divergence
+    assert (found.field, found.first, found.second) == ("values", [1.0], [1.0, 2.0])
+
+
+def test_a_field_that_one_lacks_differs():
+    first, second = encode(JointState(position=[1.0])), encode(JointState())
+    found = compared(first, second, type_name="JointState/1").divergence
+    assert (found.field, found.first, found.second) == ("position", [1.0], None)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "kind"), [(None, b"\x80", "added"), (b"\x80", None, "missing")]
+)
+def test_a_message_that_one_lacks_differs(first, second, kind):
+    assert compared(first, second).divergence.kind == kind
+
+
+def test_bytes_that_are_no_message_are_shown_in_hexadecimal():
+    found = compared(command(1.0), b"\xc1").divergence
+    assert found.second == "c1"
+
+
+def test_a_type_of_another_version_is_compared_all_the_same():
+    first, second = (msgspec.msgpack.encode({"deep": {"a": [n]}}) for n in (1, 2))
+    found = compared(first, second, type_name="Later/3").divergence
+    assert (found.field, found.first, found.second) == ("deep.a[0]", 1, 2)

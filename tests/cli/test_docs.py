@@ -1,0 +1,52 @@
+"""docs/cli.md and docs/exit-codes.md say what the command line does."""
+
+import argparse
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from stepbus_orchestrator.cli import COMMANDS, make_parser
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.scenario import builtin_names
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "cli.md").read_text(encoding="utf-8")
+INTRODUCTION, *PARTS = re.split(r"^## ", PAGE, flags=re.MULTILINE)
+SECTIONS = {part.partition("\n")[0]: part for part in PARTS}
+
+
+def options(command):
+    """Return the options of a command."""
+    parser = argparse.ArgumentParser(add_help=False)
+    command.add_arguments(parser)
+    return {name for action in parser._actions for name in action.option_strings}
+
+
+def test_every_command_has_its_section_in_the_order_of_the_help():
+    assert list(SECTIONS) == [command.name for command in COMMANDS]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_the_table_of_a_command_has_all_of_its_options(command):
+    first_cells = re.findall(r"^\| (.*?) \|", SECTIONS[command.name], re.MULTILINE)
+    assert set(re.findall(r"`(--?\w[\w-]*)", " ".join(first_cells))) == options(command)
+
+
+def test_every_command_line_of_the_page_can_be_parsed():
+    lines = re.findall(r"^\$ (stepbus .*)$", PAGE, re.MULTILINE)
+    assert len(lines) == len(COMMANDS)
+    for line in lines:
+        make_parser().parse_args(shlex.split(line)[1:])
+
+
+def test_every_built_in_scenario_is_named():
+    assert set(re.findall(r"`((?:two_link|baxter|store)[^`\s]*)`", INTRODUCTION)) == set(
+        builtin_names()
+    )
+
+
+def test_the_page_of_exit_codes_has_every_code():
+    rows = re.findall(r"^\| (\d+) \| (\w+) \|", (DOCS / "exit-codes.md").read_text(), re.MULTILINE)
+    assert [(int(code), name) for code, name in rows] == [(int(c), c.name) for c in ExitCode]

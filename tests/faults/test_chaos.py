@@ -1,0 +1,108 @@
+"""`make chaos`: two hundred faults of every kind, and an orchestrator that is killed."""
+
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from recording_support import messages
+from run_support import leftovers
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording.recover import recover
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.scenario import KINDS, MESSAGE_KINDS
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+SEED = 20261121
+EACH = 20
+STEPS = 200
+DEADLINE_S = 1.5
+NAMES = ("plant", "controller", "mission")
+OVERRIDES = ["duration=1s", *(f"{name}.step_timeout=1500ms" for name in NAMES)]
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """Return the messages of a run without faults."""
+    out = tmp_path_factory.mktemp("reference") / "out"
+    result = run(load("two_link", OVERRIDES), Options(out=out))
+    assert result.exit_code == 0, result.reason
+    return messages(result.recording)
+
+
+def draw(kind):
+    """Return the faults of one kind: (text, participant, step), the same in every session."""
+    generator = random.Random(f"{SEED} {kind}")
+    for _ in range(EACH):
+        name, step = generator.choice(NAMES), generator.randrange(STEPS)
+        lasts_ms = generator.randrange(10, 400)
+        lasting = kind in {"delay", "slow"} or (kind == "freeze" and generator.random() < 0.5)
+        yield f"{kind} {name} at {step}" + (f" for {lasts_ms}ms" if lasting else ""), name, step
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_fault_is_survived_or_blamed(tmp_path, own_temp, reference, kind):
+    for number, (text, name, step) in enumerate(draw(kind)):
+        out = tmp_path / str(number)
+        result = run(load("two_link", OVERRIDES, [text]), Options(out=out))
+        recorded = messages(result.recording)
+        assert Recording.open(result.recording).damage == "", text
+        if result.exit_code == 0:
+            assert recorded == reference, text
+        else:
+            assert kind not in {"delay", "duplicate", "slow"}, (text, result.reason)
+            assert name in result.reason, (text, result.reason)
+            assert re.search(rf"\bstep {step}\b", result.reason), (text, result.reason)
+            assert len(recorded) >= 4 * step, text
+        assert result.wall_s < DEADLINE_S + 2, (text, result.reason)
+        assert leftovers(own_temp) == [], text
+        assert list(own_temp.iterdir()) == [], text
+
+
+@pytest.mark.parametrize("kind", MESSAGE_KINDS[:1])
+def test_the_faults_are_of_every_participant(kind):
+    assert {name for _, name, _ in draw(kind)} == set(NAMES)
+    assert len(KINDS) * EACH == 200
+
+
+def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_temp, reference):
+    generator = random.Random(SEED)
+    ends = []
+    for number in range(10):
+        out = tmp_path / str(number)
+        command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--no-report"]
+        sets = [word for override in OVERRIDES for word in ("--set", override)]
+        process = subprocess.Popen(
+            [*command, *sets, "--set", "duration=1000s", "--out", out],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        wait_for(
+            lambda out=out: (
+                (out / "run.mcap").exists() and (out / "run.mcap").stat().st_size > 50_000
+            )
+        )
+        time.sleep(generator.uniform(0, 0.3))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        wait_for(lambda: leftovers(own_temp) == [] and list(own_temp.iterdir()) == [])
+        recovery = recover(out / "run.mcap", out / "whole.mcap")
+        saved = [row for row in messages(out / "whole.mcap") if row[0] != "stepbus/chain"]
+        expected = [row for row in reference if row[0] != "stepbus/chain"]
+        common = min(len(saved), len(expected) - 4)
+        assert saved[:common] == expected[:common]
+        assert recovery.lost_bytes < 64 * 1024 + 1000
+        ends.append(recovery.last_step)
+    assert min(ends) > 100
+
+
+def wait_for(condition, seconds=60.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

@@ -1,0 +1,51 @@
+"""The controllers in Octave and Java, on the bus through the bridge."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.run_scenario import run
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "controllers"
+PROGRAMS = {"octave": "octave-cli", "java": "java"}
+
+
+@pytest.fixture(scope="module", params=PROGRAMS)
+def result(request, tmp_path_factory):
+    """Return the result of a second of the example in one language."""
+    if shutil.which(PROGRAMS[request.param]) is None:
+        pytest.skip(f"{PROGRAMS[request.param]} is not installed")
+    scenario = load(EXAMPLES / request.param, ["duration=1s"])
+    return run(scenario, Options(out=tmp_path_factory.mktemp(request.param) / "out"))
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory):
+    """Return the result of a second of the built-in PD controller."""
+    out = tmp_path_factory.mktemp("python") / "out"
+    return run(load("two_link/pd", ["duration=1s"]), Options(out=out))
+
+
+def trajectory(result):
+    """Return the positions of both joints, shape (steps + 1, 2), [rad]."""
+    return read_tracking(Recording.open(result.recording)).state.fields["position"]
+
+
+def test_it_moves_the_arm_as_the_python_controller_does(result, python):
+    assert (result.exit_code, trajectory(result).shape) == (0, (201, 2))
+    assert np.abs(trajectory(result) - trajectory(python)).max() <= 1e-9
+
+
+def test_it_drops_nothing(result):
+    assert result.drops == {"plant": 0, "controller": 0, "mission": 0}
+
+
+def test_its_recording_runs_again_from_itself(result, tmp_path, capsys):
+    assert main(["rerun", str(result.recording), "--out", str(tmp_path / "again")]) == 0
+    assert "byte for byte as recorded" in capsys.readouterr().out

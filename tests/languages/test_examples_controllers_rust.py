@@ -1,0 +1,119 @@
+"""The controller in Rust, on the bus itself, and the crate `stepbus-client` below it."""
+
+import os
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.run_scenario import run
+
+CHECKOUT = Path(__file__).parents[2]
+EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
+CRATE = CHECKOUT / "clients" / "rust"
+
+# A first build compiles about 290 crates: 11 minutes of processor time, half an hour when busy.
+pytestmark = pytest.mark.timeout(3600)
+
+
+def cargo(folder, *arguments):
+    """Run cargo in a folder, at low priority, with the example's build folder; return its output."""
+    if shutil.which("cargo") is None:
+        pytest.skip("cargo is not installed")
+    command = ["nice", "cargo", *arguments]
+    environment = os.environ | {"CARGO_TARGET_DIR": str(EXAMPLE / "target")}
+    pipes = {"capture_output": True, "text": True}
+    done = subprocess.run(command, check=False, cwd=folder, env=environment, **pipes)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def run_example(out, *overrides):
+    """Run a second of the example; return its result."""
+    return run(load(EXAMPLE, ["duration=1s", *overrides]), Options(out=out))
+
+
+def trajectory(result):
+    """Return the positions of both joints, shape (steps + 1, 2), [rad]."""
+    return read_tracking(Recording.open(result.recording)).state.fields["position"]
+
+
+@pytest.fixture(scope="module")
+def built():
+    """Build the example."""
+    cargo(EXAMPLE, "build", "--release")
+
+
+@pytest.fixture(scope="module")
+def result(built, tmp_path_factory):
+    """Return the result of a second of the example."""
+    return run_example(tmp_path_factory.mktemp("rust") / "out")
+
+
+@pytest.mark.slow
+def test_it_moves_the_arm_as_the_python_controller_does(result, tmp_path):
+    python = run(load("two_link/pd", ["duration=1s"]), Options(out=tmp_path / "out"))
+    assert (result.exit_code, trajectory(result).shape) == (0, (201, 2))
+    assert np.abs(trajectory(result) - trajectory(python)).max() <= 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("transport", ["unix", "tcp"])
+@pytest.mark.parametrize("window", [1, 64])
+def test_window_and_transport_change_no_byte(result, tmp_path, transport, window):
+    again = run_example(tmp_path / "out", f"window={window}", f"bus.transport={transport}")
+    assert again.recording.read_bytes() == result.recording.read_bytes()
+    assert again.drops == {"plant": 0, "controller": 0, "mission": 0}
+
+
+@pytest.mark.slow
+def test_its_recording_is_replayed_equal(result, capsys):
+    arguments = ["replay", str(result.recording), "--participant", "controller"]
+    assert main(arguments) == 0, capsys.readouterr()
+
+
+@pytest.mark.slow
+def test_a_missing_parameter_is_a_fault_that_names_it(built, tmp_path):
+    failed = run_example(tmp_path / "out", "controller.params={kp: 200}")
+    assert (failed.exit_code, "params has no kd" in failed.reason) == (3, True)
+
+
+@pytest.mark.slow
+def test_another_type_of_input_is_refused_with_both_sides(built, tmp_path):
+    wrong = "controller.inputs={joint_state: plant.joint_state}"
+    failed = run_example(tmp_path / "out", wrong)
+    assert (failed.exit_code, "reference" in failed.reason) == (3, True)
+
+
+@pytest.mark.slow
+def test_the_crate_passes_its_own_tests():
+    outcomes = re.findall(r"test result: (\w+)\. (\d+) passed", cargo(CRATE, "test", "--release"))
+    assert {outcome for outcome, _ in outcomes} == {"ok"}
+    assert sum(int(passed) for _, passed in outcomes) > 10
+
+
+@pytest.mark.parametrize("folder", [CRATE, EXAMPLE])
+def test_versions_are_exact_and_no_lock_file_is_kept(folder):
+    manifest = tomllib.loads((folder / "Cargo.toml").read_text(encoding="utf-8"))
+    needs = [need for need in manifest["dependencies"].values() if "path" not in need]
+    versions = [need if isinstance(need, str) else need["version"] for need in needs]
+    assert all(version.startswith("=") for version in versions)
+    assert "/Cargo.lock" in (folder / ".gitignore").read_text(encoding="utf-8").splitlines()
+
+
+def test_without_a_ticket_it_says_so():
+    program = EXAMPLE / "target" / "release" / "two-link-pd"
+    if not program.exists():
+        pytest.skip("the example is not built; cargo build --release builds it")
+    environment = {key: text for key, text in os.environ.items() if key != "STEPBUS_TICKET"}
+    pipes = {"capture_output": True, "text": True, "timeout": 10}
+    done = subprocess.run([program], check=False, env=environment, **pipes)
+    assert (done.returncode, "STEPBUS_TICKET is not set" in done.stderr) == (2, True)

@@ -1,0 +1,80 @@
+"""`stepbus new`: what it writes runs, in each language, in a folder of its own."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.starters.starter import STARTERS, write_starter
+
+CHECKOUT = Path(__file__).parents[2]
+TOOLS = {"c": "make", "java": "java", "js": "node", "octave": "octave-cli", "rust": "cargo"}
+# Zenoh builds for minutes, in the tests of the Rust example; Python runs in test_cli_commands.py.
+QUICK = sorted(set(STARTERS) - {"python", "rust"})
+
+
+def tracked(folder: str) -> set[str]:
+    """Return the files below a folder of the checkout that no build has made."""
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", folder]
+    said = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    return {os.path.relpath(line, folder) for line in said.stdout.splitlines()}
+
+
+@pytest.mark.parametrize("language", QUICK)
+def test_a_starter_runs_as_it_is(language, tmp_path):
+    if shutil.which(TOOLS[language]) is None:
+        pytest.skip(f"{TOOLS[language]} is not installed")
+    write_starter(tmp_path / "arm", language)
+    build = STARTERS[language].build.format(folder=tmp_path / "arm")
+    subprocess.run(build, shell=True, check=True, capture_output=True)
+    result = run(load(tmp_path / "arm", ["duration=100ms"]), Options(out=tmp_path / "out"))
+    assert (result.exit_code, result.steps, result.scenario) == (0, 20, "arm")
+
+
+@pytest.mark.parametrize("language", STARTERS)
+def test_a_starter_has_all_files_of_its_example(language, tmp_path):
+    written = set(map(str, write_starter(tmp_path / "arm", language)))
+    for part in STARTERS[language].parts:
+        if part.folder.startswith("examples"):
+            assert tracked(part.folder) <= written
+
+
+@pytest.mark.parametrize("language", STARTERS)
+def test_a_starter_names_no_file_outside_of_its_folder(language, tmp_path):
+    for file in write_starter(tmp_path / "arm", language):
+        text = (tmp_path / "arm" / file).read_text(encoding="utf-8")
+        assert "package://" not in text
+        if file.name in {"README.md", "Cargo.toml"}:
+            assert not re.search(r"\.\./", text)
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [("my arm/", "my_arm"), ("_1", "1"), ("...", "my_scenario"), ("a" * 70, "a" * 64)],
+)
+def test_the_scenario_is_called_like_its_folder(folder, name, tmp_path):
+    write_starter(tmp_path / folder, "python")
+    assert load(tmp_path / folder).name == name
+
+
+def test_an_unknown_language_is_refused_with_the_nearest(tmp_path, capsys):
+    assert main(["new", "--language", "octav", str(tmp_path / "arm")]) == ExitCode.SCENARIO
+    assert "no starter in 'octav'; did you mean 'octave'?" in capsys.readouterr().err
+    assert not (tmp_path / "arm").exists()
+
+
+def test_what_a_build_has_left_beside_an_example_is_not_copied(tmp_path):
+    assert "controller" not in map(str, write_starter(tmp_path / "arm", "c"))
+
+
+def test_the_next_command_is_one_that_a_shell_takes(tmp_path, capsys):
+    main(["new", "--language", "c", str(tmp_path / "my arm")])
+    folder = f"'{tmp_path}/my arm'"
+    assert f"next: make -C {folder} && stepbus run {folder}\n" in capsys.readouterr().out

@@ -1,0 +1,51 @@
+"""The ten minutes of the README, as written there."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.starters.starter import write_starter
+
+PAGE = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def shown(name: str) -> str:
+    """Return the lines that the page shows for a file."""
+    return re.search(rf"<!-- {name} -->\n```\w+\n(.*?)```", PAGE, re.DOTALL)[1]
+
+
+def edit_octave(text: str) -> str:
+    return re.sub(
+        r"^ *tau = kp.*\n", lambda _: shown("controller.m"), text, count=1, flags=re.MULTILINE
+    )
+
+
+def edit_js(text: str) -> str:
+    gains = "const { kp, kd } = gains;\n"
+    text = text.replace(gains, gains + shown("controller.mjs"))
+    return text.replace("const torque = kp *", "const torque = gravity[i] + kp *")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("language", "tool", "file", "edit"),
+    [
+        ("octave", "octave-cli", "controller.m", edit_octave),
+        ("js", "node", "controller.mjs", edit_js),
+    ],
+)
+def test_the_edit_of_the_page_takes_the_sag_away(language, tool, file, edit, tmp_path):
+    if shutil.which(tool) is None:
+        pytest.skip(f"{tool} is not installed")
+    write_starter(tmp_path / "my_arm", language)
+    path = tmp_path / "my_arm" / file
+    path.write_text(edit(path.read_text()))
+    result = run(load(tmp_path / "my_arm"), Options(out=tmp_path / "out"))
+    rmse = tracking_rmse(read_tracking(Recording.open(result.recording)))
+    assert [f"{error:.3g}" for error in rmse.values()] == ["0.00785", "0.00264"]

@@ -1,0 +1,43 @@
+"""Our shorter way of writing messages gives the bytes of the mcap package."""
+
+import random
+from io import BytesIO
+
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from stepbus_orchestrator.recording.message_writer import MessageWriter
+
+
+def written(writer_class, messages, compression=CompressionType.ZSTD, chunk_size=2000):
+    stream = BytesIO()
+    writer = writer_class(stream, chunk_size=chunk_size, compression=compression)
+    writer.start(profile="", library="stepbus")
+    schema = writer.register_schema("s", "jsonschema", b"{}")
+    channels = [writer.register_channel(f"topic{n}", "msgpack", schema, {}) for n in range(3)]
+    for number, log_time, data in messages:
+        writer.add_message(channels[number], log_time, data, log_time, sequence=log_time % 7)
+        if number == 2 and log_time % 5 == 0:
+            writer.add_attachment(0, 0, "a", "text/plain", b"x")
+    writer.finish()
+    return stream.getvalue()
+
+
+def messages(seed, count):
+    chance = random.Random(seed)
+    return [
+        (chance.randrange(3), chance.randrange(10**12), chance.randbytes(chance.randrange(300)))
+        for _ in range(count)
+    ]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 50, 500])
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.ZSTD])
+def test_the_bytes_are_those_of_the_mcap_package(count, compression):
+    given = messages(count, count)
+    assert written(MessageWriter, given, compression) == written(Writer, given, compression)
+
+
+def test_a_message_larger_than_a_chunk_is_written_as_the_package_does():
+    given = [(0, 5, b"x" * 10_000), (1, 6, b""), (0, 7, b"y")]
+    assert written(MessageWriter, given) == written(Writer, given)

@@ -1,0 +1,70 @@
+"""What is published in the stead of a participant that has failed, without processes."""
+
+import msgspec
+import pytest
+
+from stepbus_orchestrator.run.fallback import StandIn
+from stepbus_orchestrator.scenario import HoldSpec, OutputSpec, ParticipantSpec
+from stepbus_schemas import (
+    BaseCommand,
+    Decoder,
+    Goal,
+    GripperCommand,
+    Outputs,
+    Plan,
+    PlanRequest,
+    encode,
+    message_class,
+)
+
+STEP_NS = 10_000_000
+TOKEN = "token"
+
+
+class Bus:
+    """Keeps what is put, and gives samples as they are."""
+
+    def __init__(self):
+        self.sent = []
+
+    def publisher(self, key, encoding):
+        return self.sent.append
+
+    def payload(self, sample):
+        return sample
+
+
+def stand_in_for(message):
+    """Return what is published once a participant that has published one message is held."""
+    bus = Bus()
+    kind = f"{type(message).__name__}/1"
+    spec = ParticipantSpec(name="one", exec=("python",), outputs={"port": OutputSpec(type=kind)})
+    stand_in = StandIn(
+        spec, HoldSpec(keep_ns=0, hold_ns=STEP_NS), bus=bus, token=TOKEN, step_ns=STEP_NS,
+        take=lambda data: None,
+    )  # fmt: skip
+    ports = {"port": msgspec.Raw(encode(message))}
+    stand_in.hear(encode(Outputs(token=TOKEN, step=0, t_ns=0, ports=ports)))
+    stand_in.take_over(0, {})
+    bus.sent.clear()
+    stand_in.publish_below(10)
+    (data,) = bus.sent
+    ports = Decoder(Outputs)(data).ports
+    return Decoder(message_class(kind))(ports["port"]) if "port" in ports else None
+
+
+@pytest.mark.parametrize(
+    ("last", "safe"),
+    [
+        (BaseCommand(vx=1.0, wz=0.5), BaseCommand()),
+        (Goal(id=4, kind="drive", by=1.0), Goal(id=5, kind="stop")),
+        (GripperCommand(width=0.0, force=15.0), GripperCommand(width=0.0, force=15.0)),
+        (PlanRequest(id=3, start=[0.0], goal=[0.0]), None),
+        (
+            Plan(id=3, times=[0.0]),
+            Plan(id=0, cause="planner_failed", text="the planner has failed"),
+        ),
+    ],
+)
+def test_a_held_participant_brings_to_rest_what_it_commands(last, safe):
+    assert stand_in_for(last) == safe

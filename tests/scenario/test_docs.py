@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from scenario_support import write
+
+from stepbus_orchestrator.scenario import builtin_names, files, load, resolved
+from stepbus_orchestrator.scenario.build import PARTICIPANT_KEYS
+from stepbus_orchestrator.scenario.override import TOP_KEYS
+
+DOCS = (Path(__file__).parents[2] / "docs/scenario.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("key", [*TOP_KEYS, "extends", *PARTICIPANT_KEYS])
+def test_the_reference_has_every_key(key):
+    assert f"\n| `{key}` |" in DOCS
+
+
+def test_the_first_example_of_the_reference_is_a_scenario(tmp_path):
+    text = re.findall(r"```yaml\n(.*?)```", DOCS, re.DOTALL)[0]
+    text = re.sub(r"-m, stepbus_\w+", "-c, pass", text)
+    assert load(write(tmp_path, text)).name == "arm"
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_what_ships_with_stepbus_can_be_run_again_from_its_recording(name, tmp_path):
+    scenario = load(name)
+    for path, file in files(scenario).items():
+        write(tmp_path, file.read_text(encoding="utf-8"), path)
+    again = load(write(tmp_path, resolved(scenario)))
+    assert (again, list(files(again))) == (scenario, list(files(scenario)))

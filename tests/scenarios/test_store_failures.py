@@ -1,0 +1,195 @@
+"""What goes wrong in the store: each failure has its sentence, and everything comes to rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from store_support import last, moves, slow_with_robots, store, texts
+
+from stepbus_orchestrator import load
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording.reader import Recording
+
+pytestmark = slow_with_robots
+
+ITEM = "cola_a1_1"
+"""What is gone for when a cola is ordered."""
+
+FAILED = f"sale 1 ({ITEM}) failed while "
+STILL = "; everything stands still"
+NO_OTHER_MOVED = 2e-3
+"""[m]"""
+
+ONCE = "mission.params.attempts=1"
+
+
+def script(*actions):
+    return f"plant.params.script=[{', '.join(f'{{{action}}}' for action in actions)}]"
+
+
+def at(seconds, scenario="store/truth"):
+    """Return the step of a time, for faults."""
+    return round(seconds * 1e9 / load(scenario).step_ns)
+
+
+def assert_at_rest(recording):
+    """Arm and base stand at the end of the recording."""
+    joints, base = last(recording, "plant/joint_state"), last(recording, "plant/odometry")
+    assert np.abs(joints.velocity).max() < 0.01, joints
+    assert abs(base.vx) < 0.005, base
+    assert abs(base.wz) < 0.01, base
+
+
+def assert_no_other_item_moved(recording, *besides):
+    others = {name: way for name, way in moves(recording).items() if name not in besides}
+    assert max(others.values(), default=0.0) < NO_OTHER_MOVED, others
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """What is different in a run, and the sentence that has to come of it, in parts."""
+
+    overrides: tuple[str, ...]
+    told: tuple[str, ...]
+    scenario: str = "store/truth"
+
+
+FAILURES = {
+    "too heavy": Failure(
+        overrides=("plant.params.stock.kinds.cola.mass=9", ONCE),
+        told=(f"{FAILED}lifting: slipped, what was held at 66.", "after 1 attempt", STILL),
+    ),
+    "too slippery": Failure(
+        overrides=("plant.params.stock.kinds.cola.friction=0.05",),
+        told=(f"{FAILED}lifting: slipped, what was held at 66.", "after 2 attempts", STILL),
+    ),
+    "missing": Failure(
+        overrides=(
+            f"mission.params.orders=[{{item: {ITEM}}}]",
+            script(f"at: 3s, body: {ITEM}, position: [-4, 3, 0.0]"),
+        ),
+        told=(f"{FAILED}choosing an item: shelf empty, {ITEM} is not there; 0 sold, 1 miss", STILL),
+    ),
+    "out of reach": Failure(
+        overrides=("mission.params.orders=[{item: water_a1_4}]", "mission.params.stand=1.05"),
+        told=("sale 1 (water_a1_4) failed while moving above its place: unreachable", STILL),
+    ),
+    "nothing of a kind": Failure(
+        overrides=("plant.params.stock.missing=[cola]",),
+        told=(
+            "sale 1 (cola) failed while choosing an item: shelf empty, nothing of kind cola is",
+            STILL,
+        ),
+    ),
+    "shelf empty": Failure(
+        overrides=("plant.params.stock.fill=0",),
+        told=("sale 1 (cola) failed while choosing an item: shelf empty, nothing of kind", STILL),
+    ),
+    "gripper without force": Failure(
+        overrides=("plant.params.effort.left_finger=0", "plant.params.effort.right_finger=0"),
+        told=(f"{FAILED}opening the hand: stuck, the fingers have not moved: ", STILL),
+    ),
+    "jammed wheel": Failure(
+        overrides=(script("at: 3s, jam: left_wheel"),),
+        told=(f"{FAILED}driving to the shelf: jammed, ", "the left wheel rolls at 0.00 m/s", STILL),
+    ),
+    "dead camera": Failure(
+        scenario="store",
+        overrides=(script("at: 3s, camera: camera"),),
+        told=(f"{FAILED}looking for it: the camera shows nothing: no detections for 3 s", STILL),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_a_failure_has_its_sentence_and_everything_comes_to_rest(name, tmp_path):
+    failure = FAILURES[name]
+    result = store(tmp_path, *failure.overrides, scenario=failure.scenario)
+    recording = Recording.open(result.recording)
+    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission"), result.reason
+    assert all(part in result.reason for part in failure.told), result.reason
+    assert_at_rest(recording)
+    assert_no_other_item_moved(recording, ITEM)
+
+
+def test_a_grip_without_force_is_refused_before_anything_moves(tmp_path):
+    result = store(tmp_path, "mission.params.force=0")
+    assert (result.exit_code, result.steps) == (ExitCode.START, 0)
+    assert "participants.mission.params.force: is 0, has to be positive" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("seconds", "doing"), [(4.8, "driving to the shelf"), (8.6, "moving above its place")]
+)
+def test_without_a_planner_the_mission_says_so_and_everything_comes_to_rest(
+    seconds, doing, tmp_path
+):
+    result = store(tmp_path, f"faults=[kill planner at {at(seconds)}]")
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "planner")
+    assert "was killed by SIGKILL" in result.reason
+    assert f"{FAILED}{doing}: no plan, the planner has failed{STILL}" in result.reason
+    assert_at_rest(Recording.open(result.recording))
+
+
+@pytest.mark.parametrize("seconds", [4.8, 8.6])
+def test_without_a_controller_base_and_arm_are_braked(seconds, tmp_path):
+    result = store(tmp_path, f"faults=[kill controller at {at(seconds)}]")
+    recording = Recording.open(result.recording)
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
+    assert "its commands were held" in result.reason
+    assert "brought to rest" in result.reason
+    assert_at_rest(recording)
+    assert_no_other_item_moved(recording)
+
+
+POST_ASIDE = "body: pillar, position: [1.9, 0.5, 0]"
+"""In the straight way above the item, with room around it."""
+
+POST_AWAY = "at: 15s, body: pillar, position: [1.9, 0.6, 0]"
+"""Back where it was; straight down to the item the arm would touch it."""
+
+POST_ON_ITEM = "body: pillar, position: [2.015, 0.36, 0.38]"
+"""Where the hand has to go, whichever way it comes."""
+
+
+def assert_nothing_was_touched(recording, link):
+    hit = [
+        (pair, force)
+        for _, contacts in recording.messages("plant/contacts")
+        for pair, force in zip(contacts.pairs, contacts.force, strict=True)
+        if link in pair and force > 0.0
+    ]
+    assert not hit
+
+
+def test_around_what_blocks_the_first_way_another_one_is_taken(tmp_path):
+    result = store(tmp_path, script(f"at: 3s, {POST_ASIDE}", POST_AWAY))
+    recording = Recording.open(result.recording)
+    assert "mission: 1 of 1 sales are done" in result.reason
+    assert texts(recording, "planner/events")[0].startswith("plan 1: way around of ")
+    assert_nothing_was_touched(recording, "pillar_post")
+
+
+def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
+    result = store(tmp_path, script(f"at: 8.6s, {POST_ASIDE}", POST_AWAY))
+    recording = Recording.open(result.recording)
+    assert "mission: 1 of 1 sales are done" in result.reason
+    plans = texts(recording, "planner/events")
+    assert plans[0].startswith("plan 1: straight way of ")
+    assert plans[1].startswith("plan 1: pillar_post has come into the way, ")
+    assert plans[2].startswith("plan 2: way around of ")
+    (said,) = [text for text in texts(recording, "mission/events") if "another" in text]
+    assert said.startswith(f"sale 1 ({ITEM}): pillar_post has come into the way, ")
+    assert said.endswith("; stopped, asked for another way (1 of 3)")
+    assert_nothing_was_touched(recording, "pillar_post")
+
+
+def test_where_there_is_no_way_the_run_fails_with_everything_at_rest(tmp_path):
+    result = store(tmp_path, script(f"at: 8.6s, {POST_ON_ITEM}"))
+    recording = Recording.open(result.recording)
+    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission"), result.reason
+    assert f"{FAILED}moving above its place: no way, " in result.reason
+    assert "pillar_post" in result.reason
+    assert result.reason.count(STILL) == 1
+    assert_at_rest(recording)
+    assert_nothing_was_touched(recording, "pillar_post")

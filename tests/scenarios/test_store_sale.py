@@ -1,0 +1,93 @@
+"""One sale of the store, end to end, as its README promises it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from store_support import NAMES, PATIENT, moves, slow_with_robots, store, texts
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.run.run_scenario import run
+
+pytestmark = slow_with_robots
+
+ITEM = "cola_a1_1"
+ROW = re.compile(
+    rf"^1 +{ITEM} +1 +(?P<found>[\d.]+) mm +(?P<placed>[\d.]+) mm +(?P<others>[\d.]+) mm",
+    re.MULTILINE,
+)
+ARM = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "ee")
+EFFORT = np.array([150.0, 150.0, 150.0, 28.0, 28.0, 28.0])
+"""Limits of the UR5's motors [N·m]."""
+
+
+@pytest.fixture(scope="module")
+def sale(tmp_path_factory):
+    """Return the result of a sale with the camera in the loop."""
+    return store(tmp_path_factory.mktemp("sale"), scenario="store")
+
+
+@pytest.fixture(scope="module")
+def recording(sale):
+    return Recording.open(Path(sale.folder) / "run.mcap")
+
+
+@pytest.mark.timeout(600)
+def test_the_item_is_sold(sale, recording):
+    assert sale.exit_code == 0, sale.reason
+    row = ROW.search("\n".join(texts(recording, "mission/summary")))
+    assert float(row["found"]) < 3.0
+    assert float(row["placed"]) < 10.0
+    assert float(row["others"]) < 2.0
+
+
+@pytest.mark.timeout(600)
+def test_no_other_item_has_moved(recording):
+    others = {name: way for name, way in moves(recording).items() if name != ITEM}
+    assert len(others) == 41
+    assert max(others.values()) < 2e-3
+
+
+@pytest.mark.timeout(600)
+def test_it_is_held_by_friction_at_15_newtons(recording):
+    forces = [hand.force for _, hand in recording.messages("plant/hand") if hand.holding]
+    assert np.median(forces) == pytest.approx(15.0, abs=0.5)
+
+
+@pytest.mark.timeout(600)
+def test_the_arm_touches_nothing_and_its_motors_suffice(recording):
+    arm = {f"{name}_link" for name in ARM}
+    touched = [
+        pair
+        for _, contacts in recording.messages("plant/contacts")
+        for pair, force in zip(contacts.pairs, contacts.force, strict=True)
+        if force > 0.0 and not arm.isdisjoint(pair)
+    ]
+    assert touched == []
+    efforts = [np.abs(state.effort) for _, state in recording.messages("plant/joint_state")]
+    assert (np.max(efforts, axis=0) < EFFORT).all()
+
+
+@pytest.mark.timeout(600)
+def test_a_second_run_with_another_window_is_equal_to_the_byte(sale, tmp_path):
+    scenario = load("store", [*PATIENT, "window=8", "batch=4", "bus.transport=tcp"])
+    assert run(scenario, Options(out=tmp_path / "out")).sha256 == sale.sha256
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", NAMES)
+def test_each_participant_does_again_what_it_did(sale, name):
+    result = replay(Path(sale.folder) / "run.mcap", name)
+    assert result.equal, result.divergence
+
+
+@pytest.mark.timeout(600)
+def test_several_orders_are_sold_in_a_row(tmp_path):
+    result = store(tmp_path, "mission.params.orders=[{item: water_b3_3}, juice]")
+    assert result.exit_code == 0, result.reason
+    assert "2 of 2 sales" in "\n".join(
+        texts(Recording.open(Path(result.folder) / "run.mcap"), "mission/summary")
+    )

@@ -1,0 +1,81 @@
+"""The two-link scenario, as a newcomer runs it, and what its recording holds."""
+
+import json
+
+import jsonschema
+import msgpack
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.run_scenario import run
+
+# rad, joints 1 and 2, after 2 s: ../shared/robots.md; to be met within 20 %.
+FIGURES = {
+    "two_link": (0.00034, 0.00036),
+    "two_link/pd": (0.073, 0.017),
+    "two_link/pid": (0.016, 0.008),
+    "two_link/pd_gravity": (0.008, 0.003),
+    "two_link/velocity_force": (0.00034, 0.00036),
+    "two_link/encoders": (0.00034, 0.00036),
+}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Return the result of each scenario, run once."""
+    folder = tmp_path_factory.mktemp("two_link")
+    return {name: run(load(name), Options(out=folder / name.replace("/", "_"))) for name in FIGURES}
+
+
+@pytest.fixture(scope="module")
+def tracking(results):
+    return {name: read_tracking(Recording.open(r.recording)) for name, r in results.items()}
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_each_law_tracks_as_well_as_it_should(tracking, name):
+    rmse = tracking_rmse(tracking[name])
+    assert list(rmse) == ["joint1", "joint2"]
+    assert list(rmse.values()) == pytest.approx(FIGURES[name], rel=0.2)
+
+
+def test_direct_torque_and_velocity_with_maximum_force_agree(tracking):
+    direct = tracking["two_link"].state.fields["position"]
+    emulated = tracking["two_link/velocity_force"].state.fields["position"]
+    assert np.abs(direct - emulated).max() <= 1e-9
+
+
+def test_the_recording_opens_with_the_reader_of_mcap(results):
+    result = results["two_link"]
+    with result.recording.open("rb") as file:
+        reader = make_reader(file)
+        counts = {}
+        for schema, channel, message in reader.iter_messages():
+            counts[channel.topic] = counts.get(channel.topic, 0) + 1
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "msgpack")
+            assert message.log_time == message.sequence * result.step_ns
+        attached = {attachment.name for attachment in reader.iter_attachments()}
+    assert counts["plant/joint_state"] == 2001
+    assert counts["controller/command"] == counts["mission/reference"] == 2000
+    assert {"scenario.yaml", "files/two_link.urdf", "files/world.yaml"} <= attached
+
+
+def test_every_message_is_valid_under_its_recorded_schema(results):
+    with results["two_link"].recording.open("rb") as file:
+        validators = {}
+        for schema, _, message in make_reader(file).iter_messages():
+            if message.sequence % 20:
+                continue
+            if schema.id not in validators:
+                validators[schema.id] = jsonschema.Draft202012Validator(json.loads(schema.data))
+            validators[schema.id].validate(msgpack.unpackb(message.data))
+    assert len(validators) >= 5
+
+
+def test_nothing_in_the_recording_tells_when_or_where_it_was_made(results):
+    data = results["two_link"].recording.read_bytes()
+    assert str(results["two_link"].folder).encode() not in data

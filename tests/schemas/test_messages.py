@@ -1,0 +1,247 @@
+"""Ten thousand mutated messages on every key that is listened to: none is accepted, none hurts."""
+
+from __future__ import annotations
+
+import threading
+from types import SimpleNamespace
+
+import msgspec
+import pytest
+from fuzz_support import OLD_TOKEN, STEP_NS, TOKEN, HandBus, Mutator, Sample, envelopes, outputs
+from run_support import write_scenario
+
+from stepbus_orchestrator import load
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.recording.recorder import McapFile, Recorder
+from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.run.loop import Conductor
+from stepbus_orchestrator.run.participants import Member, Phase
+from stepbus_orchestrator.run.progress import Silent
+from stepbus_participant import Endpoint, Ticket
+from stepbus_participant.control import Control
+from stepbus_participant.inputs import PeerFault, make_inputs, make_sources
+from stepbus_participant.joining import join
+from stepbus_participant.outbox import read_stamp, stamp
+from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
+
+TO_ORCHESTRATOR = ["join", "ready/controller", "log/controller", "fault/controller"]
+TO_PARTICIPANTS = ["start", "trigger", "stop"]
+PER_KEY = 1000
+
+
+class Child:
+    """A process that runs on, whatever happens."""
+
+    pid, log = 7, "controller.log"
+
+    def exit_code(self):
+        return None
+
+    def wait(self, timeout_s):
+        return False
+
+
+class Stand:
+    """A conductor that is handed its messages; `state` is all that they might change."""
+
+    def __init__(self, folder, *overrides):
+        scenario = load(write_scenario(folder / "source"), overrides)
+        specs = scenario.participants
+        self.bus = HandBus()
+        self.recorder = Recorder(McapFile(folder / "run.mcap"), list(specs), scenario.step_ns)
+        self.timing = TimingRecorder(folder / "timing.mcap")
+        self.conductor = Conductor(
+            scenario=scenario, bus=self.bus, token=TOKEN, recorder=self.recorder, timing=self.timing,
+            observer=Silent(), interrupt=threading.Event(),
+        )  # fmt: skip
+        self.conductor.state.roster = {spec.name: Member(spec, Child()) for spec in specs}
+
+    def take(self, sample):
+        self.bus.hand(sample)
+        self.conductor._drain(0)
+
+    def start(self):
+        """Let the clock of the run begin."""
+        self.recorder.open_channels({}, {})
+        self.conductor.state.started_at = 1.0
+
+    def state(self):
+        members = self.conductor.state.roster.values()
+        phases = [(m.phase, m.ready, m.waiting, dict(m.drops), m.language) for m in members]
+        return phases, dict(self.conductor.state.barrier.reported), self.conductor.state.end
+
+    def close(self):
+        self.recorder.abort()
+        self.timing.close()
+
+
+@pytest.fixture
+def stand(tmp_path):
+    made = Stand(tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("key", TO_ORCHESTRATOR)
+def test_the_orchestrator_counts_every_mutant_and_takes_none(stand, key):
+    mutator, before = Mutator(1), stand.state()
+    for _ in range(PER_KEY):
+        stand.take(Sample(key, mutator.broken(envelopes()[key])))
+    assert (stand.conductor.state.foreign, stand.state()) == (PER_KEY, before)
+
+
+@pytest.mark.parametrize("key", TO_ORCHESTRATOR)
+def test_the_orchestrator_takes_the_message_that_was_not_mutated(stand, key):
+    before, failure = stand.state(), None
+    stand.start()
+    try:
+        stand.take(Sample(key, encode(envelopes()[key])))
+    except RunFailure as exc:
+        failure = exc
+    assert failure is not None or stand.state() != before
+    assert stand.conductor.state.foreign == 0
+
+
+@pytest.mark.parametrize("key", TO_ORCHESTRATOR)
+def test_a_mutant_that_still_has_the_token_ends_in_at_most_one_sentence(tmp_path, key):
+    mutator, stand, sentences = Mutator(2), Stand(tmp_path), []
+    stand.start()
+    for member in stand.conductor.state.roster.values():
+        member.phase = Phase.READY
+    for _ in range(PER_KEY):
+        try:
+            stand.take(Sample(key, mutator.mutant(encode(envelopes()[key]))))
+        except RunFailure as failure:
+            sentences.append(str(failure))
+    stand.close()
+    assert all(sentences)
+
+
+def test_outputs_before_the_start_are_a_fault(stand):
+    with pytest.raises(RunFailure, match=r"controller .* logged outputs before the start"):
+        stand.take(Sample("log/controller", encode(envelopes()["log/controller"])))
+
+
+def test_a_join_before_its_process_is_started_is_a_strangers(stand):
+    stand.conductor.state.roster = {}
+    stand.take(Sample("join", encode(envelopes()["join"])))
+    assert stand.conductor.state.foreign == 1
+
+
+def test_every_query_is_answered_with_a_refusal(stand):
+    mutator = Mutator(3)
+    for _ in range(PER_KEY // 5):
+        query = Sample("join", mutator.broken(envelopes()["join"]))
+        stand.take(query)
+        (answer,) = query.replies
+        assert msgspec.msgpack.decode(answer).keys() == {"reason"}
+
+
+def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
+    stand, mutator = Stand(tmp_path, "controller.outputs.image={type: JointState/1, bulk: true}"), Mutator(4)  # fmt: skip
+    for _ in range(PER_KEY):
+        stand.take(Sample("bulk/controller/image", b"pixels", mutator.broken_stamp()))
+    stand.close()
+    assert stand.conductor.state.foreign == PER_KEY
+
+
+def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
+    stand = Stand(tmp_path, "controller.outputs.image={type: JointState/1, bulk: true}")
+    stand.take(Sample("bulk/controller/imago", b"pixels", stamp(0, TOKEN)))
+    stand.take(Sample("bulk/controller/command", b"pixels", stamp(0, TOKEN)))
+    stand.close()
+    assert stand.conductor.state.foreign == 2
+
+
+@pytest.mark.parametrize("name", ["stranger", "Plant"])
+def test_somebody_alive_who_is_not_in_the_run_is_counted(stand, name):
+    before = stand.state()
+    stand.bus.sinks["alive/*"](f"alive/{name}", True)
+    stand.conductor._drain(0)
+    assert (stand.conductor.state.foreign, stand.state()) == (1, before)
+
+
+def test_the_orchestrators_own_life_is_not_counted(stand):
+    stand.bus.sinks["alive/*"]("alive/orchestrator", True)
+    stand.conductor._drain(0)
+    assert stand.conductor.state.foreign == 0
+
+
+@pytest.mark.parametrize("key", TO_PARTICIPANTS)
+def test_a_participant_counts_every_mutant_of_the_orchestrators_word(key):
+    bus, mutator = HandBus(), Mutator(5)
+    control = Control(bus, TOKEN, [])
+    for _ in range(PER_KEY):
+        bus.hand(Sample(key, mutator.broken(envelopes()[key])))
+    control.enter(0)
+    control.poll()
+    assert (control.foreign, control.upto, control.started) == (PER_KEY, 0, None)
+
+
+def source():
+    config = InputConfig(source="controller", port="command", type="JointCommand/1")
+    return make_sources(make_inputs({"command": config}), TOKEN)[0]
+
+
+def test_a_consumer_drops_or_blames_every_mutant_and_takes_none():
+    listener, mutator, blamed = source(), Mutator(6), 0
+    for _ in range(2 * PER_KEY):
+        try:
+            assert listener.accept(mutator.broken(outputs())) is None
+        except PeerFault as fault:
+            blamed += fault.blames == "controller"
+    assert (listener.step, listener.heard) == (-1, False)
+    assert sum(listener.drops.values()) + blamed == 2 * PER_KEY
+    assert listener.drops.keys() == {"malformed", "foreign"}
+
+
+def test_a_consumer_takes_what_follows_the_mutants():
+    listener = source()
+    listener.accept(encode(outputs(token=OLD_TOKEN)))
+    assert listener.accept(encode(outputs())) == outputs()
+
+
+def test_a_mutated_port_message_is_blamed_on_its_sender():
+    mutator, port, blamed = Mutator(7), bytes(outputs().ports["command"]), set()
+    config = InputConfig(source="controller", port="command", type="JointCommand/1")
+    for step in range(PER_KEY):
+        item = make_inputs({"command": config})["command"]
+        item.offer(step, mutator.mutant(port))
+        try:
+            item.settle(step)
+        except PeerFault as fault:
+            blamed.add(fault.blames)
+    assert blamed == {"controller"}
+
+
+def test_no_mutated_stamp_is_of_this_run():
+    mutator = Mutator(8)
+    assert [read_stamp(mutator.broken_stamp(), TOKEN) for _ in range(PER_KEY)] == [None] * PER_KEY
+
+
+def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
+    mutator = Mutator(9)
+    welcome = Welcome(
+        protocol=1, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
+        batch=1, seed=0, inputs={}, outputs={}, params={"gains": [1, {"a": None}]}, folder="/",
+    )  # fmt: skip
+    ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
+    for _ in range(PER_KEY):
+        answer = mutator.broken(welcome)
+        with pytest.raises(
+            (RunError, MessageError), match=r"our Hello|the orchestrator speaks protocol"
+        ):
+            join(SimpleNamespace(query=lambda *_, reply=answer: [reply]), ticket)
+
+
+def test_whoever_else_answers_a_hello_keeps_nobody_out():
+    welcome = Welcome(
+        protocol=1, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
+        batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
+    )  # fmt: skip
+    foreign = msgspec.structs.replace(welcome, token=OLD_TOKEN)
+    answers = [encode(Refusal(reason="go away")), b"\xc1", encode(foreign), encode(welcome)]
+    ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
+    assert join(SimpleNamespace(query=lambda *_: answers), ticket) == welcome
+    with pytest.raises(RunError, match="go away"):
+        join(SimpleNamespace(query=lambda *_: answers[:3]), ticket)

@@ -1,0 +1,56 @@
+"""Runs of the store, and what their recordings show."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_participant.config import package_path
+from stepbus_schemas import WiringError
+
+NAMES = ("plant", "perception", "mission", "controller", "planner")
+PATIENT = [f"{name}.spawn_timeout=120s" for name in NAMES]
+
+
+@cache
+def has_robots():
+    try:
+        return package_path("package://example-robot-data/robots").is_dir()
+    except WiringError:
+        return False
+
+
+slow_with_robots = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not has_robots(),
+        reason="example-robot-data is not installed; pip install 'stepbus[robots]'",
+    ),
+]
+
+
+def store(folder, *overrides, scenario="store/truth"):
+    return run(load(scenario, [*PATIENT, *overrides]), Options(out=folder / "out"))
+
+
+def last(recording, topic):
+    """Return the last message of a port."""
+    return list(recording.messages(topic))[-1][1]
+
+
+def texts(recording, topic):
+    return [
+        message.text for _, message in recording.messages(topic) if getattr(message, "text", "")
+    ]
+
+
+def moves(recording):
+    """Return how far each item has moved from beginning to end [m]."""
+    described = recording.ports["plant/poses"].description
+    poses = [message for _, message in recording.messages("plant/poses")]
+    before, after = np.array(poses[0].position), np.array(poses[-1].position)
+    ways = np.linalg.norm(after - before, axis=1)
+    rows = zip(described.names, described.details["kind"], ways, strict=True)
+    return {name: way for name, kind, way in rows if kind}
