@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from control_support import TWO_LINK, controller_config
 
-from stepbus_controller import ControllerParticipant, Dynamics
+from stepbus_controller import ControllerParticipant
+from stepbus_kinematics.dynamics import Dynamics
 from stepbus_schemas import WiringError
 
 URDF = TWO_LINK / "two_link.urdf"

@@ -10,7 +10,8 @@ from control_support import (
     tracking_errors,
 )
 
-from stepbus_controller import LAWS, Dynamics, Law, Reference, Robot
+from stepbus_controller import LAWS, Law, Reference, Robot
+from stepbus_kinematics.dynamics import Dynamics
 from stepbus_participant.settings import Settings
 
 DT = 0.005

@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 from manipulator_support import DOWN, HOME, UR5, make_robot
 
-from stepbus_controller import analytic
-from stepbus_controller.analytic import AnalyticChain, BranchSettings, BranchSolver
-from stepbus_controller.goals import Refused
-from stepbus_controller.kinematics import Kinematics
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.ik import analytic
+from stepbus_motion.ik.analytic import AnalyticChain, BranchSettings, BranchSolver
 from stepbus_participant.config import package_path
 from stepbus_schemas import RunError
 

@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from stepbus_controller.base_motion import BaseMotion, BaseSettings
-from stepbus_controller.goals import Refused
+from stepbus_motion.base.motion import BaseMotion, BaseSettings
+from stepbus_motion.goals.outcome import Refused
 from stepbus_schemas import BaseState, Goal
 
 DT = 0.008

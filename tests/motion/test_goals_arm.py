@@ -5,7 +5,7 @@ import pytest
 from arm_support import JOINTS, write_arm
 from control_support import Stand
 
-from stepbus_controller.arm import ArmController
+from stepbus_motion.arm.participant import ArmController
 from stepbus_participant.config import Config
 from stepbus_schemas import (
     Description,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from arm_support import JOINTS, all_news, carry_on, make_runner, write_arm
 
-from stepbus_controller.kinematics import Kinematics
+from stepbus_kinematics.kinematics import Kinematics
 from stepbus_schemas import Goal
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stepbus_controller.goals import Refused
-from stepbus_controller.grip import Grip, GripSettings
+from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.gripper.gripper import Grip, GripSettings
 from stepbus_schemas import Goal, GripperState
 
 DT = 0.008

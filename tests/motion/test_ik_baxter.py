@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from stepbus_controller.collisions import Collisions
-from stepbus_controller.ik import IkSettings, InverseKinematics
-from stepbus_controller.kinematics import Kinematics
-from stepbus_controller.motion import JointMotion, MotionLimits, Route
-from stepbus_controller.planning import Planner
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics.self_collisions import Collisions
+from stepbus_motion.ik.search import IkSettings, InverseKinematics
+from stepbus_motion.manipulator.detours import Planner
+from stepbus_motion.paths.motion import JointMotion, MotionLimits, Route
 from stepbus_participant.config import package_path
 from stepbus_schemas import WiringError
 

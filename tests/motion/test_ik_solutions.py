@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from arm_support import JOINTS, make_ik, write_arm
 
-from stepbus_controller.kinematics import Kinematics
+from stepbus_kinematics.kinematics import Kinematics
 from stepbus_schemas import RunError, WiringError
 
 BENT = np.array([0.3, 0.4, 0.5])

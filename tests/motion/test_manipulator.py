@@ -17,9 +17,9 @@ from manipulator_support import (
     pose_goal,
 )
 
-from stepbus_controller.goals import Refused
-from stepbus_controller.kinematics import Kinematics
-from stepbus_controller.motion import JointMotion, motion_to
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.paths.motion import JointMotion, motion_to
 from stepbus_schemas import BaseState, Goal, Plan
 from stepbus_schemas.messages import Spiral
 

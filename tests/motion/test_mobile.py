@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from control_support import Stand
 
-from stepbus_controller.mobile import MobileController
+from stepbus_motion.mobile.participant import MobileController
 from stepbus_participant.config import Config
 from stepbus_schemas import (
     BaseState,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_controller.monitor import CollisionMonitor, MonitorSettings
+from stepbus_motion.collisions.monitor import CollisionMonitor, MonitorSettings
 from stepbus_schemas import Contacts
 
 LINKS = frozenset({"chassis", "left_wheel", "elbow", "hand", "left_pad", "right_pad"})

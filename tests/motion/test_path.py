@@ -3,11 +3,12 @@ import pinocchio as pin
 import pytest
 from manipulator_support import DOWN, HOME, UR5, make_limits, make_robot
 
-from stepbus_controller.goals import Refused
-from stepbus_controller.kinematics import Kinematics
-from stepbus_controller.motion import JointMotion, MotionLimits, motion_to
-from stepbus_controller.motion_clock import MotionClock
-from stepbus_controller.path import (
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.manipulator.clock import MotionClock
+from stepbus_motion.paths.motion import JointMotion, MotionLimits, motion_to
+from stepbus_motion.paths.tip_path import Lost, SpiralCurve, follow, line
+from stepbus_motion.paths.trajectories import (
     AlongPath,
     Joined,
     JointPath,
@@ -17,7 +18,6 @@ from stepbus_controller.path import (
     joint_path,
     planned,
 )
-from stepbus_controller.tip_path import Lost, SpiralCurve, follow, line
 from stepbus_schemas import Plan
 
 TIP = "tool0"

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pybullet
 import pytest
 
-from stepbus_controller.analytic import AnalyticChain
-from stepbus_controller.kinematics import Kinematics
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_motion.ik.analytic import AnalyticChain
 from stepbus_plant import Params, Plant, load_world, read_params
 from stepbus_plant.world.stock import StockParams
 

@@ -9,7 +9,9 @@ import stepbus_schemas
 PACKAGES = [
     "stepbus",
     "stepbus_controller",
+    "stepbus_kinematics",
     "stepbus_mission",
+    "stepbus_motion",
     "stepbus_orchestrator",
     "stepbus_perception",
     "stepbus_planner",

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_controller.goals import GoalRunner, Settling
-from stepbus_controller.ik import IkSettings, InverseKinematics
-from stepbus_controller.kinematics import Kinematics
-from stepbus_controller.motion import MotionLimits
-from stepbus_controller.planning import Planner
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_motion.goals.outcome import Settling
+from stepbus_motion.goals.runner import GoalRunner
+from stepbus_motion.ik.search import IkSettings, InverseKinematics
+from stepbus_motion.manipulator.detours import Planner
+from stepbus_motion.paths.motion import MotionLimits
 from stepbus_schemas import GoalStatus
 
 JOINTS = ("one", "two", "three")

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_controller.goals import Settling
-from stepbus_controller.kinematics import Kinematics
-from stepbus_controller.manipulator import Manipulator, ManipulatorOptions
-from stepbus_controller.motion import MotionLimits
-from stepbus_controller.outcome import Outcome
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_motion.goals.outcome import Outcome, Settling
+from stepbus_motion.manipulator.manipulator import Manipulator, ManipulatorOptions
+from stepbus_motion.paths.motion import MotionLimits
 from stepbus_participant.config import package_path
 from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest

@@ -1,6 +1,5 @@
 """The controller: from joint states and a reference to joint torques, by a law of your choice."""
 
-from .dynamics import Dynamics
 from .laws import LAWS, PD, PID, ComputedTorque, Law, PDGravity, Reference
 from .participant import ControllerParticipant
 from .robot import Robot
@@ -11,7 +10,6 @@ __all__ = [
     "PID",
     "ComputedTorque",
     "ControllerParticipant",
-    "Dynamics",
     "Law",
     "PDGravity",
     "Reference",

@@ -6,10 +6,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from stepbus_kinematics.dynamics import Vector
 from stepbus_participant.plugins import construct, read_class
 from stepbus_participant.settings import Settings
 
-from .dynamics import Vector
 from .robot import Robot, read_robot
 
 

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics.joint_order import JointOrder
+from stepbus_kinematics.smoothing import Smoother, delay_sentence, read_smoother
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
 from stepbus_participant.settings import Settings
@@ -24,10 +27,7 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .dynamics import Vector
 from .laws import Reference, read_law
-from .order import JointOrder
-from .smoothing import Smoother, delay_sentence, read_smoother
 from .velocity import VelocityEstimator, read_estimator
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics.joint_order import JointOrder
 from stepbus_participant import main
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
@@ -20,9 +22,6 @@ from stepbus_schemas import (
     Message,
     WiringError,
 )
-
-from .dynamics import Vector
-from .order import JointOrder
 
 
 class PositionController(Participant):

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepbus_kinematics.dynamics import STANDARD_GRAVITY, Dynamics, Vector
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
-
-from .dynamics import STANDARD_GRAVITY, Dynamics, Vector
 
 
 @dataclass(frozen=True, kw_only=True)

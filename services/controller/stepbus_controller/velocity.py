@@ -7,9 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from stepbus_kinematics.dynamics import Vector
 from stepbus_participant.settings import Settings
-
-from .dynamics import Vector
 
 SOURCES = ("measured", "finite_difference", "filtered")
 

@@ -1,0 +1,1 @@
+"""`python -m stepbus_motion.arm`: goals of an arm."""

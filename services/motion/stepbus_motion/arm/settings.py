@@ -1,0 +1,123 @@
+"""The parameters of the controller that carries out goals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics.self_collisions import Collisions
+from stepbus_kinematics.smoothing import Smoother, read_smoother
+from stepbus_motion.goals.outcome import Settling
+from stepbus_participant.settings import Settings
+from stepbus_schemas import WiringError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSettings:
+    """What a scenario says about an `ArmController`.
+
+    velocity, acceleration, jerk: limits of the motion, shape (n,) [rad/s, rad/s², rad/s³].
+    """
+
+    kinematics: Kinematics
+    collisions: Collisions | None
+    velocity: list[float]
+    acceleration: list[float]
+    jerk: list[float]
+    settling: Settling
+    tries_unholdable: bool
+    smoother: Smoother | None
+
+
+def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
+    """Return what the scenario's params say; period: between two measurements [s].
+
+    model: URDF. joints: those to move, all others stand at neutral. srdf: with it, poses and
+    motions that touch are refused; collision_margin [m]. velocity_limit (default: 80 % of the
+    URDF's), acceleration_limit, jerk_limit: one number for all joints, a list, or a map by name
+    [rad/s, rad/s², rad/s³]. settle_position [rad], settle_velocity [rad/s], settle_steps,
+    settle_timeout [s]: when a motion counts as done. not_holdable: `refuse`, or `try` poses that
+    the motors cannot hold. smoothing: see `read_smoother`.
+    Raises WiringError with all that is wrong.
+    """
+    kinematics = read_kinematics(settings)
+    collisions = _read_collisions(settings, kinematics)
+    velocity = read_velocity_limit(settings, kinematics)
+    acceleration = read_joint_limit(settings, kinematics, "acceleration_limit", 4.0)
+    jerk = read_joint_limit(settings, kinematics, "jerk_limit", 40.0)
+    settling = read_settling(settings)
+    tries = settings.choice("not_holdable", ("refuse", "try"), default="refuse") == "try"
+    smoother = read_smoother(settings, period)
+    settings.check()
+    if kinematics is None:
+        settings.refuse()
+    return ArmSettings(
+        kinematics=kinematics,
+        collisions=collisions,
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        settling=settling,
+        tries_unholdable=tries,
+        smoother=smoother,
+    )
+
+
+def read_velocity_limit(settings: Settings, kinematics: Kinematics | None) -> list[float]:
+    """Return what `velocity_limit` says, or else 80 % of the URDF's limits, shape (n,) [rad/s]."""
+    urdf = [0.8 * limit for limit in kinematics.velocity_limit] if kinematics is not None else []
+    settings.value("velocity_limit", urdf)
+    if kinematics is None or not settings.has("velocity_limit"):
+        return urdf
+    return settings.per_name("velocity_limit", kinematics.joints, bound="positive")
+
+
+def read_joint_limit(
+    settings: Settings, kinematics: Kinematics | None, param: str, default: float
+) -> list[float]:
+    """Return a limit of each joint, shape (n,); empty for a robot that cannot be read."""
+    if kinematics is None:
+        settings.value(param, default)
+        return []
+    return settings.per_name(param, kinematics.joints, default, bound="positive")
+
+
+def read_settling(settings: Settings) -> Settling:
+    """Return what the parameters that begin with `settle_` say."""
+    steps = settings.number("settle_steps", 5, bound="positive")
+    if steps != int(steps):
+        settings.note("settle_steps", f"is {steps:g}, not a whole number")
+    return Settling(
+        position=settings.number("settle_position", 1e-3, bound="positive"),
+        velocity=settings.number("settle_velocity", 1e-2, bound="positive"),
+        steps=int(steps),
+        timeout=settings.number("settle_timeout", 3.0, bound="positive"),
+    )
+
+
+def read_kinematics(settings: Settings) -> Kinematics | None:
+    """Return the robot of `model` and `joints`; None: the settings say what is wrong with it."""
+    path, joints = settings.file("model"), settings.names("joints")
+    if path is None or not joints:
+        return None
+    try:
+        return Kinematics(path, joints)
+    except WiringError as exc:
+        for problem in str(exc).splitlines():
+            settings.note("model", problem)
+        return None
+
+
+def _read_collisions(settings: Settings, kinematics: Kinematics | None) -> Collisions | None:
+    margin = settings.number("collision_margin", 0.01, bound="not negative")
+    if not settings.has("srdf"):
+        settings.value("srdf", "")
+        return None
+    path = settings.file("srdf")
+    if path is None or kinematics is None:
+        return None
+    try:
+        return Collisions(kinematics, path, margin)
+    except WiringError as exc:
+        settings.note("srdf", str(exc))
+        return None

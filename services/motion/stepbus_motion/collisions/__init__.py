@@ -1,0 +1,1 @@
+"""Watches the contacts of a robot."""

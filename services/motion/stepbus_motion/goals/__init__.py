@@ -1,0 +1,1 @@
+"""Goals: from their start to their outcome."""

@@ -1,0 +1,86 @@
+"""What a goal of the arm wants, in the robot's base."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics.kinematics import Kinematics
+from stepbus_participant.settings import nearest
+from stepbus_schemas import BaseState, Goal, RunError
+
+from .outcome import Refused
+
+FARTHEST = 1e4
+"""No place of a goal is farther away [m], no turn larger [rad]; beyond it numbers overflow."""
+
+ODOMETRY = "odometry"
+"""Frame of a goal: where the base stood and looked at the start."""
+
+
+def base_in_odometry(base: BaseState) -> Any:
+    """Return the pose of the base in the frame of odometry, a `pinocchio.SE3`."""
+    turn = pin.Quaternion(math.cos(base.yaw / 2), 0.0, 0.0, math.sin(base.yaw / 2))
+    return pin.SE3(turn.matrix(), np.array([base.x, base.y, 0.0]))
+
+
+def frame_in_base(robot: Kinematics, q: Vector, base: BaseState, frame: str) -> Any:
+    """Return the pose of a goal's frame in the robot's base, a `pinocchio.SE3`.
+
+    q: shape (n,) [rad]. frame: a link, `odometry`, or empty for the base. Raises Refused for an
+    unknown one.
+    """
+    if frame == ODOMETRY:
+        return base_in_odometry(base).inverse()
+    try:
+        return robot.place(q, frame)
+    except RunError as exc:
+        raise Refused("invalid", str(exc)) from exc
+
+
+def target_pose(goal: Goal) -> Any:
+    """Return the pose that a goal wants in its own frame, a `pinocchio.SE3`.
+
+    Raises Refused where it is none.
+    """
+    if goal.position is None or goal.orientation is None:
+        raise Refused("invalid", f"kind {goal.kind} needs position and orientation")
+    length = math.hypot(*goal.orientation)
+    if not math.isfinite(sum(goal.position)) or not abs(length - 1.0) <= 1e-3:
+        text = f"position {goal.position} or orientation {goal.orientation} is no pose"
+        raise Refused("invalid", f"{text}; the quaternion x, y, z, w has length {length:g}, not 1")
+    if max(map(abs, goal.position)) > FARTHEST:
+        text = f"position {goal.position} m is more than {FARTHEST:g} m away"
+        raise Refused("unreachable", f"unreachable: {text}")
+    turn = pin.Quaternion(np.array(goal.orientation) / length)
+    return pin.SE3(turn.matrix(), np.array(goal.position))
+
+
+def target_joints(goal: Goal, robot: Kinematics, q: Vector) -> Vector:
+    """Return where kind `move_joints` wants the joints, shape (n,) [rad]; the others stay at q.
+
+    Raises Refused for unknown joints and values beyond their limits.
+    """
+    if len(goal.joints) != len(goal.values) or not goal.joints:
+        counts = f"{len(goal.values)} values for {len(goal.joints)} joints"
+        raise Refused("invalid", f"kind move_joints has {counts}")
+    target = q.copy()
+    for name, value in zip(goal.joints, goal.values, strict=True):
+        place = _place(robot.joints, name)
+        low, high = robot.lower[place], robot.upper[place]
+        if not low <= value <= high:
+            text = f"{name} shall go to {value:g} rad, its limits are [{low:g}, {high:g}]"
+            raise Refused("invalid", text)
+        target[place] = value
+    return target
+
+
+def _place(joints: Sequence[str], name: str) -> int:
+    if name not in joints:
+        raise Refused("invalid", f"joint {name!r}: {nearest(name, joints)}")
+    return joints.index(name)

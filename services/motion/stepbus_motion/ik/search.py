@@ -1,0 +1,248 @@
+"""Inverse kinematics: damped least squares with restarts, and what is wrong with a pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics.kinematics import Kinematics, Overload, Places
+from stepbus_kinematics.self_collisions import Collisions, Pair
+
+Verdict = Literal["reached", "not_holdable", "in_collision", "singular", "unreachable"]
+_WORSE: tuple[Verdict, ...] = (
+    "reached", "not_holdable", "in_collision", "singular", "unreachable",
+)  # fmt: skip
+"""From best to worst; of several attempts the best is returned."""
+
+_LARGEST_STEP = 0.5
+"""Of a joint in one iteration [rad]; the linear model holds no further."""
+
+
+class _Pace(NamedTuple):
+    """Times as many iterations, and how much of the squared error is added to the damping."""
+
+    rounds: int
+    caution: float
+
+
+_QUICK = _Pace(1, 0.05)
+_CLOSEST = _Pace(20, 0.5)
+"""For the closest pose: the quick pace would swing to and fro about a stretched arm."""
+
+_STANDSTILL = 1e-6
+"""Smallest step of an iteration that still leads anywhere [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IkSettings:
+    """How to search.
+
+    damping: λ of the least squares [-]. starts: attempts from different poses; unreachable_after:
+    fewer, where none of so many came to the pose. iterations: of one attempt.
+    position_tolerance [m], orientation_tolerance [rad]: where the pose counts as reached.
+    singular_below: smallest singular value of the Jacobian that is put up with [-].
+    """
+
+    damping: float = 1e-2
+    starts: int = 50
+    unreachable_after: int = 25
+    iterations: int = 30
+    position_tolerance: float = 1e-5
+    orientation_tolerance: float = 1e-5
+    singular_below: float = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """What came out for one pose.
+
+    q: of all joints, shape (n,) [rad]; where the pose is unreachable, the closest found.
+    position_error [m], orientation_error [rad]: of the model at q. smallest_singular_value: of the
+    tip's Jacobian at q, with lengths in [m]. overload, pair: what cannot hold, what touches.
+    starts: attempts that were made.
+    """
+
+    verdict: Verdict
+    q: Vector
+    position_error: float = 0.0
+    orientation_error: float = 0.0
+    smallest_singular_value: float = math.inf
+    overload: Overload | None = None
+    pair: Pair | None = None
+    starts: int = 1
+
+    def __str__(self) -> str:
+        match self.verdict:
+            case "unreachable":
+                return (
+                    f"unreachable: the closest pose is {self.position_error * 1e3:.1f} mm and "
+                    f"{math.degrees(self.orientation_error):.1f}° away"
+                )
+            case "singular":
+                return (
+                    f"singular: the smallest singular value is {self.smallest_singular_value:.4f}"
+                )
+            case "in_collision":
+                return f"in collision: {' would touch '.join(self.pair or ())}"
+            case "not_holdable":
+                return f"not holdable: {self.overload}"
+            case _:
+                return "reached"
+
+
+class InverseKinematics:
+    """Finds joint positions that bring a frame to a pose.
+
+    q ← q + Jᵀ (J Jᵀ + (λ² + c eᵀe) I)⁻¹ e, cut at the position limits, with e the displacement
+    that is left, in the axes of the base: translation [m], rotation vector [rad]. The damping
+    grows with the error, so that a pose out of reach is approached without swinging (Sugihara,
+    Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method, 2011, with
+    c = 1/2; a smaller one is quicker where the pose can be reached). The first attempt
+    starts at the given pose, the others at random ones. collisions: None: nobody looks at them.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        settings: IkSettings,
+        *,
+        seed: int,
+        collisions: Collisions | None = None,
+    ) -> None:
+        self._robot = kinematics
+        self._settings = settings
+        self._collisions = collisions
+        self._random = np.random.Generator(np.random.PCG64(seed))
+
+    def solve(self, tip: str, target: Any, start: Vector) -> Solution:
+        """Return the first solution that nothing is wrong with, or else the best one found.
+
+        tip: frame of the robot. target: pose of it in the robot's base, a `pinocchio.SE3`. start:
+        shape (n,) [rad]; joints that do not move the tip stay there. Raises RunError for an
+        unknown frame.
+        """
+        attempts = (
+            self._judge(tip, self._descend(tip, target, q), target, count)
+            for count, q in enumerate(self._starts(tip, start), 1)
+        )
+        best, count = next(attempts), 1
+        while best.verdict != "reached" and not self._is_hopeless(best, count):
+            found = next(attempts, None)
+            if found is None:
+                break
+            count += 1
+            best = min(best, found, key=_rank)
+        if best.verdict == "unreachable":
+            closest = self._descend(tip, target, best.q, _CLOSEST)
+            best = self._judge(tip, closest, target, count)
+        return best
+
+    def _is_hopeless(self, best: Solution, count: int) -> bool:
+        return best.verdict == "unreachable" and count >= self._settings.unreachable_after
+
+    def _starts(self, tip: str, start: Vector) -> Iterator[Vector]:
+        chain, robot = self._robot.chain(tip), self._robot
+        yield start
+        for _ in range(self._settings.starts - 1):
+            q = start.copy()
+            q[chain] = self._random.uniform(robot.lower[chain], robot.upper[chain])
+            yield q
+
+    def _descend(self, tip: str, target: Any, start: Vector, pace: _Pace = _QUICK) -> Vector:
+        """Return where damped least squares ends, shape (n,) [rad]."""
+        robot, settings = self._robot, self._settings
+        number, chain = robot.frame_id(tip), robot.chain(tip)
+        q = start.copy()
+        for _ in range(settings.iterations * pace.rounds):
+            pose, jacobian = robot.jacobian(q, number)
+            error = _displacement(pose, target)
+            if self._is_there(error):
+                break
+            moved = self._step(q[chain], jacobian[:, chain], error, chain, pace.caution)
+            if np.abs(moved - q[chain]).max() < _STANDSTILL:
+                break
+            q[chain] = moved
+        return q
+
+    def _step(
+        self, q: Vector, jacobian: Vector, error: Vector, chain: Places, caution: float
+    ) -> Vector:
+        """Return the next positions of the chain, shape (m,) [rad]; jacobian: shape (6, m)."""
+        lower, upper = self._robot.lower[chain], self._robot.upper[chain]
+        damping = (self._settings.damping**2 + caution * (error @ error)) * np.eye(6)
+        free = np.ones(len(q), dtype=bool)
+        for _ in range(2):
+            part = jacobian * free
+            step = part.T @ np.linalg.solve(part @ part.T + damping, error)
+            step *= min(1.0, _LARGEST_STEP / max(float(np.abs(step).max()), _STANDSTILL))
+            moved: Vector = np.clip(q + step, lower, upper)
+            # A joint at its limit that would go further takes no part: the others make up for it.
+            stuck = (moved == q) & (step != 0.0)
+            if not stuck.any():
+                break
+            free &= ~stuck
+        return moved
+
+    def _is_there(self, error: Vector) -> bool:
+        settings = self._settings
+        return bool(
+            np.linalg.norm(error[:3]) < settings.position_tolerance
+            and np.linalg.norm(error[3:]) < settings.orientation_tolerance
+        )
+
+    def judge(self, q: Vector, moved: Places) -> Solution:
+        """Return whether joint positions of one's own choice, shape (n,) [rad], are any good.
+
+        moved: places of the joints that shall hold it; the others are somebody else's business.
+        """
+        return self._judged(q, "reached", moved)
+
+    def _judge(self, tip: str, q: Vector, target: Any, starts: int) -> Solution:
+        pose, jacobian = self._robot.jacobian(q, self._robot.frame_id(tip))
+        error = _displacement(pose, target)
+        chain = self._robot.chain(tip)
+        part = jacobian[:, chain]
+        smallest = float(np.linalg.svd(part, compute_uv=False).min())
+        verdict: Verdict = "reached" if self._is_there(error) else "unreachable"
+        if verdict == "reached" and smallest < self._settings.singular_below:
+            verdict = "singular"
+        return replace(
+            self._judged(q, verdict, chain),
+            position_error=float(np.linalg.norm(error[:3])),
+            orientation_error=float(np.linalg.norm(error[3:])),
+            smallest_singular_value=smallest,
+            starts=starts,
+        )
+
+    def _judged(self, q: Vector, verdict: Verdict, moved: Places) -> Solution:
+        """Return a solution; what has been reached is looked at for contact and strength."""
+        overload, pair = None, None
+        if verdict == "reached":
+            if self._collisions is not None and self._collisions.any(q):
+                verdict, pair = "in_collision", self._collisions.pair(q)
+            elif (overload := self._robot.cannot_hold(q, moved)) is not None:
+                verdict = "not_holdable"
+        return Solution(verdict=verdict, q=q, overload=overload, pair=pair)
+
+
+def _displacement(pose: Any, target: Any) -> Vector:
+    """Return what takes one `pinocchio.SE3` to another, in the axes of the base, shape (6,).
+
+    In these axes a turn of the tip leaves the translation as it is. In the tip's own axes it does
+    not, and the search would come to a halt away from the closest pose.
+    """
+    turn = pose.rotation @ pin.log3(pose.rotation.T @ target.rotation)
+    return np.concatenate([target.translation - pose.translation, turn])
+
+
+def _rank(solution: Solution) -> tuple[int, float]:
+    """Return what is smaller for a better solution."""
+    miss = solution.position_error + solution.orientation_error
+    load = solution.overload.required - solution.overload.available if solution.overload else 0.0
+    return _WORSE.index(solution.verdict), miss if solution.verdict == "unreachable" else load

@@ -1,0 +1,54 @@
+"""The clock of a motion: runs slower, stops and goes on without a jerk of the joints."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stepbus_kinematics.dynamics import Vector
+from stepbus_motion.paths.trajectories import Trajectory
+
+_FASTEST_RAMP = 10.0
+"""Largest change of the rate, for motions that are slow or at rest [1/s]."""
+
+_LEAST_SHARE = 0.3
+"""Of the acceleration limit that a change of the rate may always use, so that it gets anywhere."""
+
+
+class MotionClock:
+    """Time of a motion that runs `rate` times as fast as simulation time.
+
+    The way of the joints stays the same (path-velocity decomposition: Kant, Zucker, Toward
+    Efficient Trajectory Planning, 1986). A change of the rate accelerates the joints by q'·rate';
+    it is spread over so much time that this stays within what q''·rate² leaves of the
+    acceleration limit, shape (n,) [rad/s²].
+    """
+
+    def __init__(self, acceleration: Vector) -> None:
+        self._limit = acceleration
+        self.s = 0.0
+        self.rate = 1.0
+
+    def restart(self, rate: float) -> None:
+        """Begin a motion at a rate."""
+        self.s, self.rate = 0.0, rate
+
+    def advance(self, dt: float, wanted: float, trajectory: Trajectory) -> None:
+        """Move on by dt [s], towards the wanted rate, 0 to 1."""
+        rate = wanted
+        if rate != self.rate:
+            steepest = self._steepest(trajectory) * dt
+            rate = self.rate + min(max(wanted - self.rate, -steepest), steepest)
+        self.s += 0.5 * (self.rate + rate) * dt
+        self.rate = rate
+
+    def _steepest(self, trajectory: Trajectory) -> float:
+        now = trajectory.at(self.s)
+        room = self._limit - np.abs(now.acceleration) * self.rate**2
+        room = np.maximum(room, _LEAST_SHARE * self._limit)
+        moving = np.abs(now.velocity) > 1e-9
+        if not moving.any():
+            return _FASTEST_RAMP
+        steepest = float((room[moving] / np.abs(now.velocity[moving])).min())
+        return min(steepest, _FASTEST_RAMP) if math.isfinite(steepest) else _FASTEST_RAMP

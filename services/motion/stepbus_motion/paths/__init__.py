@@ -1,0 +1,1 @@
+"""Paths of joints and of the tip, and motions along them."""
