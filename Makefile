@@ -1,4 +1,4 @@
-.PHONY: help demo test test-slow chaos examples robots check bench clean setup
+.PHONY: help demo test test-slow chaos examples robots check docs bench clean setup
 
 PYTHON := .venv/bin/python
 
@@ -8,6 +8,7 @@ help:
 	@echo "make test-slow  run the others"
 	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
+	@echo "make docs       build the documentation site into build/docs"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install the models that baxter needs (414 MB)"
 	@echo "make bench      measure steps per second"
@@ -33,6 +34,11 @@ check: setup
 	@.venv/bin/lint-imports
 	@$(PYTHON) -m stepbus_schemas.generate --check
 	@$(PYTHON) scripts/check_changelog.py
+
+docs: setup
+	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
+	@$(PYTHON) -m sphinx -q -W --keep-going -j auto -c docs -d build/doctrees . build/docs
+	@echo "build/docs/index.html"
 
 bench: setup
 	@$(PYTHON) benchmarks/lockstep.py

@@ -128,6 +128,15 @@ class Scene:
         self._physics.prepare()
         self._bodies = list(world.bodies)
 
+    @property
+    def client(self) -> int:
+        """PyBullet's number of the world."""
+        return self._physics.client
+
+    def body(self, name: str) -> int:
+        """Return the number of a body, which the segmentation of a picture has."""
+        return self._bodies.index(name)
+
     def show(self, step: int) -> None:
         """Put everything where it was at a step."""
         log, poses = self._log, self._log.poses(step)

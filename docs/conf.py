@@ -1,0 +1,143 @@
+"""The documentation site: `make docs` builds it into build/docs, with warnings as errors.
+
+The source folder is the root of the repository, so that a link from page to page is the same file
+here, on the site and in a checkout. Nothing on a built page comes from another host.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from docutils import nodes
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+import stepbus
+
+project = "stepbus"
+author = "the authors of stepbus"
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+root_doc = "docs/index"
+include_patterns = [
+    "docs/**",
+    "scenarios/*/*/*.md",
+    "examples/README.md",
+    "benchmarks/README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+]
+exclude_patterns = [".*", "build", "runs"]
+
+myst_heading_anchors = 3
+myst_fence_as_directive = ["mermaid"]
+suppress_warnings = ["myst.header"]  # a page of a scenario starts where its README does
+
+default_role = "py:obj"
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+autodoc_member_order = "bysource"
+python_use_unqualified_type_names = True
+maximum_signature_line_length = 88
+
+html_theme = "furo"
+html_title = "stepbus"
+html_copy_source = False
+html_show_sphinx = False
+html_additional_pages = {"index": "to_start.html"}
+templates_path = ["templates"]
+html_static_path: list[str] = []
+html_theme_options = {"top_of_page_buttons": []}
+
+GROUPS = ("Functions", "Classes", "Messages", "Errors", "Modules", "Types and constants")
+
+
+def _group(value: Any) -> str:
+    """Return under which heading of the API reference a public object stands."""
+    if inspect.ismodule(value):
+        return "Modules"
+    if not isinstance(value, type):
+        return "Functions" if callable(value) else "Types and constants"
+    if issubclass(value, BaseException):
+        return "Errors"
+    return "Messages" if issubclass(value, stepbus.Message) else "Classes"
+
+
+def _directive(module: str, name: str, group: str) -> str:
+    """Return the reStructuredText that documents one public object."""
+    word = {
+        "Functions": "autofunction",
+        "Types and constants": "autodata",
+        "Errors": "autoexception",
+    }.get(group, "autoclass")
+    options = (
+        "" if word in ("autofunction", "autodata") else "   :members:\n   :show-inheritance:\n"
+    )
+    return f".. {word}:: {module}.{name}\n{options}\n"
+
+
+def reference(module: str) -> str:
+    """Return the reference of a module in reStructuredText: every name of its `__all__`."""
+    public = import_module(module)
+    groups: dict[str, list[str]] = {group: [] for group in GROUPS}
+    for name in public.__all__:
+        groups[_group(getattr(public, name))].append(name)
+    groups.pop("Modules")  # these have a section of their own
+    parts = [
+        f"{group}\n{'-' * len(group)}\n\n"
+        + "".join(_directive(module, name, group) for name in names)
+        for group, names in groups.items()
+        if names
+    ]
+    return "\n".join(parts)
+
+
+def _add_reference(_app: Sphinx, page: str, source: list[str]) -> None:
+    if page == "docs/api":
+        source[0] += "\n" + reference("stepbus")
+
+
+def _add_fields(
+    _app: Sphinx, what: str, _name: str, value: Any, _options: Any, lines: list[str]
+) -> None:
+    """Add the fields of a message with their descriptions, which are metadata of their types."""
+    if what != "class" or not issubclass(value, stepbus.Message):
+        return
+    schema = msgspec.json.schema(value)["$defs"].get(value.__name__, {})
+    for field, description in schema.get("properties", {}).items():
+        lines.extend(["", f"- ``{field}``: {description.get('description', '')}"])
+
+
+class Mermaid(SphinxDirective):
+    """Shows the drawing that scripts/diagrams.py made of a Mermaid block."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the picture; warns when the block has changed since it was drawn."""
+        page = Path(self.env.docname).name
+        drawing = Path(__file__).parent / "pictures" / f"{page}.svg"
+        block = "\n".join(self.content) + "\n"
+        name = hashlib.sha256(block.encode()).hexdigest()[:16]
+        if not drawing.exists() or name not in drawing.read_text(encoding="utf-8")[:60]:
+            return [
+                self.state_machine.reporter.warning(
+                    f"{drawing.name} does not show this diagram; run scripts/diagrams.py",
+                    line=self.lineno,
+                )
+            ]
+        self.env.note_dependency(str(drawing))
+        return [nodes.image(uri=f"/docs/pictures/{drawing.name}", alt=f"diagram of {page}")]
+
+
+def setup(app: Sphinx) -> None:
+    """Add what follows the code by itself."""
+    app.add_directive("mermaid", Mermaid)
+    app.add_lexer("hex", TextLexer)
+    app.connect("source-read", _add_reference)
+    app.connect("autodoc-process-docstring", _add_fields)
