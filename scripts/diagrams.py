@@ -3,8 +3,8 @@
     npm install --prefix /tmp/mermaid mermaid@11
     python scripts/diagrams.py /tmp/mermaid/node_modules/mermaid/dist/mermaid.min.js
 
-`make docs` shows docs/pictures/<page>.svg in place of the block; it fails when the block has changed
-and the drawing has not. Needs Chromium.
+`make docs` shows docs/pictures/<page>.svg in place of the block; it fails when the block has
+changed and the drawing has not. Needs Chromium.
 """
 
 from __future__ import annotations
