@@ -17,7 +17,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.calls import recorded_calls
+from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallReply, JointState
 

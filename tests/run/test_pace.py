@@ -13,7 +13,7 @@ from run_support import fault, leftovers, write_scenario
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli.terminal.keys import press
-from stepbus_orchestrator.run.pace import FAR, Pace
+from stepbus_orchestrator.run.control.pace import FAR, Pace
 from stepbus_orchestrator.run.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError

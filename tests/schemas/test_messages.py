@@ -14,8 +14,8 @@ from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording.recorder import McapFile, Recorder
 from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.run.kernel.participants import Member, Phase
 from stepbus_orchestrator.run.loop import Conductor
-from stepbus_orchestrator.run.participants import Member, Phase
 from stepbus_orchestrator.run.progress import Silent
 from stepbus_participant import Endpoint, Ticket
 from stepbus_participant.control import Control

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from stepbus_orchestrator.run.admission import max_message_bytes
+from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Outputs, Start, Stop, Trigger, encode
 
 from .check import Check

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from stepbus_orchestrator.run.participants import Descriptions
+from stepbus_orchestrator.run.kernel.participants import Descriptions
 from stepbus_schemas import CallRecord, Outputs
 
 

@@ -9,8 +9,8 @@ from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.recording.recorder import Recorder
-from stepbus_orchestrator.run.deadlines import at
-from stepbus_orchestrator.run.participants import Descriptions
+from stepbus_orchestrator.run.kernel.deadlines import at
+from stepbus_orchestrator.run.kernel.participants import Descriptions
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 

@@ -17,8 +17,8 @@ from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token,
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.recording.timing import TimingRecorder
-from stepbus_orchestrator.run.calls import recorded_calls
-from stepbus_orchestrator.run.participants import Member
+from stepbus_orchestrator.run.control.calls import recorded_calls
+from stepbus_orchestrator.run.kernel.participants import Member
 from stepbus_orchestrator.run.progress import Observer, Silent
 from stepbus_orchestrator.run.result import TIMING_FILE
 from stepbus_orchestrator.run.supervise import supervise

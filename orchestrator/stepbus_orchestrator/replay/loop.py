@@ -10,9 +10,9 @@ from typing import Any
 from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.recording.sink import Sink
 from stepbus_orchestrator.recording.timing import TimingRecorder
-from stepbus_orchestrator.run.deadlines import check_start, took_nothing
+from stepbus_orchestrator.run.kernel.deadlines import check_start, took_nothing
+from stepbus_orchestrator.run.kernel.participants import Descriptions, Phase
 from stepbus_orchestrator.run.loop import Conductor
-from stepbus_orchestrator.run.participants import Descriptions, Phase
 from stepbus_orchestrator.run.progress import Observer
 from stepbus_orchestrator.scenario import Scenario, Schedule
 from stepbus_participant import Bus

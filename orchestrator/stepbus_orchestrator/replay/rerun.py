@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.run.calls import recorded_calls
+from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.progress import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import (

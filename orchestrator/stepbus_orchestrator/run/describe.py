@@ -16,7 +16,7 @@ from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_schemas import Description
 
-from .participants import Descriptions, input_descriptions
+from .kernel.participants import Descriptions, input_descriptions
 from .run_scenario import Options, run
 
 _JOINT_STATE = "JointState/1"

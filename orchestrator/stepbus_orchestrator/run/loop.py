@@ -18,17 +18,17 @@ from stepbus_orchestrator.scenario import Deadlines, Scenario, Schedule
 from stepbus_participant import Bus
 from stepbus_schemas import CallRecord, Start, encode
 
-from .announcer import Announcer
-from .barrier import Barrier
-from .calls import CALL_KEY, Calls
-from .deadlines import check_start, check_step, death, took_nothing
-from .descriptions import check_descriptions
-from .inbox import Intake, RunState
-from .injector import Injector
-from .pace import Gate, Pace
-from .participants import Descriptions, Member, Phase, input_descriptions
+from .bus.announcer import Announcer
+from .control.calls import CALL_KEY, Calls
+from .control.injector import Injector
+from .control.pace import Gate, Pace
+from .fallback.safe_stop import Emergency
+from .kernel.barrier import Barrier
+from .kernel.deadlines import check_start, check_step, death, took_nothing
+from .kernel.descriptions import check_descriptions
+from .kernel.messages import Intake, RunState
+from .kernel.participants import Descriptions, Member, Phase, input_descriptions
 from .progress import Observer, Progress
-from .safe_stop import Emergency
 
 TICK_S = 0.05
 _PROGRESS_EVERY = 5

@@ -35,12 +35,12 @@ from stepbus_participant.ticket import MessageFault
 from stepbus_participant.zenoh_bus import ZenohBus
 from stepbus_schemas import CallRecord, WiringError
 
+from .control.injector import Injector
+from .control.live_file import Live, forget
+from .control.pace import Pace
 from .events import Events
-from .injector import Injector
-from .live_file import Live, forget
+from .kernel.participants import Member
 from .loop import Conductor
-from .pace import Pace
-from .participants import Member
 from .progress import Observer, Silent
 from .result import RUN_FILE, TIMING_FILE, Result, file_sha256, own_versions
 from .supervise import supervise

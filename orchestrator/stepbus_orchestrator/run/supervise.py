@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StopTimeout
 
+from .kernel.participants import Member
 from .loop import Conductor
-from .participants import Member
 
 
 def supervise(conductor: Conductor, launch: Callable[[], None]) -> str:

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.run.live_file import call
+from stepbus_orchestrator.run.control.live_file import call
 from stepbus_orchestrator.scenario.document import parse_value
 from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError

@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.keys import has_terminal, steered
 from stepbus_orchestrator.cli.terminal.live import make_display
 from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
-from stepbus_orchestrator.run.pace import Pace
+from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run
 from stepbus_orchestrator.scenario import Scenario, load

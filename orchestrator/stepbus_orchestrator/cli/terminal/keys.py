@@ -11,7 +11,7 @@ import threading
 import tty
 from collections.abc import Iterator
 
-from stepbus_orchestrator.run.pace import Pace
+from stepbus_orchestrator.run.control.pace import Pace
 
 HELP = "p or space: pause and go on · s or Enter: one step · q: stop"
 _LOOK_EVERY_S = 0.2

@@ -7,12 +7,12 @@ from functools import partial
 from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, RunFailure
+from stepbus_orchestrator.run.control.pace import FAR
+from stepbus_orchestrator.run.kernel.messages import Intake, RunState
+from stepbus_orchestrator.run.kernel.participants import Descriptions, input_descriptions
 from stepbus_participant import Bus
 
-from .fallback import StandIn
-from .inbox import Intake, RunState
-from .pace import FAR
-from .participants import Descriptions, input_descriptions
+from .substitute import StandIn
 
 
 class Emergency:

@@ -12,6 +12,9 @@ from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.recording.recorder import CALLS_TOPIC
 from stepbus_orchestrator.recording.sink import Sink
+from stepbus_orchestrator.run.kernel.deadlines import at
+from stepbus_orchestrator.run.kernel.messages import RunState
+from stepbus_orchestrator.run.kernel.participants import Member
 from stepbus_orchestrator.scenario.problems import hint
 from stepbus_participant import Bus
 from stepbus_schemas import (
@@ -26,10 +29,7 @@ from stepbus_schemas import (
     encoding_of,
 )
 
-from .deadlines import at
-from .inbox import RunState
 from .pace import FAR
-from .participants import Member
 
 CALL_KEY = "call"
 _decode_request = Decoder(CallRequest)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.run.kernel.participants import Roster
 from stepbus_orchestrator.scenario import (
     MESSAGE_KINDS,
     PROCESS_KINDS,
@@ -20,7 +21,6 @@ from stepbus_orchestrator.scenario import (
 )
 
 from .pace import FAR
-from .participants import Roster
 
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002

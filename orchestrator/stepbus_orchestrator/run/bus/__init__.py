@@ -1,0 +1,1 @@
+"""The orchestrator's end of the bus: all it publishes, and all it waits for."""

@@ -1,0 +1,1 @@
+"""What acts on a run from outside its participants: pace, calls, injected faults."""

@@ -1,0 +1,1 @@
+"""What a run decides, as pure logic: no bus, no clock, no process."""
