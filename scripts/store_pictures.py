@@ -155,7 +155,7 @@ class Scene:
         width = log.at("plant/hand", step, GripperState).width
         places |= dict.fromkeys(log.names("plant/hand"), width / 2)
         for joint in self._physics.joints:
-            self._physics.put(joint, places.get(joint.name, 0.0), 0.0)
+            self._physics.teleport(joint, places.get(joint.name, 0.0), 0.0)
 
     def draw(self, look: Look, width: int, height: int) -> Picture:
         """Return what is seen, drawn in twice the size first to have smooth edges."""

@@ -17,7 +17,7 @@ POSITION = body("arm", "two_link", "{mode: position}")
 
 
 def ask(plant, verb, *args):
-    return plant.questions().verbs()[verb].function(*args)
+    return plant.joint_calls().verbs()[verb].function(*args)
 
 
 def test_every_joint_of_the_world_is_known_also_those_that_are_not_sensed(tmp_path):
@@ -62,10 +62,10 @@ def test_a_limit_that_there_is_not_is_none(tmp_path):
     [
         (
             ("joint1", 7.0),
-            r"joint joint1 cannot be put at 7; its limits are \[-6.2832, 6.2832\]; is",
+            r"joint joint1 cannot be teleported to 7; its limits are \[-6.2832, 6.2832\]; is",
         ),
-        (("joint1", float("nan")), "joint joint1 cannot be put at nan"),
-        (("joint1", "x"), "joint joint1: 'x' is no number"),
+        (("joint1", float("nan")), "joint joint1 cannot be teleported to nan"),
+        (("joint1", "x"), "joint joint1: 'x' is not a number"),
         (("jont1", 0.0), "joint 'jont1' is unknown; did you mean 'joint1'"),
         ((3, 0.0), "joint 3 is unknown; there is joint1, joint2"),
     ],

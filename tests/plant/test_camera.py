@@ -156,8 +156,8 @@ def test_with_two_cameras_a_port_names_the_camera_too(tmp_path):
         make_plant(tmp_path, {"rgb": "Image/1", "wrist_rg": "Image/1"})
     names = "wrist_rgb, top_rgb, wrist_depth, top_depth"
     assert str(caught.value).splitlines() == [
-        f"plant: rgb: has type Image/1; call it one of {names}",
-        f"wrist_rg: has type Image/1; call it one of {names}",
+        f"plant: rgb: has type Image/1; name it one of {names}",
+        f"wrist_rg: has type Image/1; name it one of {names}",
     ]
 
 
@@ -178,10 +178,10 @@ def test_an_image_port_in_a_world_without_cameras_is_refused(tmp_path):
         (
             "fov: 1.0",
             "fov: 60",
-            "fov: 60 rad is no less than half a turn; is it in degrees? 60° are 1.0472",
+            "fov: 60 rad is half a turn or more; is it in degrees? 60° is 1.0472",
         ),
-        ("far: 1.5", "far: 0.1", "near: 0.1 m is not nearer than 'far', 0.1 m"),
-        ("10ms", "12ms", "period: 12ms is no multiple of the plant's step of 5ms"),
+        ("far: 1.5", "far: 0.1", "near: 0.1 m is not less than 'far', 0.1 m"),
+        ("10ms", "12ms", "period: 12ms is not a multiple of the plant's step (5ms)"),
         ("10ms", "often", "period: 'often' is no duration"),
         ("near: 0.1", "width: 0", "width: Expected `int` >= 1"),
         ("near: 0.1", "nera: 0.1", "wrist.nera: unknown; did you mean 'near'"),

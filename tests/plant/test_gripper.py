@@ -141,7 +141,10 @@ def test_a_command_without_sense_is_refused(tmp_path, command, text):
     ("command", "text"),
     [
         (GripperCommand(width=0.3, force=1.0), "width 0.3 m is out of reach (0 to 0.1 m)"),
-        (GripperCommand(width=0.0, force=99.0), "force 99 N is beyond its limit of 30; cut there"),
+        (
+            GripperCommand(width=0.0, force=99.0),
+            "force 99 N exceeds its limit of 30; limited to it",
+        ),
         (GripperCommand(width=0.0, force=0.0), "left: has an effort limit of 0 "),
     ],
 )
@@ -154,5 +157,5 @@ def test_fingers_that_turn_are_refused(tmp_path):
     write_gripper(tmp_path)
     urdf = tmp_path / "gripper.urdf"
     urdf.write_text(urdf.read_text().replace('"left" type="prismatic"', '"left" type="revolute"'))
-    with pytest.raises(WiringError, match="joint 'left' is revolute; it has to slide"):
+    with pytest.raises(WiringError, match="joint 'left' is revolute, not prismatic"):
         make_stand(tmp_path, WORLD.replace("MU", "1"), {"hand": "GripperState/1"}, {})

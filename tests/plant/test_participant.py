@@ -122,7 +122,7 @@ def test_poses_are_published_at_their_own_period():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("7ms", "plant: params.poses_period: 7ms is no multiple of the step of 5ms"),
+        ("7ms", "plant: params.poses_period: 7ms is not a multiple of the step [(]5ms[)]"),
         ("0s", "plant: params.poses_period: "),
         ("often", "plant: params.poses_period: "),
     ],

@@ -176,7 +176,7 @@ def test_warnings_and_what_happened_share_one_event(tmp_path):
     shown = run(stand, 1, command=JointCommand(mode="velocity", values=[99.0]))
     assert shown[1]["events"].level == "warning"
     assert shown[1]["events"].text.splitlines() == [
-        "step 0: joint axle: 99 rad/s is beyond its limit of 20; cut there",
+        "step 0: joint axle: 99 rad/s exceeds its limit of 20; limited to it",
         "at 0 s: joint axle jammed at 0 rad",
     ]
 

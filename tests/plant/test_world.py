@@ -63,7 +63,7 @@ def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
         "world.yaml:3: bodies.arm.joints.jont1: unknown"
     ]
     assert lines[1].endswith(
-        "joint joint2: position 9.0 at the start is outside of its limits [-6.2832, 6.2832]"
+        "joint joint2: start position 9.0 is outside its limits [-6.2832, 6.2832]"
     )
     assert lines[2].startswith(
         "world.yaml:4: bodies.wheel.joint_defaults: joint axle: friction needs mode torque"
@@ -189,7 +189,7 @@ def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp
         "bases.base.left: joint 'whel' is unknown",
         "bases.base.right: joint 'joint1' has mode torque",
         "grippers.hand.left: joint 'fingr' is unknown",
-        "grippers.hand.right: joint 'joint2' is revolute",
+        "grippers.hand.right: joint 'joint2' is revolute, not prismatic",
         "contacts.touch.links: link 'lnk1' is unknown",
         "cameras.eye.link: link 'camra' is unknown",
     ]

@@ -118,8 +118,8 @@ def test_two_joints_swapped_in_the_mission_are_told(tmp_path):
     told = [row.text for row in run_baxter(tmp_path / "run", "duration=200ms", *changes).warnings]
     assert told[0].startswith("step 0: joints left_s1 and left_e1: are at -1 and 1.94 rad")
     assert told[1:] == [
-        "step 0: joint left_s1: target 1.94 rad is beyond its stop at 1.047; cut there",
-        "step 0: joint left_e1: target -1 rad is beyond its stop at -0.05; cut there",
+        "step 0: joint left_s1: target 1.94 rad is beyond its stop at 1.047; limited to it",
+        "step 0: joint left_e1: target -1 rad is beyond its stop at -0.05; limited to it",
     ]
 
 
@@ -155,7 +155,7 @@ def test_a_warning_is_shown_counted_and_recorded(tmp_path, capsys):
     assert main(["run", "baxter", "--out", str(out), "--no-report", *sets]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     effort = "step 0: joint left_e0: has an effort limit of 0 N·m; nothing moves it"
-    degrees = "is it in degrees? 90° are 1.5708 rad"
+    degrees = "is it in degrees? 90° is 1.5708 rad"
     assert (shown.count(effort), shown.count(degrees)) == (2, 2)
     assert "warnings 2" in shown
     assert json.loads((out / "result.json").read_text())["warning_count"] == 2

@@ -53,9 +53,9 @@ def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
     joints = {joint.name: joint for joint in plant._physics.joints}
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 6)):
         for name, angle in zip(ARM, q, strict=True):
-            plant._physics.put(joints[name], angle, 0.0)
+            plant._physics.teleport(joints[name], angle, 0.0)
         for side in ("left_finger", "right_finger"):
-            plant._physics.put(joints[side], 0.0, 0.0)  # as in a model without them
+            plant._physics.teleport(joints[side], 0.0, 0.0)  # as in a model without them
         poses = sensor.sense()
         rows = zip(sensor.names, poses.position, poses.orientation, strict=True)
         for name, position, orientation in rows:

@@ -1,8 +1,8 @@
-"""What can go wrong in the plant during a run; what is wrong before it is a WiringError.
+"""Errors of the plant during a run; mistakes found before it starts are WiringErrors.
 
 RunError
-├─ CommandError (ValueError)       a joint command that cannot be carried out
-└─ PhysicsError (ArithmeticError)  the physics engine failed, or its state left the finite numbers
+├─ CommandError (ValueError)       an invalid joint command
+└─ PhysicsError (ArithmeticError)  the physics engine failed, or its state is not finite
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from stepbus_schemas import RunError
 
 
 class CommandError(RunError, ValueError):
-    """A joint command that cannot be carried out."""
+    """An invalid joint command."""
 
 
 class PhysicsError(RunError, ArithmeticError):
-    """The physics engine failed, or its state left the finite numbers."""
+    """The physics engine failed, or its state is not finite."""

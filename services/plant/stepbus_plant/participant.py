@@ -29,13 +29,13 @@ _log = logging.getLogger("stepbus_plant")
 
 
 class PlantParticipant(Participant):
-    """Publishes a JointState on each of its outputs, and obeys a JointCommand on each input.
+    """Publishes a JointState on each of its outputs and executes a JointCommand from each input.
 
-    Bases, grippers and contact sensors of the world have ports of their own types, called like the
-    device. On each output of type Poses/1 it publishes where the links of `params.poses` truly are.
-    What commands ask for in vain it tells on outputs of type Event/1, or in its log without one.
-    The scenario gives it `publishes: first`. A joint that was never commanded swings freely in
-    mode torque, and holds its place in modes velocity and position.
+    Bases, grippers and contact sensors have ports of their own types, named after the device. Each
+    output of type Poses/1 carries the true poses of the links in `params.poses`. Warnings about
+    commands go to outputs of type Event/1, or to the log if there is none. The scenario gives the
+    plant `publishes: first`. Until its first command, a joint swings freely in mode torque and
+    holds its position in modes velocity and position.
     """
 
     def __init__(self, config: Config) -> None:
@@ -55,7 +55,7 @@ class PlantParticipant(Participant):
         self._event_ports = [name for name, port in outputs if port.type == "Event/1"]
         self._pose_ports = [name for name, port in outputs if port.type == "Poses/1"]
         self._warnings: list[str] = []
-        self._news: list[str] = []
+        self._events: list[str] = []
         try:
             self._poses = self.plant.pose_sensor(params.poses)
             self._poses_period = _period(params.poses_period, config.step_ns * config.every)
@@ -78,14 +78,14 @@ class PlantParticipant(Participant):
             *(("outputs", n, p.type) for n, p in self.config.outputs.items()),
         ]
         return [
-            f"participants.{self.config.name}.{kind}.{name}: a plant's {kind} are "
-            f"{' and '.join(_TYPES[kind])}, the scenario has {given}"
-            for kind, name, given in ports
-            if given not in _TYPES[kind]
+            f"participants.{self.config.name}.{side}.{name}: a plant's {side} have type "
+            f"{' or '.join(_TYPES[side])}, not {given}"
+            for side, name, given in ports
+            if given not in _TYPES[side]
         ]
 
     def describe(self) -> Mapping[str, Description]:
-        """Return who the vectors of each output belong to, and what never changes about them."""
+        """Return what the vectors of each output belong to, with their constant properties."""
         return {
             **dict.fromkeys(self._state_ports, self.plant.describe()),
             **dict.fromkeys(self._event_ports, Description()),
@@ -95,79 +95,82 @@ class PlantParticipant(Participant):
         }
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map the joints of every command by name, and find the device of every other one."""
+        """Map joint commands by joint name, and find the device of every other command."""
         for port, description in inputs.items():
             config = self.config.inputs[port]
             if config.type in devices.INPUTS:
                 self._drivers[port] = self._driver(port, config)
                 continue
-            # A sender that names no joints speaks of all, in our order.
+            # A sender that names no joints commands all of them, in the plant's order.
             names = description.names or self.plant.names
             if not description.names and len(names) > 1:
-                text = f"names no joints; its values are taken for {', '.join(names)}"
-                self.plant.complaints.add(f"input {port!r}", "names", text)
+                text = f"names no joints; its values are applied to {', '.join(names)}"
+                self.plant.warnings.add(f"input {port!r}", "names", text)
             period_ns = config.every * self.config.step_ns
             self._drivers[port] = self.plant.commander(port, names, period_ns)
 
     def _driver(self, port: str, config: InputConfig) -> Driver:
         plant = self.plant
         return plant.devices.driver(
-            port, config.type, lambda names: plant.commander(port, names), plant.complaints
+            port, config.type, lambda names: plant.commander(port, names), plant.warnings
         )
 
     def output(self, step: Step) -> Mapping[str, Message]:
-        """Return what the sensors show, and the warnings that are new."""
+        """Return the sensor readings and new events."""
         state: JointState = self.plant.sense()
         messages: dict[str, Message] = dict.fromkeys(self._state_ports, state)
         if self._pose_ports and self.plant.t_ns % self._poses_period == 0:
             messages.update(dict.fromkeys(self._pose_ports, self._poses.sense()))
         messages.update({port: device.sense() for port, device in self._devices.items()})
         messages.update(self._views.images(self.plant.t_ns))
-        if self._warnings or self._news:
+        if self._warnings or self._events:
             messages.update(dict.fromkeys(self._event_ports, self._event()))
         return messages
 
     def _event(self) -> Event:
-        """Return what has happened since the last one; warnings come first."""
+        """Return what has happened since the last event, warnings first."""
         level: Literal["warning", "info"] = "warning" if self._warnings else "info"
-        event = Event(level=level, text="\n".join(self._warnings + self._news))
-        self._warnings, self._news = [], []
+        event = Event(level=level, text="\n".join(self._warnings + self._events))
+        self._warnings, self._events = [], []
         return event
 
     def update(self, step: Step) -> None:
-        """Obey the new commands and advance the world by one step."""
+        """Execute new commands and advance the world by one step."""
         for port, driver in self._drivers.items():
             if step.is_new(port):
                 driver.apply(step.read(port))
             driver.before_step()
-        complaints = [f"step {step.index}: {text}" for text in self.plant.complaints.take()]
-        self._tell(complaints, self._warnings, logging.WARNING)
+        warnings = [f"step {step.index}: {text}" for text in self.plant.warnings.take()]
+        self._report(warnings, self._warnings, logging.WARNING)
         self.plant.advance()
-        self._tell(self.plant.script.take(), self._news, logging.INFO)
+        self._report(self.plant.script.take_events(), self._events, logging.INFO)
 
-    def _tell(self, new: Sequence[str], kept: list[str], level: int) -> None:
-        """Keep what is new for the next output; without a port for it, log it."""
+    def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
+        """Queue messages for the next output, or log them if there is no Event port."""
         if self._event_ports:
-            kept += new
+            pending += new
             return
         for text in new:
             _log.log(level, text)
 
     def calls(self) -> Mapping[str, Verb]:
-        """Return what can be asked about joints between two steps; one can be teleported, too."""
-        return self.plant.questions().verbs()
+        """Return the calls that query joints between two steps, or teleport one."""
+        return self.plant.joint_calls().verbs()
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of what the physics depend on."""
+        """Return the versions of the libraries that the physics depend on."""
         return {name: version(name) for name in ("numpy", "pybullet", "stepbus")}
 
     def close(self) -> None:
-        """Leave the physics engine."""
+        """Disconnect from the physics engine."""
         self.plant.close()
 
 
 def _period(text: str | None, step_ns: int) -> int:
-    """Return the period of the poses [ns]; raises WiringError for one that steps do not meet."""
+    """Return the period of the poses [ns].
+
+    Raises WiringError unless it is a multiple of the step.
+    """
     if text is None:
         return step_ns
     try:
@@ -176,5 +179,5 @@ def _period(text: str | None, step_ns: int) -> int:
         raise WiringError(f"params.poses_period: {exc}") from exc
     if period <= 0 or period % step_ns:
         step = format_duration(step_ns)
-        raise WiringError(f"params.poses_period: {text} is no multiple of the step of {step}")
+        raise WiringError(f"params.poses_period: {text} is not a multiple of the step ({step})")
     return period

@@ -1,4 +1,4 @@
-"""The plant: a world that is sensed, commanded and advanced; it knows nothing of the bus."""
+"""The plant: a world that can be sensed, commanded and advanced, independent of the bus."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .devices.camera import Cameras
 from .devices.poses import PoseSensor
 from .devices.registry import Devices
 from .errors import PhysicsError
-from .joints.calls import Questions
+from .joints.calls import JointCalls
 from .joints.commander import Commander
-from .joints.drives import make_drives
+from .joints.drives import locate_joints, make_drives
 from .joints.sensing import Sensors, Values
-from .joints.warnings import Complaints
+from .joints.warnings import Warnings
 from .params import Params
 from .physics.engine import Physics
 from .physics.joint import Joint, describe_joints
@@ -29,16 +29,15 @@ from .world.file import World
 
 
 class Plant:
-    """A simulated world in steps of a fixed length.
+    """A simulated world that advances in steps of a fixed length.
 
-    Params choose which joints are sensed. Those that are not behave like the others: until a
-    command names them they swing freely in mode torque, and hold still in modes velocity and
-    position.
+    `params.joints` selects the joints to sense; the others behave the same. Until its first
+    command, a joint swings freely in mode torque and stands still in modes velocity and position.
 
-    period_ns: length of a communication step [ns]. seed: of the sensors' noise. complaints: what
-    commands have asked for in vain. devices: those that the world declares.
-    cameras: likewise. script: what happens to the world. t_ns: simulation time [ns].
-    Raises WiringError when the world or a parameter cannot work.
+    period_ns: length of a communication step [ns]. seed: of the sensor noise. warnings: about
+    commands without effect. devices, cameras: those that the world declares. script: scripted
+    changes of the world. t_ns: simulation time [ns].
+    Raises WiringError when the world or a parameter is invalid.
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
@@ -59,18 +58,18 @@ class Plant:
         self._sensors = Sensors(params, seed)
         self._drives = make_drives(self._physics.client, self._physics.joints, step_ns * 1e-9)
         self._owners: dict[str, str] = {}
-        self.complaints = Complaints()
+        self.warnings = Warnings()
         self._plan_reading()
 
     def _equip(self, params: Params) -> None:
-        """Choose the joints, and set up devices, cameras and script.
+        """Select the sensed joints, and set up devices, cameras and script.
 
-        Raises WiringError that lists all that is wrong with any of them.
+        Raises WiringError that lists all mistakes.
         """
         world, physics, period_ns = self._world, self._physics, self._period_ns
         made = Gathered()
         made.get(physics.prepare)
-        joints = made.get(lambda: _choose(params.joints, physics))
+        joints = made.get(lambda: _select(params.joints, physics))
         devices = made.get(lambda: Devices(world, physics, self._bodies))
         cameras = made.get(
             lambda: Cameras(world, physics.client, self._bodies, period_ns, enabled=params.cameras)
@@ -83,34 +82,35 @@ class Plant:
         self.script = Script(params.script, physics, self._bodies, cameras)
 
     def _plan_reading(self) -> None:
-        """Work out once what every step reads: one call per body, and where its results go."""
+        """Prepare what every step reads: one call per body, and where its results go."""
         bodies = dict.fromkeys(joint.body for joint in self._joints)
-        rows = [[joint for joint in self._joints if joint.body == body] for body in bodies]
-        self._groups = [(row[0].body, [joint.index for joint in row]) for row in rows]
-        read = [joint.name for row in rows for joint in row]
+        groups = [[joint for joint in self._joints if joint.body == body] for body in bodies]
+        self._groups = [(group[0].body, [joint.index for joint in group]) for group in groups]
+        read = [joint.name for group in groups for joint in group]
         self._order = None if read == self.names else [read.index(name) for name in self.names]
-        at = {joint.name: (d, i) for d in self._drives for i, joint in enumerate(d.joints)}
-        drives = [at[name] for name in self.names]
+        by_name = locate_joints(self._drives)
+        drives = [by_name[name] for name in self.names]
         self._unread = [(n, d, i) for n, (d, i) in enumerate(drives) if d.torques() is not None]
         self._targeted = drives if all(drive.targets() is not None for drive, _ in drives) else []
 
     def describe(self) -> Description:
-        """Return who the vectors of a JointState belong to, and their limits.
+        """Return the joints of a JointState, in order, and their limits.
 
-        In a world with a base or a gripper it also tells which of them each joint is of.
+        In a world with bases or grippers, the detail `device` names the one a joint belongs to.
         """
-        said = describe_joints(self._joints)
+        description = describe_joints(self._joints)
         owners = self.devices.owners
         if not owners:
-            return said
+            return description
         device = [owners.get(name, "") for name in self.names]
-        return msgspec.structs.replace(said, details={**said.details, "device": device})
+        details = {**description.details, "device": device}
+        return msgspec.structs.replace(description, details=details)
 
     def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
-        """Return what carries out commands whose vectors are in the order of `names`.
+        """Return a commander for commands whose vectors are in the order of `names`.
 
-        period_ns: from one command to the next [ns]; none: one comes at every communication step.
-        Raises WiringError when they do not fit this world's joints.
+        period_ns: between two commands [ns]; None: one command per communication step.
+        Raises WiringError for names that do not match this world's joints.
         """
         return Commander(
             port,
@@ -119,11 +119,11 @@ class Plant:
             drives=self._drives,
             period=len(self._substeps) if period_ns is None else period_ns // self._step_ns,
             owners=self._owners,
-            complaints=self.complaints,
+            warnings=self.warnings,
         )
 
     def sense(self) -> JointState:
-        """Return what the sensors show now; `target` only where every sensed joint has one.
+        """Return the sensor readings; `target` only if every sensed joint has one.
 
         Raises PhysicsError when the simulation has diverged.
         """
@@ -133,14 +133,14 @@ class Plant:
         effort: Values = [state[3] for state in states]
         if not math.isfinite(sum(position) + sum(velocity)):
             self._check_finite(position, velocity)
-        for number, drive, place in self._unread:
-            effort[number] = (drive.torques() or effort)[place]
+        for number, drive, index in self._unread:
+            effort[number] = (drive.torques() or effort)[index]
         return self._sensors.sense(position, velocity, effort, self._targets())
 
     def _targets(self) -> Values | None:
         if not self._targeted:
             return None
-        return [(drive.targets() or [])[place] for drive, place in self._targeted]
+        return [(drive.targets() or [])[index] for drive, index in self._targeted]
 
     def _read(self) -> Sequence[Any]:
         """Return the engine's state of each sensed joint."""
@@ -151,20 +151,20 @@ class Plant:
         return states if self._order is None else [states[i] for i in self._order]
 
     def _check_finite(self, position: Values, velocity: Values) -> None:
-        rows = zip(self.names, position, velocity, strict=True)
-        lost = [name for name, q, v in rows if not (math.isfinite(q) and math.isfinite(v))]
-        if lost:
+        states = zip(self.names, position, velocity, strict=True)
+        diverged = [name for name, q, v in states if not (math.isfinite(q) and math.isfinite(v))]
+        if diverged:
             raise PhysicsError(
-                f"the simulation has diverged (joints {', '.join(lost)}); use a shorter "
+                f"the simulation has diverged (joints {', '.join(diverged)}); use a shorter "
                 "physics_step or smaller gains"
             )
 
     def advance(self) -> None:
-        """Advance by one communication step, after what the script has for it.
+        """Run the script, then advance by one communication step.
 
         Raises PhysicsError when the physics engine fails.
         """
-        self.script.play(self.t_ns)
+        self.script.run(self.t_ns)
         for _ in self._substeps:
             for drive in self._drives:
                 drive.before_substep()
@@ -173,30 +173,30 @@ class Plant:
         self.t_ns += self._period_ns
 
     def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:
-        """Return what reads the true poses of links; None: of all.
+        """Return a sensor of the true poses of links; None: of all links.
 
-        Raises WiringError for links that are unknown.
+        Raises WiringError for unknown links.
         """
         return PoseSensor(self._physics.client, self._bodies, links)
 
     def describe_poses(self, sensor: PoseSensor) -> Description:
-        """Return the names of its links, their shapes and colours, and what body each is of.
+        """Return the links of a pose sensor with body, shapes and colour of each.
 
-        Raises WiringError for shapes of a URDF that cannot be understood.
+        Raises WiringError for shapes of a URDF that cannot be parsed.
         """
         return sensor.describe(self._world, self._physics.urdfs)
 
-    def questions(self) -> Questions:
-        """Return what answers questions about the joints, and teleports them."""
-        return Questions(self._physics, self._drives)
+    def joint_calls(self) -> JointCalls:
+        """Return the calls that query joints and teleport them."""
+        return JointCalls(self._physics, self._drives)
 
     def close(self) -> None:
-        """Leave the physics engine."""
+        """Disconnect from the physics engine."""
         self._physics.close()
 
 
-def _choose(names: Sequence[str] | None, physics: Physics) -> list[Joint]:
-    """Return the joints that are sensed, in their order."""
+def _select(names: Sequence[str] | None, physics: Physics) -> list[Joint]:
+    """Return the joints to sense, in order; names None: all."""
     if names is None:
         return list(physics.joints)
     known = {joint.name: joint for joint in physics.joints}

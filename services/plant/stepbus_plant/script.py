@@ -1,4 +1,4 @@
-"""Carries out a script: what happens to the world in a run."""
+"""Executes a script: changes of the world at given times of a run."""
 
 from __future__ import annotations
 
@@ -16,24 +16,23 @@ from .physics.engine import Physics
 from .physics.joint import Joint
 from .world.actions import Action
 
-# More than any motor has, and how much of an error a substep takes back. A wheel at 5 rad/s under
-# a base of 80 kg then stops within 0.022 rad and is back within 0.001 rad after 0.1 s.
+# More torque than any motor has, and the share of the error corrected per substep: a wheel at
+# 5 rad/s under a base of 80 kg stops within 0.022 rad, and within 0.001 rad after 0.1 s.
 _JAM_EFFORT = 1e6
 _JAM_GAIN = 0.5
 
 
 class _Lock(NamedTuple):
-    """A jammed joint and the position it has [rad]."""
+    """A jammed joint and its position [rad]."""
 
     joint: Joint
     position: float
 
 
 class Script:
-    """The actions of a run, each carried out once, in the order of their times.
+    """The actions of a run; each is executed once, in order of time.
 
-    actions: `check_script` has found nothing wrong with them. bodies: names of the engine's bodies,
-    in its order.
+    actions: checked by `check_script`. bodies: names of the engine's bodies, in its order.
     """
 
     def __init__(
@@ -43,52 +42,52 @@ class Script:
         self._bodies = {name: number for number, name in enumerate(bodies)}
         self._joints = {joint.name: joint for joint in physics.joints}
         self._cameras = cameras
-        self._waiting = sorted(actions, key=lambda action: action.at_ns)
+        self._pending = sorted(actions, key=lambda action: action.at_ns)
         self._locks: dict[str, _Lock] = {}
-        self._news: list[str] = []
+        self._events: list[str] = []
 
-    def play(self, t_ns: int) -> None:
-        """Carry out what is due at a time [ns]."""
-        while self._waiting and self._waiting[0].at_ns <= t_ns:
-            text = self._carry_out(self._waiting.pop(0))
-            self._news.append(f"at {t_ns / 1e9:.9g} s: {text}")
+    def run(self, t_ns: int) -> None:
+        """Execute the actions that are due at a time [ns]."""
+        while self._pending and self._pending[0].at_ns <= t_ns:
+            text = self._execute(self._pending.pop(0))
+            self._events.append(f"at {t_ns / 1e9:.9g} s: {text}")
 
-    def take(self) -> list[str]:
-        """Return what has happened since the last call, a sentence each."""
-        news, self._news = self._news, []
-        return news
+    def take_events(self) -> list[str]:
+        """Return what has happened since the last call, one sentence each."""
+        events, self._events = self._events, []
+        return events
 
-    def _carry_out(self, action: Action) -> str:
-        """Carry out an action and return what has happened."""
+    def _execute(self, action: Action) -> str:
+        """Execute an action and return what has happened."""
         if action.body is not None and action.position is not None:
-            return self._put(action.body, action.position, action.orientation_rpy)
+            return self._move_body(action.body, action.position, action.orientation_rpy)
         if action.jam is not None:
             return self._jam(self._joints[action.jam])
         off = action.off is not False
         self._cameras.switch(str(action.camera), on=not off)
         return f"camera {action.camera} was switched {'off' if off else 'on'}"
 
-    def _put(self, name: str, position: Sequence[float], rpy: Sequence[float] | None) -> str:
-        """Have a body stand still somewhere else; its joints stay as they are."""
+    def _move_body(self, name: str, position: Sequence[float], rpy: Sequence[float] | None) -> str:
+        """Move a body, which is then at rest; its joints keep their positions."""
         body, client = self._bodies[name], self._physics.client
-        # PyBullet puts the centre of mass, and at rest; the frame of the URDF is what people mean.
+        # PyBullet sets the pose of the centre of mass; users give that of the URDF's frame.
         inertial = bullet.getDynamicsInfo(body, -1, client)[3:5]
         if rpy is None:
             centre = bullet.getBasePositionAndOrientation(body, client)
-            turned = bullet.multiplyTransforms(*centre, *bullet.invertTransform(*inertial))[1]
+            rotation = bullet.multiplyTransforms(*centre, *bullet.invertTransform(*inertial))[1]
         else:
-            turned = bullet.getQuaternionFromEuler(rpy)
-        pose = bullet.multiplyTransforms(position, turned, *inertial)
+            rotation = bullet.getQuaternionFromEuler(rpy)
+        pose = bullet.multiplyTransforms(position, rotation, *inertial)
         bullet.resetBasePositionAndOrientation(body, *pose, physicsClientId=client)
-        # All of them: what lay on this body and sleeps would stay in the air.
+        # Wake all bodies: a sleeping one that lay on this body would stay in the air.
         for number in self._bodies.values():
             self._physics.wake(number)
-        where = ", ".join(f"{value:g}" for value in position)
+        target = ", ".join(f"{value:g}" for value in position)
         angles = "" if rpy is None else f", turned to {', '.join(f'{a:g}' for a in rpy)} rad"
-        return f"{name} was put at {where} m{angles}"
+        return f"{name} was put at {target} m{angles}"
 
     def _jam(self, joint: Joint) -> str:
-        """Hold a joint where it is from now on."""
+        """Lock a joint at its current position."""
         if joint.name not in self._locks:
             position = self._physics.read(joint.body, [joint.index])[0][0]
             self._locks[joint.name] = _Lock(joint, position)
@@ -96,7 +95,7 @@ class Script:
         return f"joint {joint.name} jammed at {self._locks[joint.name].position:.6g} {unit}"
 
     def before_substep(self) -> None:
-        """Hold the jammed joints; to be called after the drives, whose motors this overrules."""
+        """Hold the jammed joints; call it after the drives, whose motors it overrides."""
         for joint, position in self._locks.values():
             bullet.setJointMotorControl2(
                 joint.body,
@@ -115,7 +114,7 @@ class Script:
 def check_script(
     actions: Sequence[Action], physics: Physics, bodies: Sequence[str], cameras: Sequence[str]
 ) -> None:
-    """Raise WiringError that lists every name in a script that the world does not have."""
+    """Raise WiringError that lists every name in a script that is not in the world."""
     known: dict[str, Collection[str]] = {
         "body": bodies,
         "jam": [joint.name for joint in physics.joints],
@@ -132,7 +131,6 @@ def check_script(
 
 
 def _unknown(key: str, name: str, known: Collection[str], fixed: Collection[str]) -> str:
-    kind = "joint" if key == "jam" else key
     if key == "jam" and name in fixed:
         return f"joint {name!r} is fixed in its model"
-    return f"{kind} {name!r} is unknown; {nearest(name, known)}"
+    return f"{'joint' if key == 'jam' else key} {name!r} is unknown; {nearest(name, known)}"

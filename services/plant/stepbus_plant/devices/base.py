@@ -1,4 +1,4 @@
-"""A mobile base with two driven wheels: its commands, and its odometry."""
+"""A mobile base with two driven wheels: commands and odometry."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
 
 
 class Base:
-    """Two wheels on one axle, and where they have taken the base.
+    """A differential drive and its odometry.
 
-    Odometry sees the turning of the wheels alone: a wheel that slips is not noticed. Each reading
-    takes the way since the one before for an arc of a circle, which is exact for steady wheels
-    (R. Siegwart, I. Nourbakhsh: Introduction to Autonomous Mobile Robots, 2004, section 5.2.4).
+    Odometry integrates the wheel angles; it does not notice slip. It treats the path between two
+    readings as a circular arc, which is exact for constant wheel velocities (R. Siegwart, I.
+    Nourbakhsh: Introduction to Autonomous Mobile Robots, 2004, section 5.2.4).
     """
 
     def __init__(self, row: BaseRow, left: Joint, right: Joint, physics: Physics) -> None:
@@ -34,35 +34,35 @@ class Base:
         return (left[0], right[0]), (left[1], right[1])
 
     def describe(self) -> Description:
-        """Return names and limits of its wheels: left, right."""
+        """Return names and limits of the wheels: left, right."""
         return describe_joints(self.joints)
 
     def sense(self) -> BaseState:
-        """Return the odometry now; to be called at every step."""
+        """Return the current odometry; call it at every step."""
         angles, velocities = self._read()
-        way, turn = self._body(angles[0] - self._angles[0], angles[1] - self._angles[1])
+        arc, turn = self._base_motion(angles[0] - self._angles[0], angles[1] - self._angles[1])
         self._angles = angles
-        # The chord of the arc, which sinc() makes shorter than the arc itself.
-        chord = way if turn == 0.0 else way * math.sin(turn / 2) / (turn / 2)
+        # sinc() gives the chord of the arc.
+        chord = arc if turn == 0.0 else arc * math.sin(turn / 2) / (turn / 2)
         self._x += chord * math.cos(self._yaw + turn / 2)
         self._y += chord * math.sin(self._yaw + turn / 2)
         self._yaw += turn
-        vx, wz = self._body(*velocities)
+        vx, wz = self._base_motion(*velocities)
         return BaseState(x=self._x, y=self._y, yaw=self._yaw, vx=vx, wz=wz)
 
-    def _body(self, left: float, right: float) -> tuple[float, float]:
-        """Return way and turn of the base from those of its wheels; velocities likewise."""
+    def _base_motion(self, left: float, right: float) -> tuple[float, float]:
+        """Return travel and turn of the base from the wheel angles; likewise for velocities."""
         radius = self._row.wheel_radius
         return radius * (left + right) / 2, radius * (right - left) / self._row.track
 
     def wheel_velocities(self, vx: float, wz: float) -> list[float]:
-        """Return the velocities of the left and right wheel [rad/s] for one of the base."""
+        """Return the velocities of the left and right wheel [rad/s] for a velocity of the base."""
         side = wz * self._row.track / 2
         return [(vx - side) / self._row.wheel_radius, (vx + side) / self._row.wheel_radius]
 
 
 class BaseDriver:
-    """Carries out the commands of one input to a base; a command holds until the next one.
+    """Executes the commands of one input to a base; a command holds until the next one.
 
     port: name of the input, for messages. commander: of the base's wheels.
     """
@@ -73,10 +73,10 @@ class BaseDriver:
         self._commander = commander
 
     def apply(self, command: BaseCommand) -> None:
-        """Carry out a command from now on.
+        """Execute a command from now on.
 
-        Raises CommandError for a value that is no finite number, and when it has velocities of
-        the base and of the wheels at once.
+        Raises CommandError for a value that is not finite, and for velocities of both the base and
+        the wheels.
         """
         if command.wheels is None:
             for field, value in (("vx", command.vx), ("wz", command.wz)):
@@ -87,8 +87,8 @@ class BaseDriver:
             velocities = self._base.wheel_velocities(command.vx, command.wz)
         elif command.vx != 0.0 or command.wz != 0.0:
             raise CommandError(
-                f"input {self._port!r}: has vx {command.vx:g}, wz {command.wz:g} and wheels at "
-                "once; give the velocity of the base or of its wheels"
+                f"input {self._port!r}: has both wheels and vx {command.vx:g}, wz {command.wz:g}; "
+                "give the velocity of the base or of its wheels"
             )
         else:
             velocities = list(command.wheels)

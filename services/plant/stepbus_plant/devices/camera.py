@@ -1,4 +1,4 @@
-"""Cameras: what they see, and which port shows which image of which camera."""
+"""Cameras: rendering, and the image that each port carries."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stepbus_plant.checked import Problem
 from stepbus_plant.world.file import CameraRow, World
 from stepbus_schemas import Description, Image, WiringError
 
-from .poses import PoseSensor, link_places
+from .poses import PoseSensor, link_indices
 
 TYPE = "Image/1"
 
@@ -23,7 +23,7 @@ Quantity = Literal["rgb", "depth"]
 Rendering = tuple[Image, Image]
 """Colours and depth, in the order of `Quantity`."""
 
-# Matt surfaces under a white light from above: every colour is 0.6 to 1.0 times that of its visual.
+# Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.
 _LIGHT = {
     "shadow": 0,
     "lightDirection": (0.3, 0.2, 1.0),
@@ -36,11 +36,10 @@ _LIGHT = {
 
 
 class Camera:
-    """A pinhole camera without lens distortion that sees colours and depth.
+    """A pinhole RGB-D camera without lens distortion.
 
-    Its link is the optical frame: z is the direction of view, x is right, y is down. Pixels are
-    counted by their centres, from 0, so that the optical axis meets the image at
-    ((width - 1) / 2, (height - 1) / 2).
+    Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
+    centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
     """
 
     def __init__(self, row: CameraRow, client: int, bodies: Sequence[str]) -> None:
@@ -56,7 +55,7 @@ class Camera:
         row, matrix = self.row, np.zeros((4, 4))
         matrix[0, 0] = 2 * self._focal / row.width
         matrix[1, 1] = 2 * self._focal / row.height
-        # The renderer looks through the corner of a pixel; half a pixel on is its centre.
+        # The renderer samples the corner of a pixel; shift by half a pixel to its centre.
         matrix[0, 2], matrix[1, 2] = 1 / row.width, 1 / row.height
         matrix[2, 2] = (row.far + row.near) / (row.near - row.far)
         matrix[2, 3] = 2 * row.far * row.near / (row.near - row.far)
@@ -64,10 +63,10 @@ class Camera:
         return matrix
 
     def _view(self) -> np.ndarray:
-        """Return the matrix from the world to OpenGL's camera frame, shape (4, 4)."""
+        """Return the transform from the world to OpenGL's camera frame, shape (4, 4)."""
         pose = self._pose.sense()
         rotation = np.reshape(bullet.getMatrixFromQuaternion(pose.orientation[0]), (3, 3))
-        # OpenGL looks along -z and has y up.
+        # OpenGL's camera looks along -z, with y up.
         rotation = rotation * (1.0, -1.0, -1.0)
         matrix = np.eye(4)
         matrix[:3, :3] = rotation.T
@@ -80,7 +79,7 @@ class Camera:
         return values
 
     def render(self) -> Rendering:
-        """Return what the camera sees now: its colours, and the depth along z [m].
+        """Return the current colour image, and the depth along z [m].
 
         Depth is +inf where there is nothing between `near` and `far` (REP 117 and 118 of ROS).
         """
@@ -99,11 +98,11 @@ class Camera:
         return self._image("rgb8", colours), self._image("32FC1", self._depth(buffer))
 
     def _depth(self, buffer: Any) -> np.ndarray:
-        """Return metres from OpenGL's depth buffer, which has 0 at `near` and 1 at `far`."""
+        """Return metres from OpenGL's depth buffer, which is 0 at `near` and 1 at `far`."""
         near, far = self.row.near, self.row.far
-        seen = np.asarray(buffer, dtype=np.float64)
-        metres = far * near / (far - (far - near) * seen)
-        return np.where(seen < 1.0, metres, np.inf).astype("<f4")
+        depth = np.asarray(buffer, dtype=np.float64)
+        metres = far * near / (far - (far - near) * depth)
+        return np.where(depth < 1.0, metres, np.inf).astype("<f4")
 
     def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: np.ndarray) -> Image:
         return Image(
@@ -117,29 +116,29 @@ class Camera:
 
 
 class _View(NamedTuple):
-    """What one port shows."""
+    """The image of one port."""
 
     camera: str
     quantity: Quantity
 
 
 class Cameras:
-    """All cameras that a world file declares, and which of them are on.
+    """All cameras that a world file declares; each is on or off.
 
     bodies: names of the engine's bodies, in its order. period_ns: length of the plant's step [ns].
-    enabled: whether anything is rendered at all.
+    enabled: false keeps all cameras off.
     Raises WiringError that lists every mistake, each with its line.
     """
 
     def __init__(
         self, world: World, client: int, bodies: Sequence[str], period_ns: int, *, enabled: bool
     ) -> None:
-        places = link_places(client, bodies) if world.cameras else {}
+        links = link_indices(client, bodies) if world.cameras else {}
         world.source.refuse(
             [
                 problem
                 for name, row in world.cameras.items()
-                for problem in _problems(name, row, places, period_ns)
+                for problem in _problems(name, row, links, period_ns)
             ]
         )
         self._cameras = {name: Camera(row, client, bodies) for name, row in world.cameras.items()}
@@ -152,13 +151,13 @@ class Cameras:
         return list(self._cameras)
 
     def switch(self, name: str, *, on: bool) -> None:
-        """Switch a camera on or off; without `enabled` all of them stay off."""
+        """Switch a camera on or off; it stays off if cameras are disabled."""
         self._on[name] = on and self._enabled
 
     def views(self, ports: Iterable[str]) -> Views:
-        """Return what shows images on ports, which say by their names what they show.
+        """Return the images of ports; a port's name selects camera and quantity.
 
-        Raises WiringError that lists the ports whose names say nothing.
+        Raises WiringError that lists the ports with unknown names.
         """
         known: dict[str, _View] = {}
         for quantity in get_args(Quantity):
@@ -166,14 +165,14 @@ class Cameras:
                 known[quantity] = _View(self.names[0], quantity)
             known |= {f"{name}_{quantity}": _View(name, quantity) for name in self._cameras}
         ports = list(ports)
-        text = f"call it one of {', '.join(known)}" if known else "the world has no 'cameras'"
+        text = f"name it one of {', '.join(known)}" if known else "the world has no 'cameras'"
         mistakes = [f"{port}: has type {TYPE}; {text}" for port in ports if port not in known]
         if mistakes:
             raise WiringError("\n".join(mistakes))
         return Views(self, {port: known[port] for port in ports})
 
     def due(self, name: str, t_ns: int) -> bool:
-        """Return whether a camera gives an image at a time [ns]."""
+        """Return whether a camera takes an image at a time [ns]."""
         return self._on[name] and t_ns % self._cameras[name].period_ns == 0
 
     def camera(self, name: str) -> Camera:
@@ -190,7 +189,7 @@ class Views:
         self._names = list(dict.fromkeys(view.camera for view in views.values()))
 
     def describe(self) -> dict[str, Description]:
-        """Return of each port the camera, its link, the period and the shape of the image."""
+        """Return for each port the camera, its link, its period and the shape of the image."""
         return {port: self._description(view) for port, view in self._views.items()}
 
     def _description(self, view: _View) -> Description:
@@ -213,20 +212,18 @@ class Views:
         }
 
 
-def _problems(
-    name: str, row: CameraRow, places: Iterable[str], period_ns: int
-) -> Iterable[Problem]:
-    """Yield what is wrong with a camera; period_ns: length of the plant's step [ns]."""
-    if row.link not in places:
+def _problems(name: str, row: CameraRow, links: Iterable[str], period_ns: int) -> Iterable[Problem]:
+    """Yield the mistakes about a camera; period_ns: length of the plant's step [ns]."""
+    if row.link not in links:
         yield (
             ("cameras", name, "link"),
-            f"link {row.link!r} is unknown; {nearest(row.link, places)}",
+            f"link {row.link!r} is unknown; {nearest(row.link, links)}",
         )
     if row.fov >= math.pi:
-        hint = f"is it in degrees? {row.fov:g}° are {math.radians(row.fov):.4f} rad"
-        yield ("cameras", name, "fov"), f"{row.fov:g} rad is no less than half a turn; {hint}"
+        hint = f"is it in degrees? {row.fov:g}° is {math.radians(row.fov):.4f} rad"
+        yield ("cameras", name, "fov"), f"{row.fov:g} rad is half a turn or more; {hint}"
     if row.near >= row.far:
-        text = f"{row.near:g} m is not nearer than 'far', {row.far:g} m"
+        text = f"{row.near:g} m is not less than 'far', {row.far:g} m"
         yield ("cameras", name, "near"), text
     try:
         rest = parse_duration(row.period) % period_ns
@@ -234,7 +231,6 @@ def _problems(
         yield ("cameras", name, "period"), str(exc)
     else:
         if rest:
-            text = (
-                f"{row.period} is no multiple of the plant's step of {format_duration(period_ns)}"
-            )
+            step = format_duration(period_ns)
+            text = f"{row.period} is not a multiple of the plant's step ({step})"
             yield ("cameras", name, "period"), text

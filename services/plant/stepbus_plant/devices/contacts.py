@@ -1,4 +1,4 @@
-"""Which links touch, how hard, and how close the nearly touching ones are."""
+"""A sensor of contacts between links: forces, and distances of those that nearly touch."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pybullet as bullet
 
 from stepbus_schemas import Contacts, Description
 
-from .poses import Place
+from .poses import LinkIndex
 
 
 class _Point(NamedTuple):
-    """A point where two links touch or nearly do; position: on the second link."""
+    """A point where two links touch or nearly touch; position: on the second link."""
 
     pair: tuple[str, str]
     distance: float
@@ -22,40 +22,40 @@ class _Point(NamedTuple):
 
 
 class ContactSensor:
-    """Reads the engine's contacts, summed up for each pair of links.
+    """Reads the engine's contacts, summed for each pair of links.
 
-    links: those whose contacts it shows; None: all. within: it also shows what is this near to
-    them [m]. places: every link of the world → where it is in the engine.
+    links: those whose contacts it reports; None: all. within: it also reports links closer to them
+    than this [m]. indices: every link of the world → its index in the engine.
     """
 
     def __init__(
         self,
         links: Sequence[str] | None,
         within: float,
-        places: Mapping[str, Place],
+        indices: Mapping[str, LinkIndex],
         client: int,
     ) -> None:
         self._client = client
-        self._links = list(places if links is None else links)
-        self._names = {place: name for name, place in places.items()}
-        self._watched = {places[link] for link in self._links}
+        self._links = list(indices if links is None else links)
+        self._names = {index: name for name, index in indices.items()}
+        self._watched = {indices[link] for link in self._links}
         self._bodies = sorted({body for body, _ in self._watched})
-        self._all = len(self._watched) == len(places)
+        self._all = len(self._watched) == len(indices)
         self._within = within
-        solid = [at for at in map(places.__getitem__, self._links) if self._is_solid(at)]
+        solid = [index for link in self._links if self._is_solid(index := indices[link])]
         self._near = solid if within > 0.0 else []
 
-    def _is_solid(self, place: Place) -> bool:
-        return bool(bullet.getCollisionShapeData(*place, physicsClientId=self._client))
+    def _is_solid(self, index: LinkIndex) -> bool:
+        return bool(bullet.getCollisionShapeData(*index, physicsClientId=self._client))
 
     def describe(self) -> Description:
-        """Return the names of the links whose contacts it shows."""
+        """Return the names of the links whose contacts it reports."""
         return Description(names=self._links)
 
     def sense(self) -> Contacts:
         """Return the contacts of the watched links.
 
-        Forces are those of the newest physics substep, which are those that led to this state.
+        Forces are those of the latest physics substep, which led to this state.
         """
         groups: dict[tuple[str, str], list[_Point]] = {}
         for point in (*self._touching(), *self._nearby()):
@@ -73,41 +73,41 @@ class ContactSensor:
         if self._all:
             yield from map(self._point, bullet.getContactPoints(physicsClientId=self._client))
             return
-        # By body: in a store, the items on their shelves have most of the contacts.
+        # Query by body: in a store, most contacts are those of items on shelves.
         for body in self._bodies:
             for row in bullet.getContactPoints(body, physicsClientId=self._client):
                 other = row[2], row[4]
-                told_before = other in self._watched and other[0] < body
-                if not told_before and ((body, row[3]) in self._watched or other in self._watched):
+                reported = other in self._watched and other[0] < body
+                if not reported and ((body, row[3]) in self._watched or other in self._watched):
                     yield self._point(row)
 
     def _nearby(self) -> Iterator[_Point]:
-        """Yield what the engine's own contacts do not see: it looks no further than about 1 mm."""
-        for place in self._near:
-            for other in self._around(place):
+        """Yield links farther apart than about 1 mm, which are not among the engine's contacts."""
+        for index in self._near:
+            for other in self._around(index):
                 rows = bullet.getClosestPoints(
-                    place[0],
+                    index[0],
                     other[0],
                     self._within,
-                    place[1],
+                    index[1],
                     other[1],
                     physicsClientId=self._client,
                 )
                 yield from map(self._point, rows)
 
-    def _around(self, place: Place) -> list[Place]:
-        """Return links of other bodies whose boxes are near that of a link, in a fixed order.
+    def _around(self, index: LinkIndex) -> list[LinkIndex]:
+        """Return links of other bodies whose bounding boxes are near that of a link, sorted.
 
-        The engine's boxes are as old as the last physics substep, and 20 mm larger than what is in
-        them (gContactBreakingThreshold), which is more than a link moves in a substep.
+        The boxes are those of the latest physics substep. The engine makes them 20 mm larger than
+        the link (gContactBreakingThreshold), which is more than it moves in a substep.
         """
-        low, high = bullet.getAABB(*place, self._client)
+        low, high = bullet.getAABB(*index, self._client)
         found = bullet.getOverlappingObjects(
             [x - self._within for x in low],
             [x + self._within for x in high],
             physicsClientId=self._client,
         )
-        return sorted({(other, link) for other, link in found or () if other != place[0]})
+        return sorted({(other, link) for other, link in found or () if other != index[0]})
 
     def _point(self, row: Sequence[Any]) -> _Point:
         first, second = self._names[row[1], row[3]], self._names[row[2], row[4]]
@@ -117,14 +117,14 @@ class ContactSensor:
 
 
 def name_links(
-    links: Sequence[str], places: Mapping[str, Place], bodies: Sequence[str]
+    links: Sequence[str], indices: Mapping[str, LinkIndex], bodies: Sequence[str]
 ) -> list[str]:
-    """Return the links that are meant, each once; `<body>/*` means all links of a body.
+    """Return the links without duplicates, with `<body>/*` expanded to all links of a body.
 
-    What is unknown stays as it is.
+    Unknown names stay as they are.
     """
     every = {
-        f"{body}/*": [name for name, place in places.items() if place[0] == number]
+        f"{body}/*": [name for name, index in indices.items() if index[0] == number]
         for number, body in enumerate(bodies)
     }
     return list(dict.fromkeys(name for link in links for name in every.get(link, [link])))

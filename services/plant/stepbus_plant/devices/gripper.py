@@ -1,4 +1,4 @@
-"""A gripper with two coupled fingers: width, force, and whether it holds something."""
+"""A gripper with two coupled fingers: width, force, and whether it holds an object."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ import pybullet as bullet
 
 from stepbus_plant.errors import CommandError
 from stepbus_plant.joints.commander import Commander
-from stepbus_plant.joints.warnings import Complaints
+from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
 from stepbus_plant.world.file import GripperRow
 from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
 
-from .poses import Place
+from .poses import LinkIndex
 
-# How fast the last of the way is closed; below it the fingers slow down [1/s].
+# Proportional gain from the width error to the finger velocity [1/s].
 _GAIN = 10.0
 
-# Of the cosine between a finger's push and the direction in which the fingers open: 45°.
-_SQUEEZES = math.sqrt(0.5)
+# Least cosine between a contact normal and the opening direction of the fingers: 45°.
+_LEAST_COSINE = math.sqrt(0.5)
 
 
 @dataclass(frozen=True)
-class _Push:
-    """All that one finger presses on one thing: force [N], and the directions ± of its points."""
+class _Contact:
+    """The contact of a finger with an object: force [N], and the normals of its points, ±."""
 
     force: float
-    directions: list[Sequence[float]]
+    normals: list[Sequence[float]]
 
 
 class Gripper:
-    """Two prismatic fingers that open by positive positions, and move alike.
+    """Two coupled prismatic fingers that open towards positive positions.
 
-    width: the sum of both positions [m].
+    width: sum of both positions [m].
     """
 
     def __init__(self, row: GripperRow, left: Joint, right: Joint, physics: Physics) -> None:
@@ -53,7 +53,7 @@ class Gripper:
         self._couple()
 
     def _couple(self) -> None:
-        """Let the engine keep both positions equal; uncoupled fingers drift with what they hold."""
+        """Let the engine keep both positions equal; uncoupled fingers drift with the object."""
         client = self._physics.client
         left, right = self._fingers
         zero = (0.0, 0.0, 0.0)
@@ -71,30 +71,30 @@ class Gripper:
         bullet.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=100, physicsClientId=client)
 
     def width(self) -> float:
-        """Return how far the fingers are apart now [m]."""
+        """Return the current distance of the fingers [m]."""
         left, right = self._physics.read(self._body, self._fingers)
         width: float = left[0] + right[0]
         return width
 
     def describe(self) -> Description:
-        """Return names and limits of its fingers."""
+        """Return names and limits of the fingers."""
         return describe_joints(self.joints)
 
     def sense(self) -> GripperState:
-        """Return width and force now, and whether something is held.
+        """Return the current width and force, and whether the gripper holds an object.
 
-        The force is that of the weaker finger, which is what squeezes. What the other one has
-        beyond it pushes the thing aside, until the fingers have centred it.
+        The force is that of the weaker finger: the difference between the two does not squeeze the
+        object, it pushes it aside until it is centred.
         """
-        left, right = (self._pushes(finger) for finger in self._fingers)
-        force = min(sum(push.force for push in side.values()) for side in (left, right))
-        held = [(push, right[thing]) for thing, push in left.items() if thing in right]
+        left, right = (self._contacts(finger) for finger in self._fingers)
+        force = min(sum(contact.force for contact in side.values()) for side in (left, right))
+        held = [(contact, right[thing]) for thing, contact in left.items() if thing in right]
         axis = self._axis() if held else ()
-        holding = any(all(_is_along(axis, push) for push in pushes) for pushes in held)
+        holding = any(all(_is_along(axis, contact) for contact in pair) for pair in held)
         return GripperState(width=self.width(), force=force, holding=holding)
 
     def _axis(self) -> Sequence[float]:
-        """Return the direction in which the fingers open, in the frame of the world."""
+        """Return the opening direction of the fingers in the world frame."""
         client = self._physics.client
         state = bullet.getLinkState(
             self._body, self._fingers[0], computeForwardKinematics=True, physicsClientId=client
@@ -102,77 +102,77 @@ class Gripper:
         axis: Sequence[float] = bullet.rotateVector(state[5], self._slide)
         return axis
 
-    def _pushes(self, finger: int) -> dict[Place, _Push]:
-        """Return what a finger presses on, other than its own body."""
+    def _contacts(self, finger: int) -> dict[LinkIndex, _Contact]:
+        """Return what a finger presses on, except its own body."""
         points = bullet.getContactPoints(
             bodyA=self._body, linkIndexA=finger, physicsClientId=self._physics.client
         )
-        groups: dict[Place, list[Sequence[Any]]] = {}
+        groups: dict[LinkIndex, list[Sequence[Any]]] = {}
         for point in points:
             if point[9] > 0.0 and point[2] != self._body:
                 groups.setdefault((point[2], point[4]), []).append(point)
         return {thing: _sum(group) for thing, group in groups.items()}
 
 
-def _sum(points: Sequence[Sequence[Any]]) -> _Push:
-    return _Push(sum(point[9] for point in points), [point[7] for point in points])
+def _sum(points: Sequence[Sequence[Any]]) -> _Contact:
+    return _Contact(sum(point[9] for point in points), [point[7] for point in points])
 
 
-def _is_along(axis: Sequence[float], push: _Push) -> bool:
-    """Return whether a finger squeezes, instead of resting on what it presses on.
+def _is_along(axis: Sequence[float], contact: _Contact) -> bool:
+    """Return whether a finger squeezes the object instead of resting on it.
 
-    One point is enough: PyBullet keeps the direction of older ones while hand and thing turn
-    together. Its sign is PyBullet's own choice.
+    One point is enough: PyBullet keeps the normals of older points while gripper and object rotate
+    together. The sign of a normal is arbitrary.
     """
-    cosines = (sum(map(operator.mul, axis, direction)) for direction in push.directions)
-    return any(abs(cosine) > _SQUEEZES for cosine in cosines)
+    cosines = (sum(map(operator.mul, axis, normal)) for normal in contact.normals)
+    return any(abs(cosine) > _LEAST_COSINE for cosine in cosines)
 
 
 class GripperDriver:
-    """Carries out the commands of one input to a gripper; a command holds until the next one.
+    """Executes the commands of one input to a gripper; a command holds until the next one.
 
-    port: name of the input, for messages. commander: of the fingers. complaints: what a command
-    asks for in vain.
+    port: name of the input, for messages. commander: of the fingers. warnings: about commands.
     """
 
     def __init__(
-        self, port: str, gripper: Gripper, commander: Commander, complaints: Complaints
+        self, port: str, gripper: Gripper, commander: Commander, warnings: Warnings
     ) -> None:
         self._port = port
         self._gripper = gripper
         self._commander = commander
-        self._complaints = complaints
+        self._warnings = warnings
         self._command: GripperCommand | None = None
 
     def apply(self, command: GripperCommand) -> None:
-        """Carry out a command from now on.
+        """Execute a command from now on.
 
-        Raises CommandError for a value that is no finite number, and a force below 0.
+        Raises CommandError for a value that is not finite, and for a force below 0.
         """
         for field, value in (("width", command.width), ("force", command.force)):
             if not math.isfinite(value):
                 raise CommandError(f"input {self._port!r}: {field} is {value}, not a finite number")
         if command.force < 0.0:
             raise CommandError(
-                f"input {self._port!r}: force {command.force:g} N is negative; the width says "
+                f"input {self._port!r}: force {command.force:g} N is negative; the width decides "
                 "whether to open or to close"
             )
-        self._complain(command)
+        self._check_range(command)
         self._command = command
 
-    def _complain(self, command: GripperCommand) -> None:
+    def _check_range(self, command: GripperCommand) -> None:
+        """Warn about a width or force that the gripper cannot reach."""
         subject = f"input {self._port!r}"
         least, most = self._gripper.widths
         if not least <= command.width <= most:
             text = f"width {command.width:g} m is out of reach ({least:g} to {most:g} m)"
-            self._complaints.add(subject, "width", text)
+            self._warnings.add(subject, "width", text)
         if command.force > self._gripper.max_force:
             limit = self._gripper.max_force
-            text = f"force {command.force:g} N is beyond its limit of {limit:g}; cut there"
-            self._complaints.add(subject, "force", text)
+            text = f"force {command.force:g} N exceeds its limit of {limit:g}; limited to it"
+            self._warnings.add(subject, "force", text)
 
     def before_step(self) -> None:
-        """Move both fingers towards the width, no harder than the command allows."""
+        """Move both fingers towards the width, with no more than the commanded force."""
         if self._command is None:
             return
         gap = self._command.width - self._gripper.width()

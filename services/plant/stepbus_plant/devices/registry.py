@@ -1,4 +1,4 @@
-"""The devices of a world, and which port belongs to which of them."""
+"""The devices of a world, and the port of each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from stepbus_participant.settings import nearest
 from stepbus_plant.checked import Problem
 from stepbus_plant.joints.commander import Commander
-from stepbus_plant.joints.warnings import Complaints
+from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 from stepbus_plant.world.file import BaseRow, GripperRow, World
@@ -17,68 +17,68 @@ from stepbus_schemas import Description, Message, WiringError
 from .base import Base, BaseDriver
 from .contacts import ContactSensor, name_links
 from .gripper import Gripper, GripperDriver
-from .poses import Place, link_places
+from .poses import LinkIndex, link_indices
 
 INPUTS = ("BaseCommand/1", "GripperCommand/1")
 OUTPUTS = ("BaseState/1", "Contacts/1", "GripperState/1")
 
-_KINDS = {
+_SECTIONS = {
     "BaseCommand/1": "bases",
     "BaseState/1": "bases",
     "Contacts/1": "contacts",
     "GripperCommand/1": "grippers",
     "GripperState/1": "grippers",
 }
-"""Type of a port → key of the world file under which its devices stand."""
+"""Type of a port → section of the world file that declares its devices."""
 
 
 class Driver(Protocol):
-    """What carries out the commands of one input; a command holds until the next one."""
+    """Executes the commands of one input; a command holds until the next one."""
 
     def apply(self, command: Any) -> None:
-        """Carry out a command from now on.
+        """Execute a command from now on.
 
-        Raises CommandError for one that cannot be carried out.
+        Raises CommandError for an invalid one.
         """
         ...
 
     def before_step(self) -> None:
-        """Do what is due before each communication step, with or without a new command."""
+        """Prepare a communication step, with or without a new command."""
         ...
 
 
 class Device(Protocol):
-    """What is sensed once per step."""
+    """A device that is sensed once per step."""
 
     def describe(self) -> Description:
-        """Return which joints or links it has."""
+        """Return its joints or links."""
         ...
 
     def sense(self) -> Message:
-        """Return what it shows now."""
+        """Return its current reading."""
         ...
 
 
 class Devices:
     """All devices that a world file declares.
 
-    bodies: names of the engine's bodies, in its order. owners: joint → the base or gripper it is
-    of. Raises WiringError that lists every joint and link that a device names wrongly, each with
-    its line.
+    bodies: names of the engine's bodies, in its order. owners: joint → the base or gripper it
+    belongs to. Raises WiringError that lists every wrong joint and link of a device, each with its
+    line.
     """
 
     def __init__(self, world: World, physics: Physics, bodies: Sequence[str]) -> None:
         joints = {joint.name: joint for joint in physics.joints}
-        places = link_places(physics.client, bodies)
+        indices = link_indices(physics.client, bodies)
         watched = {
-            name: None if row.links is None else name_links(row.links, places, bodies)
+            name: None if row.links is None else name_links(row.links, indices, bodies)
             for name, row in world.contacts.items()
         }
         world.source.refuse(
             [
                 *_pair_problems("bases", world.bases, joints, rotary=True),
                 *_pair_problems("grippers", world.grippers, joints, rotary=False),
-                *_link_problems(world, watched, places, bodies),
+                *_link_problems(world, watched, indices, bodies),
             ]
         )
         self._bases = {
@@ -90,7 +90,7 @@ class Devices:
             for name, row in world.grippers.items()
         }
         self._contacts = {
-            name: ContactSensor(watched[name], row.within, places, physics.client)
+            name: ContactSensor(watched[name], row.within, indices, physics.client)
             for name, row in world.contacts.items()
         }
         self.owners = {
@@ -100,48 +100,48 @@ class Devices:
             for joint in device.joints
         }
 
-    def sensor(self, port: str, kind: str) -> Device:
-        """Return the device that an output shows; kind: type of the port.
+    def sensor(self, port: str, port_type: str) -> Device:
+        """Return the device of an output: the one named like the port, or the only one.
 
-        It is the one that is called like the port, or the only one there is.
-        Raises WiringError where there is no such device.
+        Raises WiringError if there is no such device.
         """
         groups: dict[str, Mapping[str, Device]] = {
             "bases": self._bases,
             "contacts": self._contacts,
             "grippers": self._grippers,
         }
-        devices = groups[_KINDS[kind]]
-        return devices[_choose(port, kind, list(devices))]
+        devices = groups[_SECTIONS[port_type]]
+        return devices[_choose(port, port_type, list(devices))]
 
     def driver(
         self,
         port: str,
-        kind: str,
+        port_type: str,
         commander: Callable[[Sequence[str]], Commander],
-        complaints: Complaints,
+        warnings: Warnings,
     ) -> Driver:
-        """Return what carries out the commands of an input; kind: type of the port.
+        """Return the driver of the device of an input.
 
-        commander: makes one for joints. Raises WiringError where there is no such device.
+        commander: makes one for joints. Raises WiringError if there is no such device.
         """
-        if kind == "BaseCommand/1":
-            base = self._bases[_choose(port, kind, list(self._bases))]
+        if port_type == "BaseCommand/1":
+            base = self._bases[_choose(port, port_type, list(self._bases))]
             return BaseDriver(port, base, commander([joint.name for joint in base.joints]))
-        gripper = self._grippers[_choose(port, kind, list(self._grippers))]
+        gripper = self._grippers[_choose(port, port_type, list(self._grippers))]
         fingers = commander([joint.name for joint in gripper.joints])
-        return GripperDriver(port, gripper, fingers, complaints)
+        return GripperDriver(port, gripper, fingers, warnings)
 
 
-def _choose(port: str, kind: str, names: Sequence[str]) -> str:
+def _choose(port: str, port_type: str, names: Sequence[str]) -> str:
     if port in names:
         return port
     if len(names) == 1:
         return names[0]
+    section = _SECTIONS[port_type]
     if not names:
-        raise WiringError(f"{port}: takes {kind}, the world has no '{_KINDS[kind]}'")
+        raise WiringError(f"{port}: has type {port_type}, the world has no '{section}'")
     raise WiringError(
-        f"{port}: takes {kind}; call the port like one of the world's {_KINDS[kind]}: "
+        f"{port}: has type {port_type}; name the port after one of the world's {section}: "
         f"{', '.join(names)}"
     )
 
@@ -153,7 +153,7 @@ def _pair_problems(
     *,
     rotary: bool,
 ) -> list[Problem]:
-    """Return what is wrong with the joints that devices drive in pairs."""
+    """Return the mistakes about joints that devices drive in pairs."""
     problems: list[Problem] = []
     for name, row in rows.items():
         sides = {"left": row.left, "right": row.right}
@@ -163,9 +163,9 @@ def _pair_problems(
             if (text := _joint_problem(joint, joints, rotary=rotary))
         ]
         if not found and row.left == row.right:
-            found = [((key, name, "right"), f"{row.right!r} is the left one already")]
+            found = [((key, name, "right"), f"{row.right!r} is already the left joint")]
         elif not found and joints[row.left].body != joints[row.right].body:
-            found = [((key, name, "right"), "belongs to another body than the left one")]
+            found = [((key, name, "right"), "belongs to a different body than 'left'")]
         problems += found
     return problems
 
@@ -175,27 +175,27 @@ def _joint_problem(name: str, joints: Mapping[str, Joint], *, rotary: bool) -> s
         return f"joint {name!r} is unknown; {nearest(name, joints)}"
     joint = joints[name]
     if joint.is_rotary != rotary:
-        return f"joint {name!r} is {joint.kind}; it has to {'turn' if rotary else 'slide'}"
-    if joint.told_mode != "velocity":
-        return f"joint {name!r} has mode {joint.told_mode}; give it mode velocity"
+        return f"joint {name!r} is {joint.type}, not {'revolute' if rotary else 'prismatic'}"
+    if joint.effective_mode != "velocity":
+        return f"joint {name!r} has mode {joint.effective_mode}; give it mode velocity"
     return None
 
 
 def _link_problems(
     world: World,
     watched: Mapping[str, Sequence[str] | None],
-    places: Mapping[str, Place],
+    indices: Mapping[str, LinkIndex],
     bodies: Sequence[str],
 ) -> list[Problem]:
     problems: list[Problem] = [
-        (("contacts", name, "within"), "needs 'links': near to which ones?")
+        (("contacts", name, "within"), "needs 'links', the ones to measure the distance from")
         for name, row in world.contacts.items()
         if row.within and row.links is None
     ]
-    known = [*places, *(f"{body}/*" for body in bodies)]
+    known = [*indices, *(f"{body}/*" for body in bodies)]
     return problems + [
         (("contacts", name, "links"), f"link {link!r} is unknown; {nearest(link, known)}")
         for name, links in watched.items()
         for link in links or ()
-        if link not in places
+        if link not in indices
     ]

@@ -1,4 +1,4 @@
-"""What the plant can be asked between two steps, and the one thing it can be told to do."""
+"""Calls that query joints between two steps, or teleport one."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from stepbus_participant.settings import nearest
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 
-from .drives import Drive
+from .drives import Drive, locate_joints
 from .warnings import degrees_hint
 
 
-class Questions:
-    """Answers calls about every movable joint of the world, sensed or not, and without noise.
+class JointCalls:
+    """Answers calls about every movable joint of the world, sensed or not, without noise.
 
     Angles [rad], velocities [rad/s], torques [N·m]; prismatic joints have [m, m/s, N].
-    Each of its functions raises CallError for a joint that there is not.
+    Each of its functions raises CallError for an unknown joint.
     """
 
     def __init__(self, physics: Physics, drives: Sequence[Drive]) -> None:
         self._physics = physics
         self._joints = {joint.name: joint for joint in physics.joints}
-        self._drives = {j.name: (drive, i) for drive in drives for i, j in enumerate(drive.joints)}
+        self._drives = locate_joints(drives)
 
     def verbs(self) -> Mapping[str, Verb]:
-        """Return every question by its name."""
+        """Return every call by its name."""
         return {
             "joint_names": Verb(self.names, "names of all movable joints"),
-            "joint_position": Verb(self.position, "NAME: where a joint truly is [rad]"),
-            "joint_velocity": Verb(self.velocity, "NAME: how fast a joint truly moves [rad/s]"),
-            "joint_target": Verb(self.target, "NAME: where a joint of mode position goes to [rad]"),
+            "joint_position": Verb(self.position, "NAME: true position of a joint [rad]"),
+            "joint_velocity": Verb(self.velocity, "NAME: true velocity of a joint [rad/s]"),
+            "joint_target": Verb(self.target, "NAME: target of a joint in mode position [rad]"),
             "joint_limits": Verb(
                 self.limits, "NAME: lower, upper [rad], velocity [rad/s], effort [N·m]"
             ),
             "set_joint_position": Verb(
-                self.put, "NAME RAD: teleports a joint, which is then at rest", changes=True
+                self.teleport, "NAME RAD: teleports a joint, which is then at rest", changes=True
             ),
         }
 
@@ -46,58 +46,58 @@ class Questions:
         return list(self._joints)
 
     def position(self, name: str) -> float:
-        """Return where a joint is [rad]."""
+        """Return the position of a joint [rad]."""
         return self._state(name)[0]
 
     def velocity(self, name: str) -> float:
-        """Return how fast a joint moves [rad/s]."""
+        """Return the velocity of a joint [rad/s]."""
         return self._state(name)[1]
 
     def target(self, name: str) -> float:
-        """Return the newest position target of a joint [rad].
+        """Return the latest position target of a joint [rad].
 
-        Raises CallError where its mode has none.
+        Raises CallError if its mode has none.
         """
         joint = self._joint(name)
-        drive, place = self._drives[joint.name]
+        drive, index = self._drives[joint.name]
         targets = drive.targets()
         if targets is None:
-            raise CallError(f"joint {name} has mode {joint.told_mode}, which has no target")
-        return targets[place]
+            raise CallError(f"joint {name} has mode {joint.effective_mode}, which has no target")
+        return targets[index]
 
     def limits(self, name: str) -> dict[str, float | None]:
-        """Return the limits of a joint by name; None: there is no such limit."""
+        """Return the limits of a joint; None: unlimited."""
         joint = self._joint(name)
-        rows = {
+        limits = {
             "lower": joint.lower,
             "upper": joint.upper,
             "velocity": joint.max_velocity or math.inf,
             "effort": joint.effort,
         }
-        return {key: value if math.isfinite(value) else None for key, value in rows.items()}
+        return {key: value if math.isfinite(value) else None for key, value in limits.items()}
 
-    def put(self, name: str, position: float) -> None:
-        """Teleport a joint to a position [rad]; a joint of mode position then holds there.
+    def teleport(self, name: str, position: float) -> None:
+        """Teleport a joint to a position [rad]; a joint of mode position then holds it.
 
-        Raises CallError for what is no number or beyond its stops.
+        Raises CallError for a value that is not a number or beyond a stop.
         """
         joint = self._joint(name)
         if isinstance(position, bool) or not isinstance(position, int | float):
-            raise CallError(f"joint {name}: {position!r} is no number")
-        # Not a number is within no stops either.
+            raise CallError(f"joint {name}: {position!r} is not a number")
+        # NaN fails the comparison too.
         if not joint.lower <= position <= joint.upper or math.isinf(position):
             raise CallError(
-                f"joint {name} cannot be put at {position:g}; its limits are "
+                f"joint {name} cannot be teleported to {position:g}; its limits are "
                 f"[{joint.lower:g}, {joint.upper:g}]{degrees_hint(joint, position)}"
             )
-        self._physics.put(joint, float(position), 0.0)
-        drive, place = self._drives[joint.name]
-        drive.jumped(place, float(position))
+        self._physics.teleport(joint, float(position), 0.0)
+        drive, index = self._drives[joint.name]
+        drive.teleport(index, float(position))
 
     def _state(self, name: str) -> tuple[float, float]:
         joint = self._joint(name)
-        row = self._physics.read(joint.body, [joint.index])[0]
-        return row[0], row[1]
+        position, velocity, *_ = self._physics.read(joint.body, [joint.index])[0]
+        return position, velocity
 
     def _joint(self, name: str) -> Joint:
         if not isinstance(name, str) or name not in self._joints:

@@ -1,4 +1,4 @@
-"""How joint commands become forces: one small class per mode, one seam."""
+"""Drives turn joint commands into forces: one class per mode."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ import pybullet as bullet
 from stepbus_plant.physics.joint import Joint
 from stepbus_schemas import JointCommand
 
-# Any velocity that is never reached: the motor then always pulls with its maximum force.
+# A velocity the motor never reaches, so that it always applies its maximum force.
 _UNREACHED_VELOCITY = 1e4
 
-Rows = Sequence[tuple[int, int]]
-"""Pairs of a joint's place in its drive and its place in the vectors of a command."""
+Indices = Sequence[tuple[int, int]]
+"""Pairs of a joint's index in its drive and in the vectors of a command."""
 
 
 class Drive:
-    """Joints of one body that are driven alike, and the newest target of each.
+    """Joints of one body with the same mode and actuation, and the latest target of each.
 
-    client: of PyBullet. joints: all of one body, mode and actuation; each keeps its target until
-    a command has another one for it, whoever commands the other joints of the drive. substep_s:
-    length of a physics substep [s].
+    client: of PyBullet. joints: each keeps its target until a command names it again, even if
+    another input commands the drive's other joints. substep_s: length of a physics substep [s].
     """
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
@@ -34,32 +33,32 @@ class Drive:
         self._indices = [joint.index for joint in joints]
         self._efforts = [joint.effort for joint in joints]
 
-    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
-        """Take in what a command says about some of the joints.
+    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
+        """Set the targets of some of the joints.
 
         period: substeps until the next command is due.
         """
 
-    def jumped(self, place: int, position: float) -> None:
-        """Take in that the joint at a place was teleported to a position [rad]."""
+    def teleport(self, index: int, position: float) -> None:
+        """React to the teleport of a joint to a position [rad]."""
 
-    def brake(self, place: int, position: float) -> None:
-        """Hold the joint at a place where it is, at `position` [rad], until the next command."""
+    def brake(self, index: int, position: float) -> None:
+        """Hold a joint at its current `position` [rad] until the next command."""
 
     def before_substep(self) -> None:
-        """Hand to the physics engine what it does not know yet."""
+        """Pass new targets to the physics engine."""
 
     def torques(self) -> list[float] | None:
-        """Return the torques applied last [N·m], where the engine cannot be asked for them."""
+        """Return the torques applied last [N·m], if the engine does not report them."""
         return None
 
     def targets(self) -> list[float] | None:
-        """Return the newest position targets [rad], where there are any."""
+        """Return the latest position targets [rad], if the mode has any."""
         return None
 
 
 class DirectTorque(Drive):
-    """Mode torque: the engine applies the torque itself."""
+    """Mode torque: the engine applies the torque directly."""
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(client, joints, substep_s)
@@ -67,29 +66,29 @@ class DirectTorque(Drive):
         self._applied = self._wanted
         self._braked: set[int] = set()
 
-    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
-        """Take in torques, cut at the joints' limits; a joint that is driven has its brake off."""
+    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
+        """Set torques, saturated at the joints' limits; this releases the brake."""
         values, efforts = command.values, self._efforts
         wanted = self._wanted.copy()
-        for place, source in rows:
-            wanted[place] = _clip(values[source], efforts[place])
-            if place in self._braked:
-                self._braked.remove(place)
-                self._still(place, self.joints[place].friction)
+        for index, source in indices:
+            wanted[index] = _clip(values[source], efforts[index])
+            if index in self._braked:
+                self._braked.remove(index)
+                self._resist(index, self.joints[index].friction)
         self._wanted = wanted
 
-    def brake(self, place: int, position: float) -> None:
-        """Hold the joint by the engine's motor; its torque is not among those applied."""
+    def brake(self, index: int, position: float) -> None:
+        """Hold the joint with the engine's motor, whose torque is not reported."""
         self._wanted = self._wanted.copy()
-        self._wanted[place] = 0.0
-        self._braked.add(place)
-        self._still(place, self._efforts[place])
+        self._wanted[index] = 0.0
+        self._braked.add(index)
+        self._resist(index, self._efforts[index])
 
-    def _still(self, place: int, force: float) -> None:
-        """Let the engine resist all motion of a joint with a torque [N·m]."""
+    def _resist(self, index: int, force: float) -> None:
+        """Let the engine resist any motion of a joint with up to this torque [N·m]."""
         bullet.setJointMotorControl2(
             self._body,
-            self._indices[place],
+            self._indices[index],
             bullet.VELOCITY_CONTROL,
             targetVelocity=0.0,
             force=force,
@@ -108,14 +107,14 @@ class DirectTorque(Drive):
         )
 
     def torques(self) -> list[float] | None:
-        """Return the torques applied last [N·m]; the engine reports none in this mode."""
+        """Return the torques applied last [N·m]; the engine does not report them."""
         return self._applied
 
 
 class _Motors(Drive):
-    """Motors of the engine, which keep their targets from substep to substep.
+    """Motors of the engine, which keep their targets from one substep to the next.
 
-    _velocities: to reach [rad/s]. _forces: largest torques to do it with [N·m].
+    _velocities: targets [rad/s]. _forces: torque limits [N·m].
     """
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
@@ -124,18 +123,18 @@ class _Motors(Drive):
         self._forces = self._efforts.copy()
         self._changed = True
 
-    def _take_limit(self, command: JointCommand, place: int, source: int) -> None:
-        own = self._efforts[place]
+    def _set_limit(self, command: JointCommand, index: int, source: int) -> None:
+        own = self._efforts[index]
         limit = command.effort_limit
-        self._forces[place] = own if limit is None else min(limit[source], own)
+        self._forces[index] = own if limit is None else min(limit[source], own)
 
-    def brake(self, place: int, position: float) -> None:
-        """Hold the joint with all the torque it has."""
-        self._velocities[place], self._forces[place] = 0.0, self._efforts[place]
+    def brake(self, index: int, position: float) -> None:
+        """Hold the joint with its full torque."""
+        self._velocities[index], self._forces[index] = 0.0, self._efforts[index]
         self._changed = True
 
     def before_substep(self) -> None:
-        """Set the motors, where a command has changed them."""
+        """Set the motors if a command has changed them."""
         if self._changed:
             self._changed = False
             self._set()
@@ -152,42 +151,42 @@ class _Motors(Drive):
 
 
 class VelocityForce(_Motors):
-    """Mode torque as simulators without a torque input know it.
+    """Mode torque for simulators without a torque input.
 
-    A motor that shall reach an unreachable velocity with at most the force |τ| applies τ.
+    A motor with an unreachable target velocity and the force limit |τ| applies τ.
     """
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(client, joints, substep_s)
         self._forces = [0.0] * len(joints)
 
-    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
-        """Take in torques, cut at the joints' limits."""
-        for place, source in rows:
+    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
+        """Set torques, saturated at the joints' limits."""
+        for index, source in indices:
             torque = command.values[source]
-            self._velocities[place] = math.copysign(_UNREACHED_VELOCITY, torque)
-            self._forces[place] = min(abs(torque), self._efforts[place])
+            self._velocities[index] = math.copysign(_UNREACHED_VELOCITY, torque)
+            self._forces[index] = min(abs(torque), self._efforts[index])
         self._changed = True
 
 
 class VelocityMotor(_Motors):
-    """Mode velocity: a motor that holds a velocity with limited torque."""
+    """Mode velocity: a motor that tracks a velocity with limited torque."""
 
-    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
-        """Take in velocities, cut at the joints' limits."""
-        for place, source in rows:
-            limit = self.joints[place].max_velocity or math.inf
-            self._velocities[place] = _clip(command.values[source], limit)
-            self._take_limit(command, place, source)
+    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
+        """Set velocities, saturated at the joints' limits."""
+        for index, source in indices:
+            limit = self.joints[index].max_velocity or math.inf
+            self._velocities[index] = _clip(command.values[source], limit)
+            self._set_limit(command, index, source)
         self._changed = True
 
 
 class PositionMotor(_Motors):
-    """Mode position: a motor that follows a target with limited torque and velocity.
+    """Mode position: a motor that tracks a target with limited torque and velocity.
 
-    A target with a feed-forward velocity moves on at it until the next command is due, as in a
-    drive that is given position, velocity and time. A target that stood still in between would
-    make the joint follow stairs, and lag behind.
+    A target with a feed-forward velocity keeps moving until the next command is due, as in a drive
+    commanded with position, velocity and time. With a constant target the joint would track a
+    staircase, and lag behind.
     """
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
@@ -196,65 +195,65 @@ class PositionMotor(_Motors):
         self._age = [0] * len(joints)
         self._moving: dict[int, int] = {}
 
-    def take(self, command: JointCommand, rows: Rows, period: int) -> None:
-        """Take in targets and feed-forward velocities."""
-        ahead = command.velocity
-        for place, source in rows:
-            self._aim(place, command.values[source])
-            self._take_limit(command, place, source)
-            if ahead is not None and ahead[source] != 0.0:
-                self._velocities[place] = ahead[source]
-                self._moving[place] = period
+    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
+        """Set targets and feed-forward velocities."""
+        feed_forward = command.velocity
+        for index, source in indices:
+            self._hold(index, command.values[source])
+            self._set_limit(command, index, source)
+            if feed_forward is not None and feed_forward[source] != 0.0:
+                self._velocities[index] = feed_forward[source]
+                self._moving[index] = period
         self._changed = True
 
-    def _aim(self, place: int, position: float) -> None:
-        """Have a joint stand still at a position [rad]."""
-        self._commanded[place], self._velocities[place] = position, 0.0
-        self._age[place] = 0
-        self._moving.pop(place, None)
+    def _hold(self, index: int, position: float) -> None:
+        """Set a constant target for a joint [rad]."""
+        self._commanded[index], self._velocities[index] = position, 0.0
+        self._age[index] = 0
+        self._moving.pop(index, None)
 
-    def jumped(self, place: int, position: float) -> None:
-        """Hold the new position, instead of pulling the joint back."""
-        self._aim(place, position)
+    def teleport(self, index: int, position: float) -> None:
+        """Hold the new position instead of pulling the joint back."""
+        self._hold(index, position)
         self._changed = True
 
-    def brake(self, place: int, position: float) -> None:
-        """Hold the joint where it is."""
-        super().brake(place, position)
-        self._aim(place, position)
+    def brake(self, index: int, position: float) -> None:
+        """Hold the joint at its current position."""
+        super().brake(index, position)
+        self._hold(index, position)
 
     def targets(self) -> list[float] | None:
-        """Return where the joints shall be now, cut at their stops [rad]."""
-        return [self._target(place) for place in range(len(self.joints))]
+        """Return the current targets, limited to the joints' stops [rad]."""
+        return [self._target(index) for index in range(len(self.joints))]
 
-    def _target(self, place: int) -> float:
-        joint = self.joints[place]
-        way = self._velocities[place] * self._age[place] * self._substep_s
-        return min(max(self._commanded[place] + way, joint.lower), joint.upper)
+    def _target(self, index: int) -> float:
+        joint = self.joints[index]
+        travel = self._velocities[index] * self._age[index] * self._substep_s
+        return min(max(self._commanded[index] + travel, joint.lower), joint.upper)
 
     def before_substep(self) -> None:
-        """Set the motors that a command has changed, and move the targets that move."""
+        """Set the motors if a command has changed them, and advance the moving targets."""
         super().before_substep()
-        for place, period in list(self._moving.items()):
-            if self._age[place] >= period:
-                self._aim(place, self._target(place))
-            self._set_one(place)
-            self._age[place] += 1 if place in self._moving else 0
+        for index, period in list(self._moving.items()):
+            if self._age[index] >= period:
+                self._hold(index, self._target(index))
+            self._set_one(index)
+            self._age[index] += 1 if index in self._moving else 0
 
     def _set(self) -> None:
-        for place in range(len(self.joints)):
-            self._set_one(place)
+        for index in range(len(self.joints)):
+            self._set_one(index)
 
-    def _set_one(self, place: int) -> None:
-        joint = self.joints[place]
+    def _set_one(self, index: int) -> None:
+        joint = self.joints[index]
         limit = {"maxVelocity": joint.max_velocity} if joint.max_velocity > 0 else {}
         bullet.setJointMotorControl2(
             self._body,
             joint.index,
             bullet.POSITION_CONTROL,
-            targetPosition=self._target(place),
-            targetVelocity=self._velocities[place],
-            force=self._forces[place],
+            targetPosition=self._target(index),
+            targetVelocity=self._velocities[index],
+            force=self._forces[index],
             physicsClientId=self._client,
             **limit,
         )
@@ -265,21 +264,27 @@ def _clip(value: float, limit: float) -> float:
 
 
 def make_drives(client: int, joints: Iterable[Joint], substep_s: float) -> list[Drive]:
-    """Return one drive per body, mode and actuation, so that each is one call a substep.
+    """Return one drive per body, mode and actuation: one engine call each per substep.
 
     substep_s: length of a physics substep [s].
     """
 
     def key(joint: Joint) -> tuple[int, str, str]:
-        return (joint.body, joint.told_mode, joint.actuation)
+        return (joint.body, joint.effective_mode, joint.actuation)
 
     groups = [list(group) for _, group in groupby(sorted(joints, key=key), key)]
     return [_class_for(group[0])(client, group, substep_s) for group in groups]
 
 
+def locate_joints(drives: Iterable[Drive]) -> dict[str, tuple[Drive, int]]:
+    """Return joint name → its drive, and its index in the drive."""
+    return {joint.name: (drive, i) for drive in drives for i, joint in enumerate(drive.joints)}
+
+
 def _class_for(joint: Joint) -> type[Drive]:
     torque = DirectTorque if joint.actuation == "direct" else VelocityForce
-    # Nothing drives a joint of mode teleport, which is put where a command says, or a passive one.
+    # Nothing drives a joint of mode teleport, which jumps to each commanded position, or a passive
+    # one.
     classes: dict[str, type[Drive]] = {
         "torque": torque,
         "velocity": VelocityMotor,
@@ -287,4 +292,4 @@ def _class_for(joint: Joint) -> type[Drive]:
         "teleport": Drive,
         "passive": Drive,
     }
-    return classes[joint.told_mode]
+    return classes[joint.effective_mode]

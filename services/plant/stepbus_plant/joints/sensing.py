@@ -1,4 +1,4 @@
-"""What the sensors show of the true state: chosen quantities, noise, quantisation."""
+"""Joint sensors: selected quantities of the true state, with noise and quantisation."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Values = list[float]
 
 
 class Sensors:
-    """Turns true joint states into what is sensed.
+    """Turns true joint states into sensor readings.
 
-    seed: of the noise; the same seed gives the same noise. Each quantity has a stream of its own,
-    so that noise on one does not change the noise on another.
+    seed: of the noise. Each quantity has its own random stream, so that the noise on one does not
+    change the noise on another.
     """
 
     def __init__(self, params: Params, seed: int) -> None:
@@ -31,7 +31,7 @@ class Sensors:
     def sense(
         self, position: Values, velocity: Values, effort: Values, target: Values | None
     ) -> JointState:
-        """Return what is sensed of true positions, velocities and efforts; targets are known."""
+        """Return the readings of true positions, velocities and efforts; targets have no noise."""
         return JointState(
             position=self._position(position),
             velocity=self._velocity(velocity),
@@ -56,13 +56,5 @@ def _sensor(
         return [float(value) for value in sensed]
 
     if quantity not in params.sense:
-        return _nothing
-    return disturbed if noise or resolution is not None else _everything
-
-
-def _nothing(_: Values) -> None:
-    return None
-
-
-def _everything(values: Values) -> Values:
-    return values
+        return lambda _: None
+    return disturbed if noise or resolution is not None else lambda values: values

@@ -1,4 +1,4 @@
-"""The physics engine: PyBullet without a window, loaded with a world."""
+"""The physics engine: headless PyBullet with a world loaded."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from .joint import (
     is_movable,
     make_joint,
     name_uniquely,
-    unsupported_kind,
+    unsupported_type,
     with_efforts,
 )
 
 
 class Physics:
-    """One PyBullet client with everything in it; a fresh one per run.
+    """A PyBullet client that holds a world.
 
-    step_ns: length of a physics substep [ns]. params: actuation of joints for which the world has
-    none, and efforts over the world's.
-    joints: all movable ones, in the order of the world's bodies and of their models. fixed: names
-    of those that are not. urdfs: each body's model as it was loaded, in the order of the bodies.
-    Raises WiringError that lists every URDF that cannot be loaded, each with its line. What else is
-    wrong with joints is told by `prepare`, which has to come before the first step.
+    step_ns: length of a physics substep [ns]. params: default actuation of the joints, and effort
+    limits that override the world's.
+    joints: all movable joints, in the order of the world's bodies and of their models. fixed: names
+    of the fixed ones. urdfs: each body's model as loaded, in the order of the bodies.
+    Raises WiringError that lists every URDF that cannot be loaded, each with its line. `prepare`,
+    which has to come before the first step, reports all other mistakes about joints.
     """
 
     def __init__(self, world: World, step_ns: int, params: Params) -> None:
@@ -63,10 +63,10 @@ class Physics:
             raise
 
     def prepare(self) -> None:
-        """Give all joints their limits and motors, and put them where they start.
+        """Set the limits, motors and start positions of all joints.
 
-        Raises WiringError that lists every joint that the world file gets wrong, each with its
-        line, or else those that the params do.
+        Raises WiringError that lists every mistake about a joint in the world file, each with its
+        line, or else those in the params.
         """
         self._source.refuse(self._problems)
         self.joints = with_efforts(self.joints, self._efforts)
@@ -74,7 +74,7 @@ class Physics:
             self._prepare(joint)
 
     def _set_up(self, world: World, step_ns: int) -> None:
-        # Not needed for repeatability, but it changes the trajectory: set it once, at once.
+        # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1,
             numSolverIterations=world.solver_iterations,
@@ -84,7 +84,7 @@ class Physics:
         bullet.setGravity(*world.gravity, physicsClientId=self.client)
 
     def _load(self, name: str, body: Body, world: World) -> list[Joint]:
-        """Load one body and return its movable joints, with the names their URDF has."""
+        """Load one body and return its movable joints, named as in the URDF."""
         item = world.items.get(name)
         try:
             with loadable(Path(body.urdf), None if item is None else item.make) as urdf:
@@ -104,13 +104,13 @@ class Physics:
             self._problems.append((("bodies", name, "urdf"), str(exc)))
             return []
         if world.sleeping:
-            self._let_sleep(number)
-        self._still(number, body)
-        self._let_pass(number, name, body)
+            self._allow_sleep(number)
+        self._set_dynamics(number, body)
+        self._disable_collisions(number, name, body)
         return self._joints_of(number, name, body)
 
-    def _still(self, number: int, body: Body) -> None:
-        """Take PyBullet's own damping and clamps away, and set the friction of each link."""
+    def _set_dynamics(self, number: int, body: Body) -> None:
+        """Remove PyBullet's default damping and velocity limit, and set each link's friction."""
         friction = {
             f"{key}Friction": value
             for key in ("lateral", "rolling", "spinning")
@@ -126,11 +126,11 @@ class Physics:
                 physicsClientId=self.client,
                 **friction,
             )
-        # By default PyBullet cuts every velocity at 100 rad/s, which hides a divergence.
+        # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
         bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
 
-    def _let_sleep(self, number: int) -> None:
-        """Let a body sleep once it has come to rest; one with motors would not wake up by them."""
+    def _allow_sleep(self, number: int) -> None:
+        """Let a body without motors sleep once it is at rest; motors do not wake a body up."""
         if not any(is_movable(info) for info in self._infos(number)):
             bullet.changeDynamics(
                 number,
@@ -139,8 +139,8 @@ class Physics:
                 physicsClientId=self.client,
             )
 
-    def _let_pass(self, number: int, name: str, body: Body) -> None:
-        """Take away the collisions of the body with itself that its SRDF rules out."""
+    def _disable_collisions(self, number: int, name: str, body: Body) -> None:
+        """Disable the self-collisions of a body that its SRDF rules out."""
         if body.srdf is None:
             return
         try:
@@ -179,8 +179,8 @@ class Physics:
             if is_movable(info)
         ]
         for info in infos:
-            if kind := unsupported_kind(info):
-                text = f"joint {info[1].decode()!r} of {body.urdf} is {kind}; this plant has none"
+            if joint_type := unsupported_type(info):
+                text = f"joint {info[1].decode()!r} of {body.urdf} is {joint_type}: not supported"
                 self._problems.append((("bodies", name, "urdf"), text))
         self.fixed |= {info[1].decode() for info in infos if is_fixed(info)}
         self._check_joints(name, body, joints)
@@ -192,19 +192,19 @@ class Physics:
     def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
         known = [joint.name for joint in joints]
         self._problems += [
-            (("bodies", name, "joints", wanted), f"unknown; {nearest(wanted, known)}")
-            for wanted in body.joints
-            if wanted not in known
+            (("bodies", name, "joints", given), f"unknown; {nearest(given, known)}")
+            for given in body.joints
+            if given not in known
         ]
         for joint in joints:
             keys = ("joints", joint.name) if joint.name in body.joints else ("joint_defaults",)
             self._problems += [
                 (("bodies", name, *keys), f"joint {joint.name}: {text}")
-                for text in joint.mistakes()
+                for text in joint.problems()
             ]
 
     def _prepare(self, joint: Joint) -> None:
-        """Set the limits, damping and start of a joint, and still its default motor."""
+        """Set the limits, damping and start state of a joint, and disable its default motor."""
         limits = {}
         if math.isfinite(joint.lower):
             limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
@@ -215,7 +215,7 @@ class Physics:
             physicsClientId=self.client,
             **limits,
         )
-        self.put(joint, joint.start, joint.start_velocity)
+        self.teleport(joint, joint.start, joint.start_velocity)
         bullet.setJointMotorControl2(
             joint.body,
             joint.index,
@@ -225,14 +225,14 @@ class Physics:
             physicsClientId=self.client,
         )
 
-    def put(self, joint: Joint, position: float, velocity: float) -> None:
-        """Set position [rad] and velocity [rad/s] of a joint, without regard to forces."""
+    def teleport(self, joint: Joint, position: float, velocity: float) -> None:
+        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces."""
         bullet.resetJointState(
             joint.body, joint.index, position, velocity, physicsClientId=self.client
         )
 
     def wake(self, body: int) -> None:
-        """Wake a body up: one that sleeps would stay where it is put, even in the air."""
+        """Wake up a body: a sleeping one would stay where it is put, even in the air."""
         bullet.changeDynamics(
             body,
             -1,
@@ -255,7 +255,7 @@ class Physics:
             raise PhysicsError(f"the physics engine failed: {exc}") from exc
 
     def close(self) -> None:
-        """Leave the physics engine; harmless when repeated."""
+        """Disconnect from the physics engine; harmless when repeated."""
         if self.client >= 0:
             bullet.disconnect(physicsClientId=self.client)
             self.client = -1
@@ -269,6 +269,6 @@ def _flags(body: Body, item: Item | None) -> int:
     if not body.visuals:
         flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
     if item is not None:
-        # A cylinder made of 32 faces has a margin, and would come to stand 1 mm higher.
+        # A cylinder made of 32 faces has a collision margin and would stand 1 mm higher.
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
     return flags

@@ -1,4 +1,4 @@
-"""The movable joints of a world: what their URDF says, and the world file over it."""
+"""The movable joints of a world: the URDF's properties, overridden by the world file's."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stepbus_participant.settings import nearest
 from stepbus_plant.world.file import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description, WiringError
 
-_KINDS = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
+_TYPES = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
 _UNSUPPORTED = {bullet.JOINT_SPHERICAL: "spherical", bullet.JOINT_PLANAR: "planar"}
 
 
@@ -23,18 +23,18 @@ _UNSUPPORTED = {bullet.JOINT_SPHERICAL: "spherical", bullet.JOINT_PLANAR: "plana
 class Joint:
     """One movable joint of the world.
 
-    name: unique in the world; `body/joint` where two bodies share it. body, index: PyBullet's
-    numbers of it. kind: revolute, continuous or prismatic. lower, upper: stops [rad]. effort:
-    largest torque [N·m]. max_velocity: largest commanded velocity [rad/s]; 0: any. motor: whether
-    it has one; without, it swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
+    name: unique in the world; `body/joint` if two bodies share it. body, index: PyBullet's
+    numbers. type: revolute, continuous or prismatic. lower, upper: stops [rad]. effort: torque
+    limit [N·m]. max_velocity: limit of the commanded velocity [rad/s]; 0: none. motor: a joint
+    without a motor swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
     start, start_velocity: at t = 0 [rad, rad/s].
-    Prismatic joints have [m] and [N] in place of [rad] and [N·m].
+    For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
 
     name: str
     body: int
     index: int
-    kind: str
+    type: str
     lower: float
     upper: float
     effort: float
@@ -48,68 +48,67 @@ class Joint:
     start_velocity: float
 
     @property
-    def told_mode(self) -> str:
-        """Return what a description calls its mode: `passive` where it has no motor."""
+    def effective_mode(self) -> str:
+        """Return its mode, or `passive` if it has no motor."""
         return self.mode if self.motor else "passive"
 
     @property
     def is_rotary(self) -> bool:
         """Return whether its position is an angle."""
-        return self.kind != "prismatic"
+        return self.type != "prismatic"
 
-    def mistakes(self) -> list[str]:
-        """Return what cannot work, now that the URDF's part is known."""
+    def problems(self) -> list[str]:
+        """Return contradictions between the world file and the URDF."""
         found = []
         if math.isfinite(self.lower) != math.isfinite(self.upper):
-            found.append("has no limits in its URDF; give both 'lower' and 'upper', or none")
+            found.append("has no limits in its URDF; give both 'lower' and 'upper' or neither")
         elif self.lower > self.upper:
             found.append(f"lower {self.lower} is above upper {self.upper}")
         elif not self.lower <= self.start <= self.upper:
             found.append(
-                f"position {self.start} at the start is outside of its limits "
-                f"[{self.lower}, {self.upper}]"
+                f"start position {self.start} is outside its limits [{self.lower}, {self.upper}]"
             )
         has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
         if self.friction and has_motor:
             actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
             found.append(
-                "friction needs mode torque with actuation direct, it has mode "
+                "friction needs mode torque with actuation direct, but the joint has mode "
                 f"{self.mode}{actuation}"
             )
         return found
 
 
 def is_movable(info: Sequence[Any]) -> bool:
-    """Return whether PyBullet's joint info is that of a joint with one degree of freedom."""
-    return info[2] in _KINDS
+    """Return whether PyBullet's joint info describes a joint with one degree of freedom."""
+    return info[2] in _TYPES
 
 
 def is_fixed(info: Sequence[Any]) -> bool:
-    """Return whether PyBullet's joint info is that of a joint that never moves."""
+    """Return whether PyBullet's joint info describes a fixed joint."""
     return bool(info[2] == bullet.JOINT_FIXED)
 
 
-def unsupported_kind(info: Sequence[Any]) -> str | None:
-    """Return the kind of a joint that moves and cannot be simulated here."""
+def unsupported_type(info: Sequence[Any]) -> str | None:
+    """Return the type of a movable joint that the plant does not support."""
     return _UNSUPPORTED.get(info[2])
 
 
 def make_joint(
     body: int, info: Sequence[Any], settings: JointSettings, actuation: Actuation
 ) -> Joint:
-    """Return a joint from PyBullet's info of it and the settings over it.
+    """Return a joint from PyBullet's info, overridden by the settings.
 
-    actuation: where the settings have none.
+    actuation: default if the settings have none.
     """
-    bounded = info[8] <= info[9]  # crossed limits are PyBullet's way of saying that there are none
+    bounded = info[8] <= info[9]  # PyBullet marks an unlimited joint by crossed limits
     lower = _first(settings.lower, info[8] if bounded else -math.inf)
     upper = _first(settings.upper, info[9] if bounded else math.inf)
-    kind = _KINDS[info[2]]
+    joint_type = _TYPES[info[2]]
     return Joint(
         name=info[1].decode(),
         body=body,
         index=info[0],
-        kind="continuous" if kind == "revolute" and not bounded else kind,
+        type="continuous" if joint_type == "revolute" and not bounded else joint_type,
         lower=lower,
         upper=upper,
         effort=_first(settings.effort, info[10]),
@@ -135,20 +134,20 @@ def describe_joints(joints: Sequence[Joint]) -> Description:
             "effort": [joint.effort for joint in joints],
         },
         details={
-            "type": [joint.kind for joint in joints],
-            "mode": [joint.told_mode for joint in joints],
+            "type": [joint.type for joint in joints],
+            "mode": [joint.effective_mode for joint in joints],
         },
     )
 
 
-def _first(wanted: float | None, otherwise: float) -> float:
-    return otherwise if wanted is None else wanted
+def _first(value: float | None, default: float) -> float:
+    return default if value is None else value
 
 
 def name_uniquely(found: Sequence[tuple[str, Joint]]) -> list[Joint]:
-    """Return joints with unique names: `body/joint` where bodies share one.
+    """Return joints with unique names: `body/joint` for a name that bodies share.
 
-    found: the name of its body, and the joint.
+    found: pairs of a body's name and a joint.
     """
     counts = Counter(joint.name for _, joint in found)
     return [
@@ -160,9 +159,9 @@ def name_uniquely(found: Sequence[tuple[str, Joint]]) -> list[Joint]:
 
 
 def with_efforts(joints: Sequence[Joint], efforts: Mapping[str, float]) -> list[Joint]:
-    """Return joints with other effort limits [N·m or N]; efforts: by unique name.
+    """Return joints with overridden effort limits; efforts: by unique name [N·m or N].
 
-    Raises WiringError that lists the names that are unknown.
+    Raises WiringError that lists the unknown names.
     """
     names = [joint.name for joint in joints]
     mistakes = [

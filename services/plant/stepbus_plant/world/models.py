@@ -1,4 +1,4 @@
-"""What PyBullet does not do with model files as they are: xacro, massless links and SRDF."""
+"""Prepares model files for PyBullet: xacro, massless links and SRDF."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from stepbus_schemas import WiringError
 
 # S314: the files are the user's own, and expat itself stops an expansion without end.
 
-# As good as nothing, yet not zero: PyBullet takes a link without an inertial for 1 kg, and warns.
+# Negligible but not zero: PyBullet assumes 1 kg for a link without an inertial, and warns.
 _TINY_INERTIAL = """<inertial><mass value="1e-6"/>
 <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
 
 
 @contextmanager
 def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> Iterator[Path]:
-    """Give the path of a URDF in which every link has an inertial, for as long as it is needed.
+    """Provide a URDF in which every link has an inertial, as a context manager.
 
-    Links without one are massless by the URDF's definition, and are given next to nothing. A
-    `.xacro` is expanded. edit: further changes to the root of the file. A file that needs no
-    change, or is no XML, is given as it is. Raises WiringError when a `.xacro` cannot be expanded.
+    A link without one is massless by the definition of URDF and gets a negligible mass. A `.xacro`
+    is expanded. edit: further changes to the root of the file. A file that needs no change, or is
+    not XML, stays as it is. Raises WiringError if a `.xacro` cannot be expanded.
     """
     is_xacro = urdf.suffix.lower() == ".xacro"
     try:
@@ -45,7 +45,7 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
 
 
 def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
-    """Give a copy of a model, in another folder, for as long as it is needed."""
+    """Provide a copy of a model in a temporary folder."""
     for mesh in root.iter("mesh"):
         mesh.set("filename", _absolute(mesh.get("filename", ""), urdf.parent))
     with tempfile.TemporaryDirectory(prefix="stepbus-urdf-") as folder:
@@ -55,22 +55,22 @@ def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
 
 
 def _absolute(file: str, folder: Path) -> str:
-    """Return a file that a URDF in `folder` names such that a copy elsewhere finds it too."""
+    """Return the absolute path of a file that a URDF in `folder` names."""
     if not file.startswith("package://"):
         return str(folder / file)
     try:
         candidates = [package_path(file)]
     except WiringError:
-        # PyBullet takes the package for one of the folders above the URDF.
+        # PyBullet searches the package in the folders above the URDF.
         name = file.removeprefix("package://")
         candidates = [parent / name for parent in (folder, *folder.parents)]
     return str(next((path for path in candidates if path.is_file()), file))
 
 
 def pairs_without_collision(srdf: Path) -> list[tuple[str, str]]:
-    """Return the pairs of links that an SRDF says never collide.
+    """Return the pairs of links for which an SRDF disables collisions.
 
-    Raises WiringError when the file cannot be read.
+    Raises WiringError if the file cannot be read.
     """
     try:
         root = ET.parse(srdf).getroot()  # noqa: S314

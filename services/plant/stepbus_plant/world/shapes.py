@@ -1,6 +1,7 @@
-"""How a body looks and where it is solid, as its URDF says.
+"""Colours and collision shapes of links, read from the URDF.
 
-The engine is not asked: it turns a cylinder into a mesh, and tells shapes about the centre of mass.
+The engine cannot report them: it turns a cylinder into a mesh, and gives shapes relative to the
+centre of mass.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ _SIZES = {
     "cylinder": {"radius": 1, "length": 1},
     "sphere": {"radius": 1},
 }
-"""Shape → the attributes that size it, and how many numbers each has; others are told by name."""
+"""Shape → its size attributes, and how many numbers each has; of other shapes, the name only."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Look:
-    """Of one link. shape: its solid shapes in the link frame, as text; color: of its visual."""
+@dataclass(frozen=True)
+class Appearance:
+    """Collision shapes of a link in its frame, as text, and the colour of its visual."""
 
     shape: str = ""
     color: str = ""
 
 
-def read_looks(urdf: bytes) -> Mapping[str, Look]:
-    """Return link → its look; lengths [m], quaternions x, y, z, w, colours r, g, b of 0 to 1.
+def read_appearances(urdf: bytes) -> Mapping[str, Appearance]:
+    """Return link → its appearance; lengths [m], quaternions x, y, z, w, colours r, g, b (0 to 1).
 
-    A model that is no XML has none. Raises WiringError for an attribute that is no numbers.
+    Empty for a model that is not XML. Raises WiringError for an attribute that is not numeric.
     """
     try:
         # S314: the file is the user's own, and expat itself stops an expansion without end.
@@ -47,7 +48,7 @@ def read_looks(urdf: bytes) -> Mapping[str, Look]:
         if (color := material.find("color")) is not None
     }
     return {
-        link.get("name", ""): Look(shape="; ".join(_shapes(link)), color=_color(link, palette))
+        link.get("name", ""): Appearance("; ".join(_shapes(link)), _color(link, palette))
         for link in root.findall("link")
     }
 
@@ -58,16 +59,16 @@ def _shapes(link: ET.Element) -> Iterator[str]:
         if geometry is not None:
             sizes = _SIZES.get(geometry.tag, {})
             size = [x for key, n in sizes.items() for x in _numbers(link, geometry, key, n)]
-            place = _place(link, collision.find("origin"))
-            yield " ".join([geometry.tag, *map(_text, size), "@", *map(_text, place)])
+            pose = _pose(link, collision.find("origin"))
+            yield " ".join([geometry.tag, *map(_text, size), "@", *map(_text, pose)])
 
 
-def _place(link: ET.Element, origin: ET.Element | None) -> list[float]:
-    """Return x, y, z and the quaternion of an origin; without one it is the link's."""
+def _pose(link: ET.Element, origin: ET.Element | None) -> list[float]:
+    """Return x, y, z and the quaternion of an origin; None: the link's origin."""
     zeros = {"xyz": "0 0 0", "rpy": "0 0 0"}
     given = ET.Element("origin", zeros if origin is None else {**zeros, **origin.attrib})
-    turned = bullet.getQuaternionFromEuler(_numbers(link, given, "rpy", 3))
-    return [*_numbers(link, given, "xyz", 3), *turned]
+    rotation = bullet.getQuaternionFromEuler(_numbers(link, given, "rpy", 3))
+    return [*_numbers(link, given, "xyz", 3), *rotation]
 
 
 def _color(link: ET.Element, palette: Mapping[str, ET.Element]) -> str:
@@ -85,7 +86,7 @@ def _numbers(link: ET.Element, element: ET.Element, key: str, count: int) -> lis
         numbers = [float(word) for word in text.split()]
     except ValueError:
         numbers = []
-    # PyBullet takes what it cannot read for a shape of size 0, and says nothing.
+    # PyBullet silently reads an invalid size as 0.
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise WiringError(
             f"link {link.get('name')!r}: {key}={text!r} of <{element.tag}> is not "
@@ -95,5 +96,5 @@ def _numbers(link: ET.Element, element: ET.Element, key: str, count: int) -> lis
 
 
 def _text(number: float) -> str:
-    # Nine digits hide the last bits of sines; adding 0 takes the sign of a zero away.
+    # Nine digits hide the last bits of sines; adding 0 removes the sign of a zero.
     return f"{round(number, 9) + 0.0:.9g}"

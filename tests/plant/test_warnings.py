@@ -15,7 +15,7 @@ def told(plant, *commands):
     commander = plant.commander("command", plant.names)
     for command in commands:
         commander.apply(command)
-    return plant.complaints.take()
+    return plant.warnings.take()
 
 
 def position(*values, **more):
@@ -25,13 +25,13 @@ def position(*values, **more):
 @pytest.mark.parametrize(
     ("settings", "command", "sentence"),
     [
-        ("{mode: position}", position(7.0, 0.0), "joint joint1: target 7 rad is beyond its stop at 6.2832; cut there; is it in degrees? 7° are 0.1222 rad"),
-        ("{mode: position}", position(-90.0, 0.0), "joint joint1: target -90 rad is beyond its stop at -6.2832; cut there; is it in degrees? -90° are -1.5708 rad"),
+        ("{mode: position}", position(7.0, 0.0), "joint joint1: target 7 rad is beyond its stop at 6.2832; limited to it; is it in degrees? 7° is 0.1222 rad"),
+        ("{mode: position}", position(-90.0, 0.0), "joint joint1: target -90 rad is beyond its stop at -6.2832; limited to it; is it in degrees? -90° is -1.5708 rad"),
         ("{mode: position, effort: 0}", position(0.0, 0.0), "joint joint1: has an effort limit of 0 N·m; nothing moves it"),
         ("{mode: position}", position(0.0, 0.0, effort_limit=[0.0, 1.0]), "joint joint1: has an effort limit of 0 N·m; nothing moves it"),
-        ("{motor: false}", position(0.0, 0.0), "joint joint1: has no motor (world file: motor: false); it swings free"),
-        ("{}", JointCommand(mode="torque", values=[60.0, 0.0]), "joint joint1: 60 N·m is beyond its limit of 50; cut there"),
-        ("{mode: velocity}", JointCommand(mode="velocity", values=[30.0, 0.0]), "joint joint1: 30 rad/s is beyond its limit of 20; cut there"),
+        ("{motor: false}", position(0.0, 0.0), "joint joint1: has no motor (world file: motor: false); it swings freely"),
+        ("{}", JointCommand(mode="torque", values=[60.0, 0.0]), "joint joint1: 60 N·m exceeds its limit of 50; limited to it"),
+        ("{mode: velocity}", JointCommand(mode="velocity", values=[30.0, 0.0]), "joint joint1: 30 rad/s exceeds its limit of 20; limited to it"),
     ],
 )  # fmt: skip
 def test_what_has_no_effect_is_told_with_joint_and_numbers(tmp_path, settings, command, sentence):
@@ -41,7 +41,7 @@ def test_what_has_no_effect_is_told_with_joint_and_numbers(tmp_path, settings, c
 
 def test_joints_whose_targets_are_in_each_others_place_are_told_once(tmp_path):
     plant = make_plant(tmp_path, POSITION)
-    plant.questions().put("joint1", 0.5)
+    plant.joint_calls().teleport("joint1", 0.5)
     (line,) = told(plant, position(0.01, 0.49), position(0.01, 0.49))
     assert line == (
         "joints joint1 and joint2: are at 0.5 and 0 rad, their first targets are 0.01 and 0.49; "
@@ -52,7 +52,7 @@ def test_joints_whose_targets_are_in_each_others_place_are_told_once(tmp_path):
 @pytest.mark.parametrize("targets", [(0.5, 0.0), (0.0, 0.0), (0.0, 1.0), (-0.5, 0.5)])
 def test_targets_that_are_far_away_are_not_swapped(tmp_path, targets):
     plant = make_plant(tmp_path, POSITION)
-    plant.questions().put("joint1", 0.5)
+    plant.joint_calls().teleport("joint1", 0.5)
     assert told(plant, position(*targets)) == []
 
 
