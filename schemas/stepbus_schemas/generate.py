@@ -1,15 +1,13 @@
 """Write what follows from the message types: `python -m stepbus_schemas.generate [--check]`.
 
-That is the JSON Schemas, the byte vectors, `docs/messages.md`, and the table of port types in the
-README, between its markers. With `--check` nothing is written; the exit code is 1 when a file is
-out of date.
+That is the JSON Schemas, the byte vectors and `docs/messages.md`. With `--check` it writes nothing
+and exits with 1 when a file is out of date.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,27 +16,23 @@ from typing import Any
 from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES
 from .schema import json_schema
-from .tables import messages_page, port_table
+from .tables import messages_page
 from .vectors import vectors
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Where this file lies in a checkout of the repository."""
 
 SCHEMAS_FOLDER = "schemas/json"
-_BLOCK = re.compile(r"(<!-- messages -->\n).*?(<!-- /messages -->)", re.DOTALL)
 
 
 def generated_files(root: Path) -> dict[Path, str]:
-    """Return path → content of every generated file; the README only where it has the markers."""
+    """Return path → content of every generated file."""
     files = {
         root / SCHEMAS_FOLDER / f"{name.replace('/', '.')}.json": _indented(json_schema(name))
         for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
     }
     files[root / "schemas/vectors.json"] = _line_by_line(vectors(), 4) + "\n"
     files[root / "docs/messages.md"] = messages_page()
-    readme = root / "README.md"
-    if readme.exists() and _BLOCK.search(text := readme.read_text(encoding="utf-8")):
-        files[readme] = _BLOCK.sub(lambda block: f"{block[1]}{port_table()}{block[2]}", text)
     return files
 
 

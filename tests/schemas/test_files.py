@@ -68,15 +68,6 @@ def test_the_schema_of_a_type_that_is_gone_is_removed(tmp_path: Path) -> None:
     assert not left_over.exists()
 
 
-def test_the_readme_changes_only_between_its_markers(tmp_path: Path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text("before\n<!-- messages -->\nold\n<!-- /messages -->\nafter\n")
-    write(tmp_path)
-    text = readme.read_text(encoding="utf-8")
-    assert text.startswith("before\n<!-- messages -->\n| Type |")
-    assert text.endswith("|\n<!-- /messages -->\nafter\n")
-
-
 def test_check_names_what_is_stale_and_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
