@@ -1,4 +1,4 @@
-"""The ten minutes of the README, as written there."""
+"""The ten minutes of docs/getting_started.md, as written there."""
 
 import re
 import shutil
@@ -12,7 +12,7 @@ from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.starters.starter import write_starter
 
-PAGE = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/getting_started.md").read_text(encoding="utf-8")
 
 
 def shown(name: str) -> str:
