@@ -1,8 +1,181 @@
 """stepbus: co-simulation for robotics in lockstep; everything a user does from Python.
 
-Names are imported when they are first used, so that a controller on a robot loads only what it
-takes part with.
+What a controller on a robot takes part with is imported at once. The rest (scenarios, runs,
+recordings) is imported when it is first used, since it loads the orchestrator.
 """
 
-from stepbus_participant import *  # noqa: F403
-from stepbus_participant import __all__ as __all__
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from stepbus_participant import (
+    Bus,
+    BusError,
+    CallError,
+    Config,
+    Endpoint,
+    InputAbsent,
+    OutputError,
+    Participant,
+    Step,
+    Ticket,
+    Verb,
+    load_ticket,
+    main,
+    take_part,
+)
+from stepbus_schemas import (
+    BaseCommand,
+    BaseState,
+    Contacts,
+    ControllerStatus,
+    Description,
+    Detections,
+    Event,
+    Goal,
+    GoalStatus,
+    GripperCommand,
+    GripperState,
+    Image,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+    MessageError,
+    Plan,
+    PlanRequest,
+    Poses,
+    RunError,
+    Spiral,
+    StepbusError,
+    WiringError,
+)
+
+if TYPE_CHECKING:
+    from . import testing
+    from .orchestration import (
+        BusFailed,
+        Diff,
+        ExitCode,
+        Interrupted,
+        Observer,
+        Pace,
+        ParticipantDied,
+        ParticipantFault,
+        Portrait,
+        Problem,
+        Progress,
+        Recording,
+        RecordingFailed,
+        Recovery,
+        ReplayResult,
+        Rerun,
+        Result,
+        RunFailure,
+        Scenario,
+        ScenarioError,
+        StartFailed,
+        StepTimeout,
+        StopTimeout,
+        Tolerance,
+        Verification,
+        call,
+        describe,
+        diff,
+        load,
+        recover,
+        replay,
+        rerun,
+        run,
+        verify,
+    )
+
+__all__ = [
+    "BaseCommand",
+    "BaseState",
+    "Bus",
+    "BusError",
+    "BusFailed",
+    "CallError",
+    "Config",
+    "Contacts",
+    "ControllerStatus",
+    "Description",
+    "Detections",
+    "Diff",
+    "Endpoint",
+    "Event",
+    "ExitCode",
+    "Goal",
+    "GoalStatus",
+    "GripperCommand",
+    "GripperState",
+    "Image",
+    "InputAbsent",
+    "Interrupted",
+    "JointCommand",
+    "JointReference",
+    "JointState",
+    "Message",
+    "MessageError",
+    "Observer",
+    "OutputError",
+    "Pace",
+    "Participant",
+    "ParticipantDied",
+    "ParticipantFault",
+    "Plan",
+    "PlanRequest",
+    "Portrait",
+    "Poses",
+    "Problem",
+    "Progress",
+    "Recording",
+    "RecordingFailed",
+    "Recovery",
+    "ReplayResult",
+    "Rerun",
+    "Result",
+    "RunError",
+    "RunFailure",
+    "Scenario",
+    "ScenarioError",
+    "Spiral",
+    "StartFailed",
+    "Step",
+    "StepTimeout",
+    "StepbusError",
+    "StopTimeout",
+    "Ticket",
+    "Tolerance",
+    "Verb",
+    "Verification",
+    "WiringError",
+    "call",
+    "describe",
+    "diff",
+    "load",
+    "load_ticket",
+    "main",
+    "recover",
+    "replay",
+    "rerun",
+    "run",
+    "take_part",
+    "testing",
+    "verify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name of the orchestrator's when it is first used (PEP 562)."""
+    if name == "testing":
+        return import_module("stepbus.testing")
+    if name not in __all__:
+        raise AttributeError(f"module 'stepbus' has no attribute {name!r}")
+    value = getattr(import_module("stepbus.orchestration"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, *(name for name in globals() if name.startswith("__"))]

@@ -1,10 +1,79 @@
-"""The orchestrator: starts participants, drives them in lockstep, records them."""
+"""The orchestrator: starts participants, drives them in lockstep, records them.
 
+Users import the same from `stepbus`. Functions whose name is also that of a sub-package have a
+longer one here.
+"""
+
+from .analysis.diff import Diff, diff
+from .analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
+from .analysis.verify import Verification, plan, verify
+from .errors import (
+    BusFailed,
+    ExitCode,
+    Interrupted,
+    ParticipantDied,
+    ParticipantFault,
+    RecordingFailed,
+    RunFailure,
+    StartFailed,
+    StepTimeout,
+    StopTimeout,
+)
+from .recording.reader import Recording
+from .recording.recover import Recovery, recover
+from .replay import ReplayResult
+from .replay import replay as replay_participant
+from .replay.asserted import assert_equal
+from .replay.rerun import Preparation, Rerun
+from .run.describe import Portrait, describe
 from .run.control.live_file import call
 from .run.control.pace import Pace
 from .run.progress import Observer, Progress
 from .run.result import Result
-from .run.run_scenario import Options
-from .scenario import load
+from .run.run_scenario import Options, default_folder
+from .run.run_scenario import run as run_scenario
+from .scenario import Problem, Scenario, ScenarioError, builtin_names, load
 
-__all__ = ["Observer", "Options", "Pace", "Progress", "Result", "call", "load"]
+__all__ = [
+    "BusFailed",
+    "Diff",
+    "ExitCode",
+    "Interrupted",
+    "Observer",
+    "Options",
+    "Pace",
+    "ParticipantDied",
+    "ParticipantFault",
+    "Portrait",
+    "Preparation",
+    "Problem",
+    "Progress",
+    "Recording",
+    "RecordingFailed",
+    "Recovery",
+    "ReplayResult",
+    "Rerun",
+    "Result",
+    "RunFailure",
+    "Scenario",
+    "ScenarioError",
+    "StartFailed",
+    "StepTimeout",
+    "StopTimeout",
+    "Tolerance",
+    "Verification",
+    "assert_equal",
+    "builtin_names",
+    "call",
+    "default_folder",
+    "describe",
+    "diff",
+    "load",
+    "parse_tolerance",
+    "plan",
+    "read_tolerance",
+    "recover",
+    "replay_participant",
+    "run_scenario",
+    "verify",
+]

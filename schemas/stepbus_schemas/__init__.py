@@ -22,6 +22,7 @@ from .messages import (
     Plan,
     PlanRequest,
     Poses,
+    Spiral,
 )
 from .protocol import (
     ENVELOPE_TYPES,
@@ -92,6 +93,7 @@ __all__ = [
     "Ready",
     "Refusal",
     "RunError",
+    "Spiral",
     "Start",
     "StepbusError",
     "Stop",

@@ -76,9 +76,8 @@ def test_an_exit_code_after_the_stop_is_an_error(tmp_path):
 
 RUN = """
 import sys
-from pathlib import Path
-from stepbus_orchestrator import Options, load, run
-run(load(sys.argv[1]), Options(out=Path(sys.argv[2])))
+import stepbus
+stepbus.run(sys.argv[1], out=sys.argv[2])
 """
 
 

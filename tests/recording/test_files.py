@@ -15,9 +15,8 @@ from stepbus_orchestrator.recording.recover import recover
 
 RUN_LONG = """
 import sys
-from pathlib import Path
-from stepbus_orchestrator import Options, load, run
-run(load("two_link", ["duration=1000s"]), Options(out=Path(sys.argv[1])))
+import stepbus
+stepbus.run("two_link", set={"duration": "1000s"}, out=sys.argv[1])
 """
 
 

@@ -1,0 +1,119 @@
+"""Recordings: replay, compare, run again, recover."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+
+from stepbus_orchestrator import (
+    Diff,
+    Observer,
+    Preparation,
+    Recovery,
+    ReplayResult,
+    Rerun,
+    Result,
+    Tolerance,
+    parse_tolerance,
+    read_tolerance,
+    replay_participant,
+)
+from stepbus_orchestrator import diff as diff_recordings
+from stepbus_orchestrator import recover as recover_recording
+
+from .overrides import Overrides, overrides
+
+Source = str | PathLike[str] | Result
+"""A recording: its path, the folder of its run, or the `Result` of the run."""
+AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None
+"""An absolute tolerance for all, or by `PORT[.FIELD]`; a YAML file; None: equal to the byte."""
+
+
+def path_of(source: Source) -> Path:
+    """Return the path of a recording."""
+    if isinstance(source, Result):
+        return source.recording
+    path = Path(source)
+    return path / "run.mcap" if path.is_dir() else path
+
+
+def tolerance_of(given: AnyTolerance, participant: str = "") -> Tolerance:
+    """Return a tolerance; raises WiringError when it is none. participant: of bare port names."""
+    match given:
+        case None:
+            return Tolerance()
+        case Tolerance():
+            return given
+        case float() | int():
+            return parse_tolerance([str(given)], (), (), participant)
+        case Mapping():
+            rows = [f"{field}={value}" for field, value in given.items()]
+            return parse_tolerance(rows, (), (), participant)
+        case _:
+            return read_tolerance(Path(given))
+
+
+def replay(
+    recording: Source,
+    participant: str,
+    *,
+    program: Sequence[str] | None = None,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    tolerance: AnyTolerance = None,
+    update: str | PathLike[str] | None = None,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> ReplayResult:
+    """Run one participant against its recording, and compare what it publishes.
+
+    program: command line of another program than the recorded one. set: as of `load`. tolerance:
+    how far outputs may differ; default: equal to the byte. update: path of a new reference
+    recording to write.
+
+    Raises WiringError when recording, participant or tolerance do not fit, RunFailure when the
+    participant fails.
+    """
+    return replay_participant(
+        path_of(recording),
+        participant,
+        program=program,
+        overrides=overrides(set),
+        tolerance=tolerance_of(tolerance, participant),
+        update=None if update is None else Path(update),
+        observer=observer,
+        interrupt=interrupt,
+    )
+
+
+def diff(first: Source, second: Source, *, tolerance: AnyTolerance = None) -> Diff:
+    """Compare the messages of two recordings, port by port.
+
+    tolerance: ports are topics such as `controller/command`. Raises RecordingFailed when one
+    cannot be read.
+    """
+    return diff_recordings(path_of(first), path_of(second), tolerance_of(tolerance))
+
+
+def rerun(
+    recording: Source,
+    out: str | PathLike[str],
+    *,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> Rerun:
+    """Run the scenario of a recording again, from nothing but the recording.
+
+    out: folder of the new run. Raises RecordingFailed when the recording holds no scenario.
+    """
+    return Preparation(path_of(recording), Path(out), overrides(set)).run(observer, interrupt)
+
+
+def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
+    """Write all complete records of a damaged recording to a new file.
+
+    Raises RecordingFailed when there is nothing to recover or `target` exists.
+    """
+    return recover_recording(path_of(recording), Path(target))

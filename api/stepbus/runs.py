@@ -1,0 +1,129 @@
+"""Scenarios: load them, run them, describe them, call them while they run."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from stepbus_orchestrator import (
+    Observer,
+    Options,
+    Pace,
+    Portrait,
+    Result,
+    Scenario,
+    Verification,
+    default_folder,
+    plan,
+    run_scenario,
+)
+from stepbus_orchestrator import call as call_run
+from stepbus_orchestrator import describe as describe_scenario
+from stepbus_orchestrator import load as load_scenario
+from stepbus_orchestrator import verify as verify_trials
+from stepbus_schemas import CallReply, WiringError
+
+from .overrides import Overrides, overrides
+
+AnyScenario = str | PathLike[str] | Scenario
+"""A scenario: a built-in name, the path of a file or folder, or one that is loaded already."""
+
+
+def load(
+    scenario: AnyScenario,
+    *,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    faults: Sequence[str] = (),
+) -> Scenario:
+    """Load and check a scenario; start nothing.
+
+    scenario: a built-in name such as `two_link`, or the path of a YAML file or its folder. set:
+    `{"controller.params.kp": 80}` or `["controller.params.kp=80"]`. faults: texts such as
+    `kill plant at 120`.
+
+    Raises ScenarioError with every problem, each with file, line and path.
+    """
+    if isinstance(scenario, Scenario):
+        if set or faults:
+            raise WiringError(
+                f"{scenario.name} is loaded already; give `set` and `faults` to stepbus.load"
+            )
+        return scenario
+    return load_scenario(Path(scenario), overrides(set), faults)
+
+
+def run(
+    scenario: AnyScenario,
+    *,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    out: str | PathLike[str] | None = None,
+    faults: Sequence[str] = (),
+    observer: Observer | None = None,
+    pace: Pace | None = None,
+    interrupt: threading.Event | None = None,
+) -> Result:
+    """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
+
+    scenario, set, faults: as of `load`. out: folder of the run, a new one; default:
+    `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
+    run. interrupt: ends the run once it is set, from any thread.
+
+    Raises ScenarioError when the scenario cannot run, RecordingFailed when `out` cannot be written.
+    """
+    loaded = load(scenario, set=set, faults=faults)
+    folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
+    return run_scenario(loaded, Options(out=folder, pace=pace), observer, interrupt)
+
+
+def describe(
+    scenario: AnyScenario,
+    *,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+) -> list[Portrait]:
+    """Start every participant, without a step, and return its ports, joints and limits.
+
+    scenario, set: as of `load`. Raises RunFailure when a participant cannot start.
+    """
+    return describe_scenario(load(scenario, set=set))
+
+
+def verify(
+    scenario: AnyScenario,
+    *,
+    runs: int = 5,
+    seed: int = 0,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    keep: str | PathLike[str] | None = None,
+) -> Verification:
+    """Run a scenario several times, with other start orders, delays, windows and transports.
+
+    runs: how often, at least 2. seed: of start orders and delays. keep: a new folder for the runs;
+    default: a temporary one, which stays only where a run failed or differed.
+    """
+    loaded = load(scenario, set=set)
+    folder = Path(tempfile.mkdtemp(prefix="verify-stepbus-") if keep is None else keep)
+    found = verify_trials(
+        loaded, plan(loaded, runs, seed), folder, seed=seed, on_outcome=lambda _outcome: None
+    )
+    if keep is None and not found.failed and not found.different:
+        shutil.rmtree(folder)
+    return found
+
+
+def call(
+    folder: str | PathLike[str], participant: str = "", verb: str = "", *args: Any
+) -> CallReply:
+    """Call a participant of a live run; it answers between two steps.
+
+    folder: of the run. Without a participant and a verb, the reply's value lists all calls.
+    args: numbers, texts, lists, maps.
+
+    Raises WiringError when no run is live there or the call is refused, BusFailed when the run
+    does not answer.
+    """
+    return call_run(Path(folder), participant, verb, args)

@@ -1,0 +1,1 @@
+"""What tests of your own participants need."""

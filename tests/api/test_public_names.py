@@ -1,0 +1,86 @@
+"""What `import stepbus` offers, and what it costs."""
+
+import json
+import subprocess
+import sys
+from types import ModuleType
+
+import pytest
+
+import stepbus
+import stepbus_schemas
+from stepbus import orchestration
+
+
+def order(name):
+    """Sort as ruff does: constants, classes, functions."""
+    return (0 if name.isupper() else 1 if name[0].isupper() else 2), name
+
+
+@pytest.mark.parametrize("package", [stepbus, orchestration])
+def test_all_is_sorted(package):
+    assert package.__all__ == sorted(set(package.__all__), key=order)
+
+
+@pytest.mark.parametrize("name", stepbus.__all__)
+def test_every_public_name_is_there_and_documented(name):
+    value = getattr(stepbus, name)
+    assert getattr(value, "__doc__", "")
+    assert name in dir(stepbus)
+
+
+def test_every_lazy_name_is_public():
+    lazy = {name for name in orchestration.__all__ if name in stepbus.__all__}
+    assert lazy == set(orchestration.__all__)
+
+
+def test_every_message_is_public():
+    messages = {cls.__name__ for cls in stepbus_schemas.MESSAGE_TYPES.values()} | {"Spiral"}
+    assert messages <= set(stepbus.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="module 'stepbus' has no attribute 'rum'"):
+        stepbus.rum  # noqa: B018
+
+
+def loaded_by(program):
+    """Return the names of the modules that a program loads."""
+    code = f"{program}\nimport json, sys; print(json.dumps(list(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+def test_a_participant_loads_neither_orchestrator_nor_recording():
+    modules = loaded_by("from stepbus import JointCommand, Participant, main")
+    heavy = {"mcap", "rich", "ruamel.yaml", "stepbus_orchestrator", "matplotlib", "pybullet"}
+    assert modules & heavy == set()
+
+
+def test_running_a_scenario_loads_no_service_and_no_plots():
+    modules = loaded_by("import stepbus; stepbus.run")
+    assert modules & {"rich", "matplotlib", "pybullet", "pinocchio", "pytest"} == set()
+
+
+def test_importing_sets_no_environment_variable():
+    code = """
+import os, sys
+before = dict(os.environ)
+import stepbus, stepbus.orchestration, stepbus.testing
+sys.exit(os.environ != before)
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_face_offers_exactly_this():
+    assert " ".join(
+        name for name in stepbus.__all__ if not isinstance(getattr(stepbus, name), ModuleType)
+    ) == (
+        "BaseCommand BaseState Bus BusError BusFailed CallError Config Contacts ControllerStatus Description "
+        "Detections Diff Endpoint Event ExitCode Goal GoalStatus GripperCommand GripperState Image InputAbsent "
+        "Interrupted JointCommand JointReference JointState Message MessageError Observer OutputError Pace "
+        "Participant ParticipantDied ParticipantFault Plan PlanRequest Portrait Poses Problem Progress Recording "
+        "RecordingFailed Recovery ReplayResult Rerun Result RunError RunFailure Scenario ScenarioError Spiral "
+        "StartFailed Step StepTimeout StepbusError StopTimeout Ticket Tolerance Verb Verification WiringError "
+        "call describe diff load load_ticket main recover replay rerun run take_part verify"
+    )
