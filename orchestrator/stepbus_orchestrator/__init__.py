@@ -25,9 +25,9 @@ from .replay import ReplayResult
 from .replay import replay as replay_participant
 from .replay.asserted import assert_equal
 from .replay.rerun import Preparation, Rerun
-from .run.describe import Portrait, describe
 from .run.control.live_file import call
 from .run.control.pace import Pace
+from .run.describe import Portrait, describe
 from .run.progress import Observer, Progress
 from .run.result import Result
 from .run.run_scenario import Options, default_folder
