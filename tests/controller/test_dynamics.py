@@ -5,7 +5,7 @@ import pytest
 from control_support import TWO_LINK, controller_config
 
 from stepbus_controller import ControllerParticipant
-from stepbus_kinematics.dynamics import Dynamics
+from stepbus_kinematics import RobotModel
 from stepbus_schemas import WiringError
 
 URDF = TWO_LINK / "two_link.urdf"
@@ -13,23 +13,23 @@ Q, V, A = np.array([0.3, -0.8]), np.array([0.5, 0.7]), np.array([-1.0, 2.0])
 
 
 def test_the_joint_order_permutes_the_torques_and_nothing_else() -> None:
-    forward = Dynamics(URDF).inverse(Q, V, A)
-    backward = Dynamics(URDF, ["joint2", "joint1"]).inverse(Q[::-1], V[::-1], A[::-1])
+    forward = RobotModel(URDF).inverse_dynamics(Q, V, A)
+    backward = RobotModel(URDF, ["joint2", "joint1"]).inverse_dynamics(Q[::-1], V[::-1], A[::-1])
     assert forward.tolist() == backward[::-1].tolist()
 
 
 def test_inverse_dynamics_at_rest_is_gravity() -> None:
-    dynamics = Dynamics(URDF)
-    np.testing.assert_allclose(dynamics.inverse(Q, 0 * V, 0 * A), dynamics.gravity(Q))
+    robot = RobotModel(URDF)
+    np.testing.assert_allclose(robot.inverse_dynamics(Q, 0 * V, 0 * A), robot.gravity_torque(Q))
 
 
 def test_without_gravity_nothing_is_needed_to_hold_still() -> None:
-    assert Dynamics(URDF, gravity=(0, 0, 0)).gravity(Q).tolist() == [0.0, 0.0]
+    assert RobotModel(URDF, gravity=(0, 0, 0)).gravity_torque(Q).tolist() == [0.0, 0.0]
 
 
 def test_joints_that_are_not_controlled_are_held_at_zero() -> None:
-    alone = Dynamics(URDF, ["joint1"]).gravity(np.array([0.3]))
-    assert alone[0] == pytest.approx(Dynamics(URDF).gravity(np.array([0.3, 0.0]))[0])
+    alone = RobotModel(URDF, ["joint1"]).gravity_torque(np.array([0.3]))
+    assert alone[0] == pytest.approx(RobotModel(URDF).gravity_torque(np.array([0.3, 0.0]))[0])
 
 
 def test_a_continuous_joint_turns_like_a_revolute_one(tmp_path) -> None:
@@ -37,14 +37,16 @@ def test_a_continuous_joint_turns_like_a_revolute_one(tmp_path) -> None:
     path.write_text(
         URDF.read_text().replace('"joint1" type="revolute"', '"joint1" type="continuous"')
     )
-    np.testing.assert_allclose(Dynamics(path).inverse(Q, V, A), Dynamics(URDF).inverse(Q, V, A))
+    np.testing.assert_allclose(
+        RobotModel(path).inverse_dynamics(Q, V, A), RobotModel(URDF).inverse_dynamics(Q, V, A)
+    )
 
 
 def test_a_joint_with_several_degrees_of_freedom_is_refused(tmp_path) -> None:
     path = tmp_path / "planar.urdf"
     path.write_text(URDF.read_text().replace('"joint1" type="revolute"', '"joint1" type="planar"'))
     with pytest.raises(WiringError, match=r"'joint1'.* has 3 degrees of freedom"):
-        Dynamics(path)
+        RobotModel(path)
 
 
 def test_an_effort_limit_the_model_leaves_at_zero_has_to_be_given(tmp_path) -> None:

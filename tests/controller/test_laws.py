@@ -11,15 +11,15 @@ from control_support import (
 )
 
 from stepbus_controller import LAWS, Law, Reference, Robot
-from stepbus_kinematics.dynamics import Dynamics
+from stepbus_kinematics import RobotModel
 from stepbus_participant.settings import Settings
 
 DT = 0.005
 
 
 def make_law(law: str, limit: float = 50.0, **params: object) -> Law:
-    dynamics = Dynamics(TWO_LINK / "two_link.urdf")
-    robot = Robot(joints=dynamics.joints, effort_limit=np.full(2, limit), dynamics=dynamics)
+    model = RobotModel(TWO_LINK / "two_link.urdf")
+    robot = Robot(joints=model.joints, effort_limit=np.full(2, limit), model=model)
     return LAWS[law](robot, Settings(controller_config(**params)))
 
 
@@ -71,7 +71,9 @@ def test_computed_torque_gives_the_wanted_acceleration() -> None:
     q, v = np.array([0.3, -0.4]), np.array([0.5, 0.7])
     torque = law.torque(q, v, reference(0.2, acceleration=2.0), DT)
     wanted = 2.0 + 100 * (0.2 - q) - 20 * v
-    np.testing.assert_allclose(torque, Dynamics(TWO_LINK / "two_link.urdf").inverse(q, v, wanted))
+    np.testing.assert_allclose(
+        torque, RobotModel(TWO_LINK / "two_link.urdf").inverse_dynamics(q, v, wanted)
+    )
 
 
 # The figures of the reference system, joints 1 and 2 [rad], to be met within 20 %.

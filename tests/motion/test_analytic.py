@@ -3,9 +3,9 @@ import itertools
 import numpy as np
 import pinocchio as pin
 import pytest
-from manipulator_support import DOWN, HOME, UR5, make_robot
+from manipulator_support import DOWN, HOME, UR5, make_robot, with_effort
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.ik import analytic
 from stepbus_motion.ik.analytic import AnalyticChain, BranchSettings, BranchSolver
@@ -31,7 +31,7 @@ def draw(count, seed=0):
 
 def miss(robot, q, target, tip="tool0"):
     """Return the largest difference of any entry of the pose [m, -]."""
-    return np.abs(robot.place(q, tip).homogeneous - target.homogeneous).max()
+    return np.abs(robot.frame_pose(q, tip).homogeneous - target.homogeneous).max()
 
 
 def above(x, y, z):
@@ -47,7 +47,7 @@ def refusal(robot, target, q=HOME, **settings):
 
 def test_every_branch_of_a_random_pose_reaches_it_to_a_micrometre(robot):
     chain = AnalyticChain(robot, "tool0")
-    targets = [robot.place(q, "tool0") for q in draw(100)]
+    targets = [robot.frame_pose(q, "tool0") for q in draw(100)]
     errors = [miss(robot, way, t) for t in targets for way in chain.branches(t, HOME)]
     assert len(errors) > 700
     assert max(errors) < 1e-6
@@ -56,12 +56,12 @@ def test_every_branch_of_a_random_pose_reaches_it_to_a_micrometre(robot):
 def test_the_joints_that_made_a_pose_are_among_its_branches(robot):
     chain = AnalyticChain(robot, "tool0")
     for q in draw(100, seed=1):
-        branches = chain.branches(robot.place(q, "tool0"), HOME)
+        branches = chain.branches(robot.frame_pose(q, "tool0"), HOME)
         assert min(np.abs(way - q).max() for way in branches) < 1e-6
 
 
 def test_any_frame_fixed_to_the_last_joint_is_solved(robot):
-    target = robot.place(HOME, "wrist_3_link")
+    target = robot.frame_pose(HOME, "wrist_3_link")
     ways = solver(robot).solve("wrist_3_link", target, HOME)
     assert miss(robot, ways[0], target, "wrist_3_link") < 1e-6
 
@@ -85,7 +85,7 @@ def test_each_branch_comes_once_the_nearest_first_before_any_full_turn(robot):
 
 def test_a_full_turn_of_the_nearest_branch_is_chosen_where_the_arm_is_wound_up(robot):
     wound = HOME + np.array([0, 0, 0, 0, 0, 2 * np.pi])
-    ways = solver(robot).solve("tool0", robot.place(HOME, "tool0"), wound)
+    ways = solver(robot).solve("tool0", robot.frame_pose(HOME, "tool0"), wound)
     assert np.allclose(ways[0], wound, atol=1e-6)
 
 
@@ -107,7 +107,7 @@ def test_a_pose_too_far_away_is_unreachable_by_the_missing_millimetres(robot):
 
 def test_a_stretched_arm_is_singular_with_its_singular_value(robot):
     stretched = np.array([0.0, -0.8, 0.001, -1.0, 1.2, 0.0])
-    refused = refusal(robot, robot.place(stretched, "tool0"), singular_below=0.02)
+    refused = refusal(robot, robot.frame_pose(stretched, "tool0"), singular_below=0.02)
     assert refused.cause == "singular"
     assert "0.0200 is put up with" in str(refused)
 
@@ -115,7 +115,7 @@ def test_a_stretched_arm_is_singular_with_its_singular_value(robot):
 def test_a_pose_that_only_a_joint_beyond_its_limits_reaches_names_it(robot):
     narrow = make_robot()
     narrow.lower, narrow.upper = HOME - 0.3, HOME + 0.3
-    target = robot.place(HOME + np.array([0, 0, 0, 0, 0, 0.5]), "tool0")
+    target = robot.frame_pose(HOME + np.array([0, 0, 0, 0, 0, 0.5]), "tool0")
     refused = refusal(narrow, target)
     assert refused.cause == "limits"
     assert "wrist_3_joint would have to go to 0.500 rad, its limits are [-0.300, 0.300]" in str(
@@ -125,7 +125,7 @@ def test_a_pose_that_only_a_joint_beyond_its_limits_reaches_names_it(robot):
 
 
 def test_a_pose_that_the_motors_cannot_hold_names_joint_and_torque():
-    weak = Kinematics(UR5, make_robot().joints, effort_limit=[150, 5, 150, 28, 28, 28])
+    weak = with_effort(RobotModel(UR5, make_robot().joints), [150, 5, 150, 28, 28, 28])
     refused = refusal(weak, above(0.6, 0.1, 0.2))
     assert refused.cause == "not_holdable"
     assert "shoulder_lift_joint needs" in str(refused)
@@ -150,8 +150,8 @@ def test_is_reachable_agrees_with_solve(robot):
 
 
 def test_a_chain_of_seven_joints_is_searched_instead():
-    robot = Kinematics(BAXTER, LEFT)
-    target = robot.place(np.array([0.1, -0.5, 0.2, 1.0, 0.1, 0.7, 0.0]), "left_gripper")
+    robot = RobotModel(BAXTER, LEFT)
+    target = robot.frame_pose(np.array([0.1, -0.5, 0.2, 1.0, 0.1, 0.7, 0.0]), "left_gripper")
     one = solver(robot)
     ways = one.solve("left_gripper", target, np.zeros(7))
     assert not one.chain("left_gripper").solves

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from arm_support import JOINTS, all_news, carry_on, make_runner, write_arm
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_schemas import Goal
 
 
 @pytest.fixture
 def robot(tmp_path):
-    return Kinematics(write_arm(tmp_path), JOINTS)
+    return RobotModel(write_arm(tmp_path), JOINTS)
 
 
 def joints(number, *values, **fields):
@@ -32,7 +32,9 @@ def test_a_goal_is_accepted_then_running_then_succeeds(robot):
 def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
     runner, q = make_runner(robot), np.array([0.9, -0.8, 1.1])
     x, y, z = (
-        robot.place(np.array([0.5, 0, 0]), "link_0").actInv(robot.place(q, "hand")).translation
+        robot.frame_pose(np.array([0.5, 0, 0]), "link_0")
+        .actInv(robot.frame_pose(q, "hand"))
+        .translation
     )
     half = (q.sum() - 0.5) / 2
     goal = Goal(id=2, kind="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
@@ -40,7 +42,9 @@ def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
     runner.begin(goal, 0.0)
     carry_on(runner, 0.0)
     assert states(runner)[-1] == (2, "succeeded")
-    assert robot.place(runner.at(9.0).position, "hand").isApprox(robot.place(q, "hand"), 1e-4)
+    assert robot.frame_pose(runner.at(9.0).position, "hand").isApprox(
+        robot.frame_pose(q, "hand"), 1e-4
+    )
 
 
 def test_the_motion_keeps_its_limits_and_is_smooth(robot):
@@ -141,7 +145,7 @@ def test_a_goal_that_makes_no_sense_fails_and_says_why(robot, goal, text):
 
 
 def test_a_pose_that_cannot_be_held_is_refused_or_tried_as_one_likes(tmp_path):
-    robot = Kinematics(write_arm(tmp_path, effort=30.0), JOINTS)
+    robot = RobotModel(write_arm(tmp_path, effort=30.0), JOINTS)
     out = joints(1, 0.0, 0.3, 0.3)
     refuses, tries = make_runner(robot), make_runner(robot, tries_unholdable=True)
     for runner in (refuses, tries):

@@ -5,7 +5,7 @@ import pytest
 from control_support import controller_config, make_controller
 
 from stepbus_controller import ControllerParticipant
-from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay
+from stepbus_kinematics import LowPass, SavitzkyGolay
 from stepbus_schemas import JointReference, JointState, WiringError
 
 PERIOD = 0.005

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from stepbus_kinematics.kinematics import Kinematics
-from stepbus_kinematics.self_collisions import Collisions
+from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
 from stepbus_motion.manipulator.detours import Planner
 from stepbus_motion.paths.motion import JointMotion, MotionLimits, Route
@@ -20,29 +19,31 @@ CROSSED = np.array([1.2, -0.1, 0, 0.3, 0, 0, 0, -1.2, -0.1, 0, 0.3, 0, 0, 0])
 @pytest.fixture(scope="module")
 def robot():
     try:
-        return Kinematics(package_path(ROBOT + "urdf/baxter.urdf"), JOINTS)
+        return RobotModel(package_path(ROBOT + "urdf/baxter.urdf"), JOINTS)
     except WiringError:
         pytest.skip("example-robot-data is not installed; pip install 'stepbus[robots]'")
 
 
 @pytest.fixture(scope="module")
 def collisions(robot):
-    return Collisions(robot, package_path(ROBOT + "srdf/baxter_manipulation.srdf"), 0.01)
+    return SelfCollisions(robot, package_path(ROBOT + "srdf/baxter_manipulation.srdf"), 0.01)
 
 
 def test_reachable_poses_of_both_hands_are_all_found(robot):
     ik, random = InverseKinematics(robot, IkSettings(), seed=0), np.random.default_rng(1)
     for tip in ("left_gripper", "right_gripper") * 20:
-        target = robot.place(random.uniform(robot.lower, robot.upper), tip)
+        target = robot.frame_pose(random.uniform(robot.lower, robot.upper), tip)
         found = ik.solve(tip, target, HOME)
         assert found.verdict != "unreachable"
-        assert np.linalg.norm(robot.place(found.q, tip).translation - target.translation) < 2e-5
+        assert (
+            np.linalg.norm(robot.frame_pose(found.q, tip).translation - target.translation) < 2e-5
+        )
 
 
 def test_the_limits_of_the_urdf_do_not_hold_a_stretched_arm(robot):
     q = HOME.copy()
     q[7:] = [0, 0.0, 0, 0, 0, 0, 0]
-    found = robot.cannot_hold(q)
+    found = robot.overload(q)
     assert (found.joint, found.available) == ("left_s1", 50.0)
     assert 50.0 < found.required < 60.0
 

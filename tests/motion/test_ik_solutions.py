@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from arm_support import JOINTS, make_ik, write_arm
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_schemas import RunError, WiringError
 
 BENT = np.array([0.3, 0.4, 0.5])
@@ -13,15 +13,15 @@ BENT = np.array([0.3, 0.4, 0.5])
 
 @pytest.fixture
 def robot(tmp_path):
-    return Kinematics(write_arm(tmp_path), JOINTS)
+    return RobotModel(write_arm(tmp_path), JOINTS)
 
 
 def test_every_reachable_pose_is_reached_within_the_limits(robot):
     random, ik = np.random.default_rng(3), make_ik(robot)
     for _ in range(30):
-        target = robot.place(random.uniform(-2.4, 2.4, 3), "hand")
+        target = robot.frame_pose(random.uniform(-2.4, 2.4, 3), "hand")
         found = ik.solve("hand", target, BENT)
-        off = robot.place(found.q, "hand").actInv(target)
+        off = robot.frame_pose(found.q, "hand").actInv(target)
         assert found.verdict in {"reached", "singular"}
         assert np.linalg.norm(off.translation) < 2e-5
         assert (np.abs(found.q) <= 2.5).all()
@@ -35,13 +35,13 @@ def test_an_unreachable_pose_tells_how_close_it_gets(robot):
 
 
 def test_a_singular_pose_tells_its_smallest_singular_value(robot):
-    found = make_ik(robot).solve("hand", robot.place(np.zeros(3), "hand"), BENT)
+    found = make_ik(robot).solve("hand", robot.frame_pose(np.zeros(3), "hand"), BENT)
     assert found.verdict == "singular"
     assert found.smallest_singular_value < 0.01
 
 
 def test_a_pose_the_motors_cannot_hold_tells_joint_and_torques(tmp_path):
-    robot = Kinematics(write_arm(tmp_path, effort=30.0), JOINTS)
+    robot = RobotModel(write_arm(tmp_path, effort=30.0), JOINTS)
     q = np.array([-0.1, 0.1, 0.1])
     found = make_ik(robot, singular_below=0.0).judge(q, np.arange(3))
     arms = 0.5 * np.cos(-0.1) * 5 + 0.5 * np.cos(0.0) * 3 + 0.5 * np.cos(0.1)
@@ -52,16 +52,16 @@ def test_a_pose_the_motors_cannot_hold_tells_joint_and_torques(tmp_path):
 
 
 def test_the_same_seed_gives_the_same_solution(robot):
-    target = robot.place(np.array([-2.0, 1.5, -2.2]), "hand")
+    target = robot.frame_pose(np.array([-2.0, 1.5, -2.2]), "hand")
     first, second = (make_ik(robot, seed=7).solve("hand", target, BENT).q for _ in range(2))
     assert first.tobytes() == second.tobytes()
 
 
 def test_the_order_of_the_joints_is_the_callers(tmp_path, robot):
-    turned = Kinematics(robot.path, JOINTS[::-1])
+    turned = RobotModel(robot.path, JOINTS[::-1])
     q = np.array([0.1, 0.7, -0.4])
-    assert turned.place(q[::-1], "hand").isApprox(robot.place(q, "hand"))
-    assert turned.cannot_hold(q[::-1]) == robot.cannot_hold(q)
+    assert turned.frame_pose(q[::-1], "hand").isApprox(robot.frame_pose(q, "hand"))
+    assert turned.overload(q[::-1]) == robot.overload(q)
     assert list(turned.chain("link_1")) == [1, 2]
 
 
@@ -73,5 +73,5 @@ def test_an_unknown_frame_is_named_with_the_nearest(robot):
 def test_joints_without_limits_are_refused(tmp_path):
     path = write_arm(tmp_path)
     path.write_text(path.read_text().replace('type="revolute"', 'type="continuous"'))
-    with pytest.raises(WiringError, match="have no position limits"):
-        Kinematics(path, JOINTS)
+    with pytest.raises(WiringError, match="has no position limits"):
+        RobotModel(path, JOINTS, bounded=True)

@@ -15,9 +15,10 @@ from manipulator_support import (
     make_limits,
     make_robot,
     pose_goal,
+    with_effort,
 )
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.paths.motion import JointMotion, motion_to
 from stepbus_schemas import BaseState, Goal, Plan
@@ -62,7 +63,7 @@ def bad_planner(request):
 
 
 def tips(robot, rows):
-    return np.array([robot.place(q, TIP).translation for q in rows])
+    return np.array([robot.frame_pose(q, TIP).translation for q in rows])
 
 
 def refusal(stage, goal, **begin):
@@ -115,12 +116,12 @@ def test_a_pose_may_be_given_in_odometry_or_in_a_link(robot, base, frame):
     yaw = pin.exp3(np.array([0, 0, base.yaw]))
     places = {
         "odometry": pin.SE3(yaw, np.array([base.x, base.y, 0.0])).inverse(),
-        "wrist_2_link": robot.place(HOME, "wrist_2_link"),
+        "wrist_2_link": robot.frame_pose(HOME, "wrist_2_link"),
     }
     given = places[frame].inverse() * wanted
     goal = pose_goal("move_to_pose", given.translation, given.rotation, frame=frame)
     log = Stage(make_arm(robot)).run(goal, base=base)
-    assert np.abs(robot.place(log.q[-1], TIP).homogeneous - wanted.homogeneous).max() < 1e-6
+    assert np.abs(robot.frame_pose(log.q[-1], TIP).homogeneous - wanted.homogeneous).max() < 1e-6
 
 
 def test_a_line_is_straight_and_keeps_the_limits_of_the_tip(robot):
@@ -169,7 +170,7 @@ def test_what_cannot_be_done_is_refused_with_its_cause(robot, goal, cause, text)
 
 
 def test_a_pose_that_the_motors_cannot_hold_is_refused():
-    weak = Kinematics(UR5, JOINTS, effort_limit=[150, 30, 150, 28, 28, 28])
+    weak = with_effort(RobotModel(UR5, JOINTS), [150, 30, 150, 28, 28, 28])
     goal = pose_goal("move_to_pose", [0.75, 0.1, 0.3])
     refused = refusal(Stage(make_arm(weak)), goal)
     assert refused.cause == "not_holdable"
@@ -177,13 +178,13 @@ def test_a_pose_that_the_motors_cannot_hold_is_refused():
 
 
 def test_torques_on_the_way_stay_within_their_share_of_the_limits(robot):
-    static = np.abs([robot.dynamics.gravity(q) for q in (HOME, ASIDE)]).max(axis=0)
-    tight = Kinematics(UR5, JOINTS, effort_limit=(1.4 * static + 3.0).tolist())
+    static = np.abs([robot.gravity_torque(q) for q in (HOME, ASIDE)]).max(axis=0)
+    tight = with_effort(RobotModel(UR5, JOINTS), (1.4 * static + 3.0).tolist())
     log = Stage(make_arm(tight)).run(joints_goal())
     free = Stage(make_arm(robot)).run(joints_goal())
     v, a = log.speed(), log.push()
     rows = zip(log.q[1:], v, a, strict=False)
-    torques = np.abs([tight.dynamics.inverse(*row) for row in rows])
+    torques = np.abs([tight.inverse_dynamics(*row) for row in rows])
     assert log.outcome.state == "succeeded"
     assert log.steps > free.steps
     assert (torques <= 0.92 * tight.effort_limit).all()
@@ -442,7 +443,7 @@ def test_a_goal_in_full_motion_is_planned_from_where_the_arm_comes_to_rest(robot
 def test_a_spiral_is_led_in_by_the_planner(robot):
     stage = Stage(planned_arm(robot), answer=good_planner(robot))
     log = stage.run(SPIRAL)
-    begins = robot.place(np.array(stage.requests[0].goal), TIP).translation
+    begins = robot.frame_pose(np.array(stage.requests[0].goal), TIP).translation
     assert log.outcome.state == "succeeded"
     assert np.hypot(begins[0] - 0.45, begins[1]) == pytest.approx(0.3)
     assert np.allclose(tips(robot, log.q[-1:])[0], [0.45, 0.0, 0.6], atol=1e-6)

@@ -156,8 +156,8 @@ class Robot:
         return [news.state for news in self.news if news.id == number]
 
     def place(self, frame):
-        arm = self.stand.participant._settings.kinematics
-        return arm.place(self.q, frame)
+        arm = self.stand.participant._settings.robot
+        return arm.frame_pose(self.q, frame)
 
 
 @pytest.fixture

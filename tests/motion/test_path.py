@@ -1,9 +1,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from manipulator_support import DOWN, HOME, UR5, make_limits, make_robot
+from manipulator_support import DOWN, HOME, UR5, make_limits, make_robot, with_effort
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.manipulator.clock import MotionClock
 from stepbus_motion.paths.motion import JointMotion, MotionLimits, motion_to
@@ -123,14 +123,14 @@ def test_a_motion_beyond_the_limits_is_slowed_down_to_them(robot):
 def test_a_motion_that_needs_too_much_torque_is_slowed_down_until_it_does_not(robot):
     motion, _ = moving(robot)
     static = max(
-        abs(robot.dynamics.gravity(motion.at(t).position)[1])
+        abs(robot.gravity_torque(motion.at(t).position)[1])
         for t in np.linspace(0, motion.duration, 200)
     )
     limit = [150, static + 1.0, 150, 28, 28, 28]
-    weak = Kinematics(UR5, robot.joints, effort_limit=limit)
+    weak = with_effort(RobotModel(UR5, robot.joints), limit)
     slow = fitted(motion, weak, make_limits(robot))
     torques = [
-        weak.dynamics.inverse(s.position, s.velocity, s.acceleration)
+        weak.inverse_dynamics(s.position, s.velocity, s.acceleration)
         for s in (slow.at(t) for t in np.linspace(0, slow.duration, 500))
     ]
     assert slow.duration > motion.duration
@@ -139,8 +139,8 @@ def test_a_motion_that_needs_too_much_torque_is_slowed_down_until_it_does_not(ro
 
 def test_a_motion_through_a_pose_that_cannot_be_held_is_refused(robot):
     motion, _ = moving(robot, HOME - np.array([0, 0.3, 0.9, 0, 0, 0]))
-    here, there = (np.abs(robot.dynamics.gravity(motion.at(t).position))[2] for t in (0.0, 9.0))
-    weak = Kinematics(UR5, robot.joints, effort_limit=[150, 150, (here + there) / 2, 28, 28, 28])
+    here, there = (np.abs(robot.gravity_torque(motion.at(t).position))[2] for t in (0.0, 9.0))
+    weak = with_effort(RobotModel(UR5, robot.joints), [150, 150, (here + there) / 2, 28, 28, 28])
     with pytest.raises(Refused, match="elbow_joint needs") as refused:
         fitted(motion, weak, make_limits(robot))
     assert refused.value.cause == "not_holdable"
@@ -213,7 +213,7 @@ def test_a_way_back_through_poses_touches_each_of_them():
 
 
 def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
-    start = robot.place(HOME, TIP)
+    start = robot.frame_pose(HOME, TIP)
     end = pin.SE3(
         start.rotation @ pin.exp3(np.array([0.3, 0.2, 0.5])),
         start.translation + np.array([-0.1, 0.3, 0.1]),
@@ -222,7 +222,7 @@ def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
     path = follow(robot, TIP, way, HOME, 0.01)
     whole = pin.log3(start.rotation.T @ end.rotation)
     for share in np.linspace(0, 1, 101):
-        pose = robot.place(path.at(share * way[-1].u)[0], TIP)
+        pose = robot.frame_pose(path.at(share * way[-1].u)[0], TIP)
         wanted = start.translation + share * (end.translation - start.translation)
         assert np.linalg.norm(pose.translation - wanted) < 1e-6
         assert np.allclose(pin.log3(start.rotation.T @ pose.rotation), share * whole, atol=1e-5)
@@ -238,7 +238,7 @@ def test_a_turn_on_the_spot_has_a_length():
     ("to", "cause"), [([1.3, 0.1, 0.3], "singular"), ([-0.6, 0.1, 0.3], "singular")]
 )
 def test_a_line_out_of_reach_or_through_the_shoulder_is_lost_on_the_way(robot, to, cause):
-    start = robot.place(HOME, TIP)
+    start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, np.array(to)), 0.25)
     with pytest.raises(Lost, match="m of the way") as lost:
         follow(robot, TIP, way, HOME, 0.01)
@@ -249,7 +249,7 @@ def test_a_line_out_of_reach_or_through_the_shoulder_is_lost_on_the_way(robot, t
 def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
     narrow = make_robot()
     narrow.upper = HOME + 0.4
-    start = robot.place(HOME, TIP)
+    start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, start.translation + np.array([0, 0.4, 0])), 0.25)
     with pytest.raises(Lost, match=r"shoulder_pan_joint would have to go to 0\.4") as lost:
         follow(narrow, TIP, way, HOME, 0.01)

@@ -184,7 +184,9 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
 def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
     messages, described = seen
     stand = start(config(tmp_path), described)
-    with pytest.raises(RunError, match="input 'joint_state': 7 positions expected, 1 came"):
+    with pytest.raises(
+        RunError, match="input 'joint_state' carries 1 position values for 7 joints"
+    ):
         stand.update(0, **{**messages, "joint_state": JointState(position=[0.0])})
     truth = start(config(tmp_path, ["poses"], source="truth"), described)
     with pytest.raises(RunError, match="input 'poses': 4 poses expected, 0 came"):
@@ -320,6 +322,6 @@ def test_a_model_that_cannot_be_expanded_says_why(tmp_path, monkeypatch):
     def refuse(path):
         raise WiringError(f"{path} needs xacro; pip install 'stepbus[robots]'")
 
-    monkeypatch.setattr("stepbus_perception.robot.read_urdf_text", refuse)
+    monkeypatch.setattr("stepbus_kinematics.urdf.read_urdf_text", refuse)
     with pytest.raises(WiringError, match=r"robot\.urdf needs xacro; pip install"):
         PerceptionParticipant(config(tmp_path))

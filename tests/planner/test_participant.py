@@ -22,9 +22,9 @@ from planner_support import (
     write_arm,
 )
 
+from stepbus_kinematics.srdf import srdf_text
 from stepbus_planner import PlannerParticipant, libraries
 from stepbus_planner.robot import PlannedRobot
-from stepbus_planner.srdf import srdf_text
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
 
 ANYWHERE = PlanRequest(id=1, start=START, goal=GOAL)
@@ -150,18 +150,13 @@ def digest_of_a_run(folder: Path, pause: float) -> str:
 
 def test_the_same_requests_give_the_same_bytes_in_another_process_at_another_pace(tmp_path):
     code = (
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "from pathlib import Path; from test_planner_participant import digest_of_a_run\n"
-        "print(digest_of_a_run(Path(sys.argv[2]), 0.0))"
+        "import sys; sys.path[:0] = sys.argv[2:]\n"
+        "from pathlib import Path; from test_participant import digest_of_a_run\n"
+        "print(digest_of_a_run(Path(sys.argv[1]), 0.0))"
     )
     write_arm(tmp_path)
-    command = [
-        sys.executable,
-        "-c",
-        code,
-        str(Path(__file__).parents[1] / "support"),
-        str(tmp_path),
-    ]
+    here = Path(__file__).parent
+    command = [sys.executable, "-c", code, tmp_path, here, here.parent / "support"]
     other = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
     assert other.stdout.split() == [digest_of_a_run(tmp_path, 0.02)]
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pybullet
 import pytest
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.ik.analytic import AnalyticChain
 from stepbus_plant import Params, Plant, load_world, read_params
 from stepbus_plant.world.stock import StockParams
@@ -25,8 +25,8 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 @pytest.fixture(scope="module")
-def kinematics() -> Kinematics:
-    return Kinematics(ROBOT, ARM)
+def kinematics() -> RobotModel:
+    return RobotModel(ROBOT, ARM)
 
 
 def make_plant(**stock) -> Plant:
@@ -34,7 +34,7 @@ def make_plant(**stock) -> Plant:
     return Plant(world, Params(world="world.yaml", joints=list(ARM)), 8_000_000, 0)
 
 
-def branch(kinematics: Kinematics, position: list[float]) -> np.ndarray:
+def branch(kinematics: RobotModel, position: list[float]) -> np.ndarray:
     """Return the way to stand that shelves and outlet have in common, shape (6,) [rad]."""
     target = pin.SE3(DOWN, np.array(position))
     ways = AnalyticChain(kinematics, "grasp").branches(target, np.zeros(6))
@@ -42,7 +42,7 @@ def branch(kinematics: Kinematics, position: list[float]) -> np.ndarray:
     return max(ahead, key=lambda q: smallest(kinematics, q))
 
 
-def smallest(kinematics: Kinematics, q: np.ndarray) -> float:
+def smallest(kinematics: RobotModel, q: np.ndarray) -> float:
     matrix = kinematics.jacobian(q, kinematics.frame_id("grasp"))[1]
     return float(np.linalg.svd(matrix, compute_uv=False).min())
 
@@ -59,7 +59,7 @@ def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
         poses = sensor.sense()
         rows = zip(sensor.names, poses.position, poses.orientation, strict=True)
         for name, position, orientation in rows:
-            place = kinematics.place(q, name)
+            place = kinematics.frame_pose(q, name)
             assert position == pytest.approx(place.translation, abs=2e-7)  # floats of 32 bit
             turn = pin.Quaternion(np.array(orientation)).angularDistance(
                 pin.Quaternion(place.rotation)
@@ -123,7 +123,7 @@ def test_the_arm_reaches_an_item_in_front_of_the_base(kinematics, tier, above, h
     x, _, z = row.position
     q = branch(kinematics, [x - 1.5, 0.0, z + 0.6 * height + above])
     assert smallest(kinematics, q) > 0.08
-    assert kinematics.cannot_hold(q) is None
+    assert kinematics.overload(q) is None
 
 
 @pytest.mark.parametrize("x", [-0.03, 0.09, 0.21, 0.33])
@@ -131,7 +131,7 @@ def test_the_arm_reaches_an_item_in_front_of_the_base(kinematics, tier, above, h
 def test_the_arm_reaches_the_outlet_from_home(kinematics, x, above):
     q = branch(kinematics, [x, 0.65, 0.35 + 0.6 * 0.115 + above])
     assert smallest(kinematics, q) > 0.15
-    assert kinematics.cannot_hold(q) is None
+    assert kinematics.overload(q) is None
 
 
 def test_the_robot_starts_with_its_hand_low_inside_of_its_outline():

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Settling
 from stepbus_motion.goals.runner import GoalRunner
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
@@ -44,11 +44,11 @@ def write_arm(folder: Path, effort: float = 100.0, axes: tuple[str, ...] = ("0 1
     return path
 
 
-def make_ik(robot: Kinematics, seed: int = 0, **settings: Any) -> InverseKinematics:
+def make_ik(robot: RobotModel, seed: int = 0, **settings: Any) -> InverseKinematics:
     return InverseKinematics(robot, IkSettings(**settings), seed=seed)
 
 
-def make_runner(robot: Kinematics, *, tries_unholdable: bool = False) -> GoalRunner:
+def make_runner(robot: RobotModel, *, tries_unholdable: bool = False) -> GoalRunner:
     one = np.ones(len(robot.joints))
     limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
     settling = Settling(position=1e-3, velocity=1e-2, steps=3, timeout=0.5)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Outcome, Settling
 from stepbus_motion.manipulator.manipulator import Manipulator, ManipulatorOptions
 from stepbus_motion.paths.motion import MotionLimits
@@ -34,16 +34,22 @@ STANDING = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
 Answer = Callable[[PlanRequest], Plan | None]
 
 
-def make_robot(path: Path = UR5) -> Kinematics:
-    return Kinematics(path, JOINTS)
+def make_robot(path: Path = UR5) -> RobotModel:
+    return RobotModel(path, JOINTS)
 
 
-def make_limits(robot: Kinematics) -> MotionLimits:
+def with_effort(robot: RobotModel, limit: Any) -> RobotModel:
+    """Return the robot with other motors; limit: shape (n,) [N·m]."""
+    robot.effort_limit = np.array(limit, dtype=np.float64)
+    return robot
+
+
+def make_limits(robot: RobotModel) -> MotionLimits:
     one = np.ones(len(robot.joints))
     return MotionLimits(velocity=0.8 * robot.velocity_limit, acceleration=4 * one, jerk=40 * one)
 
 
-def make_arm(robot: Kinematics, **options: Any) -> Manipulator:
+def make_arm(robot: RobotModel, **options: Any) -> Manipulator:
     settling = Settling(position=1e-3, velocity=1e-2, steps=5, timeout=0.5)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
     arm = Manipulator(robot, make_limits(robot), settling, given, seed=0)

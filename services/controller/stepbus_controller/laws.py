@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics import Vector
 from stepbus_participant.plugins import construct, read_class
 from stepbus_participant.settings import Settings
 
@@ -90,11 +90,11 @@ class PDGravity:
 
     def __init__(self, robot: Robot, settings: Settings) -> None:
         self._pd = PD(robot, settings)
-        self._dynamics = robot.needed_dynamics()
+        self._model = robot.require_model()
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
         """See `Law`."""
-        return self._dynamics.gravity(q) + self._pd.torque(q, v, reference, dt)
+        return self._model.gravity_torque(q) + self._pd.torque(q, v, reference, dt)
 
 
 class ComputedTorque:
@@ -106,12 +106,12 @@ class ComputedTorque:
 
     def __init__(self, robot: Robot, settings: Settings) -> None:
         self._pd = PD(robot, settings)
-        self._dynamics = robot.needed_dynamics()
+        self._model = robot.require_model()
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
         """See `Law`."""
         acceleration = reference.acceleration + self._pd.torque(q, v, reference, dt)
-        return self._dynamics.inverse(q, v, acceleration)
+        return self._model.inverse_dynamics(q, v, acceleration)
 
 
 def read_gain(settings: Settings, param: str, robot: Robot) -> Vector:

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.joint_order import JointOrder
-from stepbus_kinematics.smoothing import Smoother, delay_sentence, read_smoother
+from stepbus_kinematics import JointOrder, Smoother, Vector, delay_warning, read_smoother
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
 from stepbus_participant.settings import Settings
@@ -161,7 +159,7 @@ class ControllerParticipant(Participant):
         self, error: list[float], wanted: list[float], values: list[float]
     ) -> ControllerStatus:
         """Return the status; a warning marks the step at which a joint begins to saturate."""
-        warnings = [] if self._told_delay else delay_sentence(self._smoother)
+        warnings = [] if self._told_delay else delay_warning(self._smoother)
         self._told_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
         if saturated != self._saturated:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.joint_order import JointOrder
+from stepbus_kinematics import JointOrder, Vector
 from stepbus_participant import main
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import STANDARD_GRAVITY, Dynamics, Vector
+from stepbus_kinematics import STANDARD_GRAVITY, RobotModel, Vector
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
@@ -16,21 +16,18 @@ from stepbus_schemas import WiringError
 class Robot:
     """The joints under control, in the order of every vector.
 
-    effort_limit: largest torques, shape (n,) [N·m]. dynamics: None where no model was given.
+    effort_limit: largest torques, shape (n,) [N·m]. model: None where the scenario names no URDF.
     """
 
     joints: tuple[str, ...]
     effort_limit: Vector
-    dynamics: Dynamics | None = None
+    model: RobotModel | None = None
 
-    def needed_dynamics(self) -> Dynamics:
-        """Return the dynamics.
-
-        Raises WiringError where no model was given.
-        """
-        if self.dynamics is None:
+    def require_model(self) -> RobotModel:
+        """Return the model; raises WiringError where the scenario names no URDF."""
+        if self.model is None:
             raise WiringError("this law needs 'model', the robot's URDF")
-        return self.dynamics
+        return self.model
 
 
 def read_robot(settings: Settings) -> Robot | None:
@@ -42,25 +39,25 @@ def read_robot(settings: Settings) -> Robot | None:
     gravity = settings.value("gravity", STANDARD_GRAVITY)
     gravity = settings.as_vector("gravity", gravity, ("x", "y", "z"))
     if settings.has("model"):
-        dynamics = _read_dynamics(settings, joints, gravity)
-        if dynamics is None:
+        model = _read_model(settings, joints, gravity)
+        if model is None:
             return None
-        limit = _read_limit(settings, dynamics.joints, dynamics.effort_limit.tolist())
-        return Robot(joints=dynamics.joints, effort_limit=limit, dynamics=dynamics)
+        limit = _read_limit(settings, model.joints, model.effort_limit.tolist())
+        return Robot(joints=model.joints, effort_limit=limit, model=model)
     if joints is None:
         settings.note("model", "is missing; give a URDF, or 'joints' for a law that needs no model")
         return None
     return Robot(joints=joints, effort_limit=_read_limit(settings, joints, None))
 
 
-def _read_dynamics(
+def _read_model(
     settings: Settings, joints: tuple[str, ...] | None, gravity: Sequence[float]
-) -> Dynamics | None:
+) -> RobotModel | None:
     path = settings.file("model")
     if path is None or joints == ():
         return None
     try:
-        return Dynamics(path, joints, gravity)
+        return RobotModel(path, joints, gravity=gravity)
     except WiringError as exc:
         for problem in str(exc).splitlines():
             settings.note("model", problem)

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics import Vector
 from stepbus_participant.settings import Settings
 
 SOURCES = ("measured", "finite_difference", "filtered")

@@ -1,4 +1,4 @@
-"""Bring the vectors of a port into the controller's own joint order."""
+"""Bring the vectors of a port into a joint order of your own."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from stepbus_participant.settings import nearest
 from stepbus_schemas import RunError, WiringError
 
-from .dynamics import Vector
+from .model import Vector
 
 
 class JointOrder:
-    """Where the controller's joints stand in the vectors of one port.
+    """Picks joints by name from the vectors of one port.
 
-    port: its name, for messages. given: the port's names. wanted: the controller's.
-    Raises WiringError when a joint is missing or stands there twice.
+    port: its name, for messages. given: the port's joints, in its order. wanted: yours, in yours.
+    Raises WiringError that lists the joints that are missing or there more than once.
     """
 
     def __init__(self, port: str, given: Sequence[str], wanted: Sequence[str]) -> None:
@@ -37,9 +37,9 @@ class JointOrder:
         self._index = [given.index(name) for name in wanted]
 
     def pick(self, values: Sequence[float] | None, quantity: str) -> Vector:
-        """Return one quantity of a message, shape (n,), in the controller's order.
+        """Return one quantity of a message, shape (n,), in your order.
 
-        Raises RunError when the message lacks it or it is of the wrong length.
+        Raises RunError for a message without it, or with another number of values.
         """
         if values is None:
             raise RunError(f"input {self._port!r} carries no {quantity}")

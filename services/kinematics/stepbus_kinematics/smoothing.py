@@ -1,4 +1,4 @@
-"""Smoothing of noisy measurements, each kind with the delay that it costs."""
+"""Filters for noisy measurements, each with the delay that it costs."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 
 from stepbus_participant.settings import Settings
 
-from .dynamics import Vector
+from .model import Vector
 
-KINDS = ("none", "low_pass", "savitzky_golay")
+FILTERS = ("none", "low_pass", "savitzky_golay")
 
 
 class Smoother(Protocol):
-    """What turns a series of measurements into a smoother one.
+    """A filter that turns a series of measurements into a smoother one.
 
-    delay: by which a slow signal comes later [s].
+    delay: of a slow signal [s].
     """
 
     delay: float
 
     def update(self, values: Vector) -> Vector:
-        """Return the smoothed values, shape (n,); values: the newest measurement, shape (n,)."""
+        """Return the smoothed values; values: the newest measurement. Both of shape (n,)."""
         ...
 
 
@@ -70,22 +70,22 @@ class SavitzkyGolay:
         return self._weights @ np.array(self._samples)
 
 
-def delay_sentence(smoother: Smoother | None) -> list[str]:
-    """Return the sentence that tells of the delay, if there is smoothing at all."""
+def delay_warning(smoother: Smoother | None) -> list[str]:
+    """Return the warning that reports the delay; none without smoothing."""
     if smoother is None:
         return []
     return [f"smoothing delays the measurements by {smoother.delay * 1e3:.1f} ms"]
 
 
 def read_smoother(settings: Settings, period: float) -> Smoother | None:
-    """Return what `smoothing`, `time_constant` and `window` ask for; None: no smoothing.
+    """Return the filter that `smoothing`, `time_constant` and `window` describe; None: none.
 
     period: between two measurements [s].
     """
-    kind = settings.choice("smoothing", KINDS, default="none")
-    if kind == "low_pass":
+    name = settings.choice("smoothing", FILTERS, default="none")
+    if name == "low_pass":
         return _read_low_pass(settings, period)
-    if kind == "savitzky_golay":
+    if name == "savitzky_golay":
         return _read_savitzky_golay(settings, period)
     return None
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
 
 from .obstacles import World
 from .planning import Task
-from .robot import PlannedRobot, Vector
+from .robot import PlannedRobot
 from .scene import Checker, Scene, Surroundings
 from .timing import dense
 
@@ -64,7 +65,9 @@ class WayWatch:
         self._way = np.array(way.plan.position)
         self._looked_at: Mapping[str, Any] = {}
         self._tip_at = world.place_of(task.tip)
-        self._tips: Vector = np.array([robot.place(q, task.tip).translation for q in self._way])
+        self._tips: Vector = np.array(
+            [robot.frame_pose(q, task.tip).translation for q in self._way]
+        )
         self._start_of_held = world.placements(poses).get(request.held)
         self._at = 0
         self.is_over = False
@@ -113,8 +116,8 @@ class WayWatch:
         if hit is None:
             return ""
         which = next((n for n in moved if not self._checker([n], poses).is_free(hit)), "")
-        place = self._robot.place(hit, self._task.tip).translation
-        here = self._robot.place(ahead[0], self._task.tip).translation
+        place = self._robot.frame_pose(hit, self._task.tip).translation
+        here = self._robot.frame_pose(ahead[0], self._task.tip).translation
         return (
             f"{which} has come into the way, {np.linalg.norm(place - here):.2f} m ahead of "
             f"{self._task.tip}"

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
 
 from .obstacles import World
-from .robot import PlannedRobot, Vector
+from .robot import PlannedRobot
 from .scene import Checker, Margins, Scene, Surroundings
 from .search import Search, find_way
 from .timing import Limits, Timed, dense, timed

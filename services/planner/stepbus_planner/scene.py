@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from stepbus_kinematics import Vector, radius_from
+
 from .obstacles import Link
-from .robot import PlannedRobot, Vector, radius_from
+from .robot import PlannedRobot
 
 _CLOSER = 0.5
 """Share of a gap at the start or the goal that is left where the gap is below the margin."""
@@ -93,7 +95,7 @@ class Scene:
             return []
         robot = self._robot
         frame = robot.model.frames[robot.frame_id(around.tip)]
-        in_tip = robot.place(start, around.tip).inverse() * around.placements[around.held]
+        in_tip = robot.frame_pose(start, around.tip).inverse() * around.placements[around.held]
         return self._add(around.links[around.held], frame.parentJoint, frame.placement * in_tip)
 
     def _add_world(self, around: Surroundings, held: Iterable[int]) -> list[int]:

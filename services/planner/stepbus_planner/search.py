@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_kinematics import Vector
+
 from .libraries import need
-from .robot import Vector
 
 MODULES = ("ompl.base", "ompl.geometric", "ompl.util")
 """What it is made of."""

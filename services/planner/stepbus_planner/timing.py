@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_kinematics import Vector
+
 from .libraries import need
-from .robot import Vector
 
 MODULES = ("toppra", "toppra.constraint", "toppra.algorithm")
 """What it is made of; importing it takes a second."""

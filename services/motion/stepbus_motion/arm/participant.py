@@ -7,9 +7,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.joint_order import JointOrder
-from stepbus_kinematics.smoothing import delay_sentence
+from stepbus_kinematics import JointOrder, Vector, delay_warning
 from stepbus_motion.goals.runner import GoalRunner
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
 from stepbus_motion.manipulator.detours import Planner
@@ -61,7 +59,7 @@ class ArmController(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the commands, and what smoothing costs."""
-        names = list(self._arm.kinematics.joints)
+        names = list(self._arm.robot.joints)
         described = {self._command_port: Description(names=names)}
         if self._status_port is not None:
             described[self._status_port] = Description(names=names)
@@ -82,13 +80,13 @@ class ArmController(Participant):
         """
         arm, described = self._arm, inputs[self._state_port]
         try:
-            self._order = JointOrder(self._state_port, described.names, arm.kinematics.joints)
+            self._order = JointOrder(self._state_port, described.names, arm.robot.joints)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
         effort = described.limits.get("effort")
         if effort is not None:
-            arm.kinematics.effort_limit = self._order.pick(effort, "effort limits")
+            arm.robot.effort_limit = self._order.pick(effort, "effort limits")
         self._runner = make_runner(arm, self.config.seed)
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -125,7 +123,7 @@ class ArmController(Participant):
 
     def _command(self, t: float) -> JointCommand:
         """Return where the joints shall be, and how fast they get to where they shall be next."""
-        robot = self._arm.kinematics
+        robot = self._arm.robot
         # A motion that ends at a stop may be beyond it by the rounding of its polynomials.
         now, then = (
             np.clip(self._runner.at(at).position, robot.lower, robot.upper)
@@ -140,7 +138,7 @@ class ArmController(Participant):
         extras: dict[str, Message] = {}
         if self._status_port is not None:
             error: list[float] = (self._runner.at(step.t).position - self._q).tolist()
-            warnings = delay_sentence(self._arm.smoother) if step.index == 0 else []
+            warnings = delay_warning(self._arm.smoother) if step.index == 0 else []
             extras[self._status_port] = ControllerStatus(
                 error=error, saturated=[False] * len(error), warnings=warnings
             )
@@ -157,7 +155,7 @@ class ArmController(Participant):
 
 def make_runner(arm: ArmSettings, seed: int) -> GoalRunner:
     """Return what carries out goals; seed: of all that is drawn at random."""
-    robot, collisions = arm.kinematics, arm.collisions
+    robot, collisions = arm.robot, arm.collisions
     limits = MotionLimits(
         velocity=np.array(arm.velocity),
         acceleration=np.array(arm.acceleration),

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepbus_kinematics.kinematics import Kinematics
-from stepbus_kinematics.self_collisions import Collisions
-from stepbus_kinematics.smoothing import Smoother, read_smoother
+from stepbus_kinematics import RobotModel, SelfCollisions, Smoother, read_smoother
 from stepbus_motion.goals.outcome import Settling
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
@@ -19,8 +17,8 @@ class ArmSettings:
     velocity, acceleration, jerk: limits of the motion, shape (n,) [rad/s, rad/s², rad/s³].
     """
 
-    kinematics: Kinematics
-    collisions: Collisions | None
+    robot: RobotModel
+    collisions: SelfCollisions | None
     velocity: list[float]
     acceleration: list[float]
     jerk: list[float]
@@ -40,19 +38,19 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     the motors cannot hold. smoothing: see `read_smoother`.
     Raises WiringError with all that is wrong.
     """
-    kinematics = read_kinematics(settings)
-    collisions = _read_collisions(settings, kinematics)
-    velocity = read_velocity_limit(settings, kinematics)
-    acceleration = read_joint_limit(settings, kinematics, "acceleration_limit", 4.0)
-    jerk = read_joint_limit(settings, kinematics, "jerk_limit", 40.0)
+    robot = read_robot(settings)
+    collisions = _read_collisions(settings, robot)
+    velocity = read_velocity_limit(settings, robot)
+    acceleration = read_joint_limit(settings, robot, "acceleration_limit", 4.0)
+    jerk = read_joint_limit(settings, robot, "jerk_limit", 40.0)
     settling = read_settling(settings)
     tries = settings.choice("not_holdable", ("refuse", "try"), default="refuse") == "try"
     smoother = read_smoother(settings, period)
     settings.check()
-    if kinematics is None:
+    if robot is None:
         settings.refuse()
     return ArmSettings(
-        kinematics=kinematics,
+        robot=robot,
         collisions=collisions,
         velocity=velocity,
         acceleration=acceleration,
@@ -63,23 +61,23 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     )
 
 
-def read_velocity_limit(settings: Settings, kinematics: Kinematics | None) -> list[float]:
+def read_velocity_limit(settings: Settings, robot: RobotModel | None) -> list[float]:
     """Return what `velocity_limit` says, or else 80 % of the URDF's limits, shape (n,) [rad/s]."""
-    urdf = [0.8 * limit for limit in kinematics.velocity_limit] if kinematics is not None else []
+    urdf = [0.8 * limit for limit in robot.velocity_limit] if robot is not None else []
     settings.value("velocity_limit", urdf)
-    if kinematics is None or not settings.has("velocity_limit"):
+    if robot is None or not settings.has("velocity_limit"):
         return urdf
-    return settings.per_name("velocity_limit", kinematics.joints, bound="positive")
+    return settings.per_name("velocity_limit", robot.joints, bound="positive")
 
 
 def read_joint_limit(
-    settings: Settings, kinematics: Kinematics | None, param: str, default: float
+    settings: Settings, robot: RobotModel | None, param: str, default: float
 ) -> list[float]:
     """Return a limit of each joint, shape (n,); empty for a robot that cannot be read."""
-    if kinematics is None:
+    if robot is None:
         settings.value(param, default)
         return []
-    return settings.per_name(param, kinematics.joints, default, bound="positive")
+    return settings.per_name(param, robot.joints, default, bound="positive")
 
 
 def read_settling(settings: Settings) -> Settling:
@@ -95,29 +93,29 @@ def read_settling(settings: Settings) -> Settling:
     )
 
 
-def read_kinematics(settings: Settings) -> Kinematics | None:
+def read_robot(settings: Settings) -> RobotModel | None:
     """Return the robot of `model` and `joints`; None: the settings say what is wrong with it."""
     path, joints = settings.file("model"), settings.names("joints")
     if path is None or not joints:
         return None
     try:
-        return Kinematics(path, joints)
+        return RobotModel(path, joints, bounded=True)
     except WiringError as exc:
         for problem in str(exc).splitlines():
             settings.note("model", problem)
         return None
 
 
-def _read_collisions(settings: Settings, kinematics: Kinematics | None) -> Collisions | None:
+def _read_collisions(settings: Settings, robot: RobotModel | None) -> SelfCollisions | None:
     margin = settings.number("collision_margin", 0.01, bound="not negative")
     if not settings.has("srdf"):
         settings.value("srdf", "")
         return None
     path = settings.file("srdf")
-    if path is None or kinematics is None:
+    if path is None or robot is None:
         return None
     try:
-        return Collisions(kinematics, path, margin)
+        return SelfCollisions(robot, path, margin)
     except WiringError as exc:
         settings.note("srdf", str(exc))
         return None

@@ -7,8 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Literal
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.collisions.monitor import Collision, CollisionMonitor, Moves, Watch
 from stepbus_motion.gripper.gripper import Grip
@@ -59,14 +58,14 @@ class TravelRule:
     at most [m].
     """
 
-    kinematics: Kinematics
+    robot: RobotModel
     frame: str
     height: float
     reach: float
 
     def check(self, q: Vector) -> None:
         """Raise Refused where the hand is too high or too far out at q, shape (n,) [rad]."""
-        place = self.kinematics.place(q, self.frame).translation
+        place = self.robot.frame_pose(q, self.frame).translation
         if place[2] > self.height:
             raise Refused(
                 "too_high",

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics, Places
+from stepbus_kinematics import Indices, RobotModel, Vector
 from stepbus_motion.ik.search import InverseKinematics, Solution
 from stepbus_motion.manipulator.detours import Planner
 from stepbus_motion.paths.motion import JointMotion, MotionLimits, Route, stop_from
@@ -32,7 +31,7 @@ class _Task:
 
     id: int
     route: Route
-    moved: Places
+    moved: Indices
     began: float
     settled: int = 0
     told: bool = False
@@ -47,7 +46,7 @@ class GoalRunner:
 
     def __init__(
         self,
-        kinematics: Kinematics,
+        robot: RobotModel,
         ik: InverseKinematics,
         planner: Planner,
         limits: MotionLimits,
@@ -55,7 +54,7 @@ class GoalRunner:
         *,
         tries_unholdable: bool = False,
     ) -> None:
-        self._robot = kinematics
+        self._robot = robot
         self._ik = ik
         self._planner = planner
         self._limits = limits
@@ -151,7 +150,7 @@ class GoalRunner:
     def _solve_pose(self, goal: Goal, q: Vector) -> Solution:
         try:
             moves = bool(self._robot.chain(goal.tip).size)
-            base = self._robot.place(q, goal.frame)
+            base = self._robot.frame_pose(q, goal.frame)
         except RunError as exc:
             raise Refused("invalid", str(exc)) from exc
         if not moves:

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 
 from .outcome import Outcome, Settling
 
@@ -18,7 +17,7 @@ class SettleWatch:
     tip: frame whose distance from where it shall be is told.
     """
 
-    def __init__(self, robot: Kinematics, settling: Settling, tip: str) -> None:
+    def __init__(self, robot: RobotModel, settling: Settling, tip: str) -> None:
         self._robot = robot
         self._settling = settling
         self._tip = tip
@@ -48,7 +47,7 @@ class SettleWatch:
         robot = self._robot
         error = target - q
         worst = int(np.argmax(np.abs(error)))
-        wanted, got = (robot.place(joints, self._tip).translation for joints in (target, q))
+        wanted, got = (robot.frame_pose(joints, self._tip).translation for joints in (target, q))
         miss = float(np.linalg.norm(wanted - got)) * 1e3
         return (
             f"{robot.joints[worst]} is {math.degrees(error[worst]):.3f}° and {self._tip} "

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant.settings import nearest
 from stepbus_schemas import BaseState, Goal, RunError
 
@@ -29,7 +28,7 @@ def base_in_odometry(base: BaseState) -> Any:
     return pin.SE3(turn.matrix(), np.array([base.x, base.y, 0.0]))
 
 
-def frame_in_base(robot: Kinematics, q: Vector, base: BaseState, frame: str) -> Any:
+def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> Any:
     """Return the pose of a goal's frame in the robot's base, a `pinocchio.SE3`.
 
     q: shape (n,) [rad]. frame: a link, `odometry`, or empty for the base. Raises Refused for an
@@ -38,7 +37,7 @@ def frame_in_base(robot: Kinematics, q: Vector, base: BaseState, frame: str) -> 
     if frame == ODOMETRY:
         return base_in_odometry(base).inverse()
     try:
-        return robot.place(q, frame)
+        return robot.frame_pose(q, frame)
     except RunError as exc:
         raise Refused("invalid", str(exc)) from exc
 
@@ -61,7 +60,7 @@ def target_pose(goal: Goal) -> Any:
     return pin.SE3(turn.matrix(), np.array(goal.position))
 
 
-def target_joints(goal: Goal, robot: Kinematics, q: Vector) -> Vector:
+def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> Vector:
     """Return where kind `move_joints` wants the joints, shape (n,) [rad]; the others stay at q.
 
     Raises Refused for unknown joints and values beyond their limits.

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics, Overload, Places
+from stepbus_kinematics import Indices, Overload, RobotModel, Vector
 from stepbus_motion.goals.outcome import Refused
 from stepbus_schemas import RunError
 
@@ -40,10 +39,10 @@ class AnalyticChain:
     solves: whether the tip is moved by such joints and their geometry can be decomposed.
     """
 
-    def __init__(self, kinematics: Kinematics, tip: str) -> None:
-        self._robot = kinematics
-        self._chain = kinematics.chain(tip)
-        self._tip = kinematics.frame_id(tip)
+    def __init__(self, robot: RobotModel, tip: str) -> None:
+        self._robot = robot
+        self._chain = robot.chain(tip)
+        self._tip = robot.frame_id(tip)
         self._solver: Any = None
         if HPRobot is not None and self._is_six_revolute():
             self._set_up()
@@ -129,14 +128,14 @@ class BranchSolver:
     Where a chain has no analytic solution, damped least squares finds one way. seed: of the search.
     """
 
-    def __init__(self, kinematics: Kinematics, settings: BranchSettings, *, seed: int) -> None:
-        self._robot = kinematics
+    def __init__(self, robot: RobotModel, settings: BranchSettings, *, seed: int) -> None:
+        self._robot = robot
         self._settings = settings
-        self._weights = 1.0 / kinematics.velocity_limit
+        self._weights = 1.0 / robot.velocity_limit
         if settings.weights is not None:
             self._weights = settings.weights
         search = IkSettings(singular_below=settings.singular_below)
-        self._search = InverseKinematics(kinematics, search, seed=seed)
+        self._search = InverseKinematics(robot, search, seed=seed)
         self._chains: dict[str, AnalyticChain] = {}
 
     def chain(self, tip: str) -> AnalyticChain:
@@ -186,7 +185,7 @@ class BranchSolver:
         regular = bool((first <= last).all()) and self.smallest(tip, branch) >= self._least
         return regular and self.overload(tip, branch) is None
 
-    def _spans(self, branch: Vector) -> tuple[Places, Places]:
+    def _spans(self, branch: Vector) -> tuple[Indices, Indices]:
         """Return the first and the last full turn of each joint that its limits allow."""
         first = np.ceil((self._robot.lower - branch) / _TURN).astype(np.intp)
         last = np.floor((self._robot.upper - branch) / _TURN).astype(np.intp)
@@ -228,7 +227,7 @@ class BranchSolver:
         """Return the joint that cannot hold the arm at q with its share of the effort limit."""
         robot = self._robot
         places = robot.chain(tip)
-        required = np.abs(robot.dynamics.gravity(q))[places]
+        required = np.abs(robot.gravity_torque(q))[places]
         available = (robot.effort_limit * self._settings.effort_share)[places]
         worst = int(np.argmax(required - available))
         if required[worst] <= available[worst]:

@@ -10,9 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics, Overload, Places
-from stepbus_kinematics.self_collisions import Collisions, Pair
+from stepbus_kinematics import Indices, LinkPair, Overload, RobotModel, SelfCollisions, Vector
 
 Verdict = Literal["reached", "not_holdable", "in_collision", "singular", "unreachable"]
 _WORSE: tuple[Verdict, ...] = (
@@ -74,7 +72,7 @@ class Solution:
     orientation_error: float = 0.0
     smallest_singular_value: float = math.inf
     overload: Overload | None = None
-    pair: Pair | None = None
+    pair: LinkPair | None = None
     starts: int = 1
 
     def __str__(self) -> str:
@@ -109,13 +107,13 @@ class InverseKinematics:
 
     def __init__(
         self,
-        kinematics: Kinematics,
+        robot: RobotModel,
         settings: IkSettings,
         *,
         seed: int,
-        collisions: Collisions | None = None,
+        collisions: SelfCollisions | None = None,
     ) -> None:
-        self._robot = kinematics
+        self._robot = robot
         self._settings = settings
         self._collisions = collisions
         self._random = np.random.Generator(np.random.PCG64(seed))
@@ -171,7 +169,7 @@ class InverseKinematics:
         return q
 
     def _step(
-        self, q: Vector, jacobian: Vector, error: Vector, chain: Places, caution: float
+        self, q: Vector, jacobian: Vector, error: Vector, chain: Indices, caution: float
     ) -> Vector:
         """Return the next positions of the chain, shape (m,) [rad]; jacobian: shape (6, m)."""
         lower, upper = self._robot.lower[chain], self._robot.upper[chain]
@@ -196,7 +194,7 @@ class InverseKinematics:
             and np.linalg.norm(error[3:]) < settings.orientation_tolerance
         )
 
-    def judge(self, q: Vector, moved: Places) -> Solution:
+    def judge(self, q: Vector, moved: Indices) -> Solution:
         """Return whether joint positions of one's own choice, shape (n,) [rad], are any good.
 
         moved: places of the joints that shall hold it; the others are somebody else's business.
@@ -220,13 +218,13 @@ class InverseKinematics:
             starts=starts,
         )
 
-    def _judged(self, q: Vector, verdict: Verdict, moved: Places) -> Solution:
+    def _judged(self, q: Vector, verdict: Verdict, moved: Indices) -> Solution:
         """Return a solution; what has been reached is looked at for contact and strength."""
         overload, pair = None, None
         if verdict == "reached":
             if self._collisions is not None and self._collisions.any(q):
                 verdict, pair = "in_collision", self._collisions.pair(q)
-            elif (overload := self._robot.cannot_hold(q, moved)) is not None:
+            elif (overload := self._robot.overload(q, moved)) is not None:
                 verdict = "not_holdable"
         return Solution(verdict=verdict, q=q, overload=overload, pair=pair)
 

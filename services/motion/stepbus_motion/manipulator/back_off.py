@@ -6,8 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.goals.outcome import Refused
 
 _EVERY = 0.01
@@ -19,7 +18,7 @@ _MOST = 2000
 class WayBack:
     """Remembers commanded poses, the newest 2000; tip: frame whose way counts."""
 
-    def __init__(self, robot: Kinematics, tip: str) -> None:
+    def __init__(self, robot: RobotModel, tip: str) -> None:
         self._robot = robot
         self._tip = tip
         self._behind: deque[Vector] = deque(maxlen=_MOST)
@@ -51,5 +50,5 @@ class WayBack:
         return points, length
 
     def _place(self, q: Vector) -> Vector:
-        place: Vector = self._robot.place(q, self._tip).translation
+        place: Vector = self._robot.frame_pose(q, self._tip).translation
         return place

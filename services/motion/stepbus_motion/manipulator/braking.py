@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.paths.motion import JointMotion, Motion, MotionLimits, stop_from
 from stepbus_motion.paths.trajectories import is_strong_enough
 
@@ -13,7 +13,7 @@ _SHARES = (1.0, 0.5, 0.25)
 
 
 def hard_stop(
-    now: JointMotion, robot: Kinematics, usual: MotionLimits, acceleration: float, jerk: float
+    now: JointMotion, robot: RobotModel, usual: MotionLimits, acceleration: float, jerk: float
 ) -> Motion:
     """Return the shortest of some ways to stop that the motors are strong enough for.
 

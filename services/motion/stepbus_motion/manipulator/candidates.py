@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.goals.targets import frame_in_base, target_joints, target_pose
 from stepbus_motion.ik.analytic import BranchSolver
@@ -27,7 +26,7 @@ class Leg:
 class LegFinder:
     """Turns goals of kinds move_joints, move_to_pose and spiral into legs, the nearest first."""
 
-    def __init__(self, robot: Kinematics, solver: BranchSolver, spirals: SpiralMaker) -> None:
+    def __init__(self, robot: RobotModel, solver: BranchSolver, spirals: SpiralMaker) -> None:
         self._robot = robot
         self._solver = solver
         self._spirals = spirals
@@ -49,7 +48,7 @@ class LegFinder:
 
     def _joints(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> Iterator[Leg]:
         target = target_joints(goal, self._robot, rest)
-        load = self._robot.cannot_hold(target)
+        load = self._robot.overload(target)
         if load is not None:
             raise Refused("not_holdable", f"not holdable: {load}")
         yield Leg(target=target)

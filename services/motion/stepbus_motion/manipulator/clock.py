@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics import Vector
 from stepbus_motion.paths.trajectories import Trajectory
 
 _FASTEST_RAMP = 10.0

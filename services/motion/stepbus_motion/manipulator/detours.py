@@ -7,9 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
-from stepbus_kinematics.self_collisions import Collisions
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_motion.paths.motion import JointMotion, Motion, MotionLimits, motion_to
 
 _SLOWER = (1.0, 1.5, 2.5)
@@ -31,14 +29,14 @@ class Planner:
 
     def __init__(
         self,
-        kinematics: Kinematics,
+        robot: RobotModel,
         limits: MotionLimits,
         *,
         seed: int,
-        collisions: Collisions | None = None,
+        collisions: SelfCollisions | None = None,
         detours: int = 60,
     ) -> None:
-        self._robot = kinematics
+        self._robot = robot
         self._limits = limits
         self._collisions = collisions
         self._detours = detours
@@ -74,7 +72,7 @@ class Planner:
         """
         if not holds:
             return np.full(len(start.position), math.inf)
-        there = np.abs(self._robot.dynamics.gravity(start.position))
+        there = np.abs(self._robot.gravity_torque(start.position))
         return np.maximum(self._robot.effort_limit, 1.02 * there)
 
     def _ways(self, start: Vector, goal: Vector) -> Iterator[list[Vector]]:
@@ -96,7 +94,7 @@ class Planner:
         """Return a motion that works, slower where the motors want it; None: there is none."""
         motion = motion_to(start, goal, self._limits, least_duration)
         poses = _sampled(motion)
-        static = [self._robot.dynamics.gravity(pose.position) for pose in poses]
+        static = [self._robot.gravity_torque(pose.position) for pose in poses]
         if any((np.abs(torque) > allowed).any() for torque in static):
             return None
         if any(self._touches(pose.position) for pose in poses):
@@ -109,7 +107,7 @@ class Planner:
 
     def _is_strong_enough(self, motion: Motion, allowed: Vector) -> bool:
         for pose in _sampled(motion):
-            torque = self._robot.dynamics.inverse(pose.position, pose.velocity, pose.acceleration)
+            torque = self._robot.inverse_dynamics(pose.position, pose.velocity, pose.acceleration)
             if (np.abs(torque) > allowed).any():
                 return False
         return True

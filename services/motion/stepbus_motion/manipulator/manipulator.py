@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.goals.outcome import Outcome, Refused, Settling
 from stepbus_motion.goals.settling import SettleWatch
 from stepbus_motion.goals.targets import frame_in_base, target_pose
@@ -108,29 +107,29 @@ class Manipulator:
 
     def __init__(
         self,
-        kinematics: Kinematics,
+        robot: RobotModel,
         limits: MotionLimits,
         settling: Settling,
         options: ManipulatorOptions,
         *,
         seed: int,
     ) -> None:
-        self._robot = kinematics
+        self._robot = robot
         self._limits = limits
         self._settling = settling
         self._options = options
         branches = BranchSettings(
             singular_below=options.singular_below, effort_share=options.effort_share
         )
-        self._solver = BranchSolver(kinematics, branches, seed=seed)
+        self._solver = BranchSolver(robot, branches, seed=seed)
         spirals = SpiralSettings(
             raise_by=options.raise_by,
             most_raises=options.most_raises,
             singular_below=options.singular_below,
             turn_radius=options.turn_radius,
         )
-        maker = SpiralMaker(kinematics, self._solver, spirals)
-        self._legs = LegFinder(kinematics, self._solver, maker)
+        maker = SpiralMaker(robot, self._solver, spirals)
+        self._legs = LegFinder(robot, self._solver, maker)
         self._clock = MotionClock(limits.acceleration)
         self._t = 0.0
         self._trajectory: Trajectory | None = None
@@ -145,7 +144,7 @@ class Manipulator:
         self._route: _Search | None = None
         self._route_ends = 0.0
         self._blocked = ""
-        self._behind = WayBack(kinematics, options.tip)
+        self._behind = WayBack(robot, options.tip)
 
     @property
     def is_busy(self) -> bool:
@@ -331,7 +330,7 @@ class Manipulator:
         options, robot = self._options, self._robot
         self._solver.chain(goal.tip)
         target = frame_in_base(robot, q, base, goal.frame) * target_pose(goal)
-        start = robot.place(rest, goal.tip)
+        start = robot.frame_pose(rest, goal.tip)
         if not start.isApprox(target):
             # An end that cannot be reached at all is refused with the numbers of how far it is,
             # before a way of very many poses is laid out to it.

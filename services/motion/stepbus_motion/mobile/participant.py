@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from stepbus_kinematics.joint_order import JointOrder
+from stepbus_kinematics import JointOrder
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.collisions.monitor import CollisionMonitor
 from stepbus_motion.goals.executor import Dispatcher, Sensed
@@ -61,7 +61,7 @@ class MobileController(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
-        names = list(self._settings.kinematics.joints)
+        names = list(self._settings.robot.joints)
         ports = (self._ports.arm, self._ports.plan_request, self._ports.status)
         return {port: Description(names=names) for port in ports if port is not None}
 
@@ -71,7 +71,7 @@ class MobileController(Participant):
         Raises WiringError for joints that the plant does not sense.
         """
         settings, described = self._settings, inputs[self._ports.joint_state]
-        joints = settings.kinematics.joints
+        joints = settings.robot.joints
         try:
             self._order = JointOrder(self._ports.joint_state, described.names, joints)
         except WiringError as exc:
@@ -79,12 +79,12 @@ class MobileController(Participant):
             raise WiringError("\n".join(lines)) from exc
         effort = described.limits.get("effort")
         if effort is not None:
-            settings.kinematics.effort_limit = self._order.pick(effort, "effort limits")
+            settings.robot.effort_limit = self._order.pick(effort, "effort limits")
         self._start_parts(settings)
 
     def _start_parts(self, settings: MobileSettings) -> None:
         self._arm = Manipulator(
-            settings.kinematics,
+            settings.robot,
             settings.limits,
             settings.settling,
             settings.arm,

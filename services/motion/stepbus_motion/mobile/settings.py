@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel
 from stepbus_motion.arm.settings import (
     read_joint_limit,
-    read_kinematics,
+    read_robot,
     read_settling,
     read_velocity_limit,
 )
@@ -54,7 +54,7 @@ class MobileSettings:
     """
 
     ports: MobilePorts
-    kinematics: Kinematics
+    robot: RobotModel
     limits: MotionLimits
     settling: Settling
     arm: ManipulatorOptions
@@ -82,24 +82,24 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     """
     settings = Settings(config)
     ports = _read_ports(settings, config)
-    kinematics = read_kinematics(settings)
-    limits = _read_limits(settings, kinematics)
+    robot = read_robot(settings)
+    limits = _read_limits(settings, robot)
     settling = read_settling(settings)
     arm = _read_arm(settings, config, uses_planner=ports.plan is not None)
     base = _read_base(settings)
     hand = _read_hand(settings)
     height = settings.number("safe_height", 1.0, bound="positive")
     reach = settings.number("safe_reach", 0.9, bound="positive")
-    monitor = _read_monitor(settings, kinematics)
+    monitor = _read_monitor(settings, robot)
     evasion = _read_evasion(settings)
-    _check_frame(settings, "tip", arm.tip, kinematics)
+    _check_frame(settings, "tip", arm.tip, robot)
     settings.check()
-    if kinematics is None:
+    if robot is None:
         settings.refuse()
-    travel = TravelRule(kinematics=kinematics, frame=arm.tip, height=height, reach=reach)
+    travel = TravelRule(robot=robot, frame=arm.tip, height=height, reach=reach)
     return MobileSettings(
         ports=ports,
-        kinematics=kinematics,
+        robot=robot,
         limits=limits,
         settling=settling,
         arm=arm,
@@ -144,11 +144,11 @@ def _optional_input_of(settings: Settings, config: Config, kind: str) -> str | N
     return None
 
 
-def _read_limits(settings: Settings, kinematics: Kinematics | None) -> MotionLimits:
-    acceleration = read_joint_limit(settings, kinematics, "acceleration_limit", 2.0)
-    jerk = read_joint_limit(settings, kinematics, "jerk_limit", 20.0)
+def _read_limits(settings: Settings, robot: RobotModel | None) -> MotionLimits:
+    acceleration = read_joint_limit(settings, robot, "acceleration_limit", 2.0)
+    jerk = read_joint_limit(settings, robot, "jerk_limit", 20.0)
     return MotionLimits(
-        velocity=np.array(read_velocity_limit(settings, kinematics)),
+        velocity=np.array(read_velocity_limit(settings, robot)),
         acceleration=np.array(acceleration),
         jerk=np.array(jerk),
     )
@@ -187,8 +187,8 @@ def _read_hand(settings: Settings) -> GripSettings:
     )
 
 
-def _read_monitor(settings: Settings, kinematics: Kinematics | None) -> MonitorSettings:
-    links = _links(kinematics)
+def _read_monitor(settings: Settings, robot: RobotModel | None) -> MonitorSettings:
+    links = _links(robot)
     wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
     ours = _names(settings, "robot_links", links)
     pads = _names(settings, "pads", ("left_pad", "right_pad"))
@@ -198,14 +198,14 @@ def _read_monitor(settings: Settings, kinematics: Kinematics | None) -> MonitorS
         pads = ("", "")
     for param, names in (("robot_links", ours), ("pads", pads), ("ignore", ignore)):
         for name in names:
-            if kinematics is not None and name and name not in links:
+            if robot is not None and name and name not in links:
                 settings.note(param, f"link {name!r} is not in the model; {nearest(name, links)}")
     slowest = settings.number("slowest", 0.2, bound="positive")
     if slowest > 1.0:
         settings.note("slowest", f"is {slowest:g}, a share of the full speed is at most 1")
     return MonitorSettings(
         links=frozenset(ours),
-        base_links=frozenset(_base_links(kinematics)),
+        base_links=frozenset(_base_links(robot)),
         pads=(pads[0], pads[1]),
         ignore=frozenset(ignore),
         force=settings.number("collision_force", 0.5, bound="positive"),
@@ -233,31 +233,31 @@ def _names(settings: Settings, param: str, default: tuple[str, ...]) -> tuple[st
     return default
 
 
-def _links(kinematics: Kinematics | None) -> tuple[str, ...]:
+def _links(robot: RobotModel | None) -> tuple[str, ...]:
     """Return the names of all links of a robot, in the order of its model."""
-    if kinematics is None:
+    if robot is None:
         return ()
-    frames = kinematics.model.frames
+    frames = robot.model.frames
     return tuple(frame.name for frame in frames if frame.type == pin.FrameType.BODY)
 
 
-def _base_links(kinematics: Kinematics | None) -> tuple[str, ...]:
+def _base_links(robot: RobotModel | None) -> tuple[str, ...]:
     """Return the names of those links that no joint of the arm moves."""
-    if kinematics is None:
+    if robot is None:
         return ()
-    return tuple(name for name in _links(kinematics) if not kinematics.chain(name).size)
+    return tuple(name for name in _links(robot) if not robot.chain(name).size)
 
 
-def _check_frame(settings: Settings, param: str, frame: str, kinematics: Kinematics | None) -> None:
-    if kinematics is None:
+def _check_frame(settings: Settings, param: str, frame: str, robot: RobotModel | None) -> None:
+    if robot is None:
         return
     try:
-        kinematics.frame_id(frame)
+        robot.frame_id(frame)
     except RunError as exc:
         settings.note(param, str(exc))
         return
-    still = np.zeros(len(kinematics.joints))
-    if not math.isfinite(float(kinematics.place(still, frame).translation[2])):
+    still = np.zeros(len(robot.joints))
+    if not math.isfinite(float(robot.frame_pose(still, frame).translation[2])):
         settings.note(param, f"{frame!r} has no place in the model")
-    elif not kinematics.chain(frame).size:
+    elif not robot.chain(frame).size:
         settings.note(param, f"no joint of this controller moves {frame!r}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import ruckig
 
-from stepbus_kinematics.dynamics import Vector
+from stepbus_kinematics import Vector
 from stepbus_schemas import RunError
 
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.goals.targets import FARTHEST
 from stepbus_motion.ik.analytic import BranchSolver
@@ -54,7 +53,7 @@ class SpiralWay:
 class SpiralMaker:
     """Finds joints along spirals, for each way to stand at the first point."""
 
-    def __init__(self, robot: Kinematics, solver: BranchSolver, settings: SpiralSettings) -> None:
+    def __init__(self, robot: RobotModel, solver: BranchSolver, settings: SpiralSettings) -> None:
         self._robot = robot
         self._solver = solver
         self._settings = settings
@@ -95,7 +94,7 @@ class SpiralMaker:
             text = f"turns {wanted.turns:g}, at most {_MOST_TURNS}; lengths up to {FARTHEST:g} m"
             raise Refused("invalid", f"the spiral is too large: {text}")
         centre = frame.act(np.array(wanted.centre))
-        beside = self._robot.place(q, goal.tip).translation - centre
+        beside = self._robot.frame_pose(q, goal.tip).translation - centre
         # From the side where the tip is; right above the centre any side is as good.
         near = math.hypot(beside[0], beside[1]) < 1e-3
         points = max(math.ceil(_POINTS_PER_TURN * abs(wanted.turns)), 2)

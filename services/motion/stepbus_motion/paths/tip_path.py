@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.goals.outcome import Refused
 
 from .trajectories import JointPath
@@ -138,7 +137,7 @@ class SpiralCurve:
 
 
 def follow(
-    robot: Kinematics, tip: str, way: Sequence[TipPose], start: Vector, singular_below: float
+    robot: RobotModel, tip: str, way: Sequence[TipPose], start: Vector, singular_below: float
 ) -> JointPath:
     """Return the joints along a way of the tip, staying on the branch of their start.
 
@@ -165,7 +164,7 @@ def follow(
 
 
 class _Tracer:
-    def __init__(self, robot: Kinematics, tip: str, singular_below: float) -> None:
+    def __init__(self, robot: RobotModel, tip: str, singular_below: float) -> None:
         self._robot = robot
         self._chain = robot.chain(tip)
         self._number = robot.frame_id(tip)

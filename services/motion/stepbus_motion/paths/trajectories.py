@@ -10,8 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stepbus_kinematics.dynamics import Vector
-from stepbus_kinematics.kinematics import Kinematics
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_motion.goals.outcome import Refused
 from stepbus_schemas import Plan
 
@@ -179,7 +178,7 @@ def joint_path(points: Sequence[Vector]) -> JointPath:
 
 def fitted(
     trajectory: Trajectory,
-    robot: Kinematics,
+    robot: RobotModel,
     limits: MotionLimits,
     *,
     effort_share: float = 1.0,
@@ -204,7 +203,7 @@ def fitted(
     return Stretched(trajectory, factor) if factor > 1.0 else trajectory
 
 
-def is_strong_enough(trajectory: Trajectory, robot: Kinematics) -> bool:
+def is_strong_enough(trajectory: Trajectory, robot: RobotModel) -> bool:
     """Return whether the motors have the torque for a motion."""
     try:
         return _torque_factor(_sampled(trajectory), robot, 1.0) <= 1.0
@@ -212,19 +211,19 @@ def is_strong_enough(trajectory: Trajectory, robot: Kinematics) -> bool:
         return False
 
 
-def _torque_factor(states: Sequence[JointMotion], robot: Kinematics, share: float) -> float:
+def _torque_factor(states: Sequence[JointMotion], robot: RobotModel, share: float) -> float:
     """Return in how many times the time the motors are strong enough."""
     limit = robot.effort_limit * share
     # An arm that hangs in its motors' limits has to be allowed to leave.
-    limit = np.maximum(limit, 1.02 * np.abs(robot.dynamics.gravity(states[0].position)))
+    limit = np.maximum(limit, 1.02 * np.abs(robot.gravity_torque(states[0].position)))
     factor = 1.0
     for state in states:
-        static = robot.dynamics.gravity(state.position)
+        static = robot.gravity_torque(state.position)
         if (np.abs(static) > limit).any():
             worst = int(np.argmax(np.abs(static) - limit))
             text = f"{robot.joints[worst]} needs {abs(static[worst]):.1f} N·m on the way"
             raise Refused("not_holdable", f"not holdable: {text} and has {limit[worst]:.1f} N·m")
-        whole = robot.dynamics.inverse(state.position, state.velocity, state.acceleration)
+        whole = robot.inverse_dynamics(state.position, state.velocity, state.acceleration)
         moving = whole - static
         room = np.maximum(limit - np.sign(moving) * static, 1e-9)
         factor = max(factor, math.sqrt(float((np.abs(moving) / room).max())))
@@ -238,7 +237,7 @@ def _sampled(trajectory: Trajectory) -> list[JointMotion]:
 
 
 def planned(
-    plan: Plan, start: Vector, goal: Vector, robot: Kinematics, *, tolerance: float = 1e-3
+    plan: Plan, start: Vector, goal: Vector, robot: RobotModel, *, tolerance: float = 1e-3
 ) -> Timed:
     """Return the motion of a plan, cubic between its samples.
 

@@ -1,4 +1,4 @@
-"""Write an SRDF: `python -m stepbus_planner.srdf robot.urdf joint …` prints it.
+"""Write an SRDF: `python -m stepbus_kinematics.srdf robot.urdf joint …` prints it.
 
 It names the pairs of links that never touch, or always do, wherever the named joints stand.
 """
@@ -15,7 +15,8 @@ import pinocchio as pin
 
 from stepbus_schemas import WiringError
 
-from .robot import PlannedRobot, drop_rigid_pairs
+from .geometry import collision_geometry, keep_moving_pairs
+from .model import RobotModel
 
 _SAMPLES = 10_000
 _ALWAYS = 0.95
@@ -28,10 +29,10 @@ def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str
     path: URDF or xacro. Neighbours are among the pairs. Raises WiringError for what is wrong
     with the file or the joints.
     """
-    robot = PlannedRobot(path, joints)
-    model, geometry = robot.model, robot.geometry
+    robot = RobotModel(path, joints, bounded=True)
+    model, geometry = robot.model, collision_geometry(robot)
     geometry.addAllCollisionPairs()
-    drop_rigid_pairs(geometry)
+    keep_moving_pairs(geometry)
     data, results = model.createData(), geometry.createData()
     random = np.random.Generator(np.random.PCG64(0))
     hits = np.zeros(len(geometry.collisionPairs))
@@ -53,7 +54,7 @@ def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str
 
 
 def _reason(model: Any, geometry: Any, pair: Any, share: float) -> str:
-    """Return why a pair need not be looked at, or nothing; share: of positions where it touches."""
+    """Return why a pair need not be checked, or nothing; share: of positions where it touches."""
     first, second = (geometry.geometryObjects[k].parentJoint for k in (pair.first, pair.second))
     if first == model.parents[second] or second == model.parents[first]:
         return "Adjacent"

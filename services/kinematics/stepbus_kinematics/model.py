@@ -1,0 +1,205 @@
+"""A robot's model: forward kinematics, Jacobians and torques of joints in an order you choose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from stepbus_participant.settings import nearest
+from stepbus_schemas import RunError, WiringError
+
+from .urdf import joint_problems, link_names, link_problems, load_urdf, movable_joints, posture_of
+
+Vector = NDArray[np.float64]
+
+Indices = NDArray[np.intp]
+"""Which of the joints, increasing."""
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overload:
+    """A joint that needs more torque than its motor has [N·m]."""
+
+    joint: str
+    required: float
+    available: float
+
+    def __str__(self) -> str:
+        return f"{self.joint} needs {self.required:.1f} N·m and has {self.available:.1f} N·m"
+
+
+class RobotModel:
+    """A robot with a fixed base of which some joints move, and all others stand still.
+
+    path: URDF or `.xacro`. joints: those that move, in the order of every vector of shape (n,);
+    None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those not named
+    are at neutral. gravity: in the base, shape (3,) [m/s²]. bounded: every joint needs position
+    limits. links: which the model must have.
+
+    lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m].
+    model, data: Pinocchio's, of the joints that move. full, stance: its model of all joints, and
+    their positions when those that move are at neutral.
+    Raises WiringError that lists all that is wrong with the file, the joints or the links.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        joints: Sequence[str] | None = None,
+        *,
+        posture: Mapping[str, float] | None = None,
+        gravity: Sequence[float] = STANDARD_GRAVITY,
+        bounded: bool = False,
+        links: Sequence[str] = (),
+    ) -> None:
+        self.path = path
+        self.text, self.full = load_urdf(path)
+        self.joints = movable_joints(self.full) if joints is None else tuple(joints)
+        self._check(posture or {}, links, bounded=bounded)
+        self.stance: Vector = posture_of(self.full, posture or {})
+        self.model: Any = self._reduced()
+        self.model.gravity.linear = np.array(gravity, dtype=np.float64)
+        self.data: Any = self.model.createData()
+        self._index_joints()
+
+    def _check(self, posture: Mapping[str, float], links: Sequence[str], *, bounded: bool) -> None:
+        file, others = self.path.name, tuple(posture)
+        problems = joint_problems(self.full, self.joints, file, bounded=bounded)
+        problems += joint_problems(self.full, others, file, bounded=True)
+        problems += [f"joint {name!r} is in joints, too" for name in others if name in self.joints]
+        problems += link_problems(self.full, links, file)
+        if not self.joints:
+            problems.append(f"{self.path} has no movable joint")
+        if problems:
+            raise WiringError("\n".join(problems))
+
+    def locked(self) -> list[int]:
+        """Return the Pinocchio numbers of the joints that stand still."""
+        names = movable_joints(self.full)
+        return [self.full.getJointId(name) for name in names if name not in self.joints]
+
+    def _reduced(self) -> Any:
+        locked = self.locked()
+        if not locked:
+            return self.full.copy()
+        try:
+            return pin.buildReducedModel(self.full, locked, self.stance)
+        except ValueError as exc:
+            raise WiringError(f"{self.path}: {exc}; has a joint the name of a link?") from exc
+
+    def _index_joints(self) -> None:
+        model, ids = self.model, [self.model.getJointId(name) for name in self.joints]
+        position = np.array([model.idx_qs[i] for i in ids], dtype=np.intp)
+        continuous = np.array([model.nqs[i] == 2 for i in ids])
+        self._neutral: Vector = pin.neutral(model)
+        self._in_velocity = np.array([model.idx_vs[i] for i in ids], dtype=np.intp)
+        self._plain, self._in_plain = np.flatnonzero(~continuous), position[~continuous]
+        self._turning, self._in_turning = np.flatnonzero(continuous), position[continuous]
+        self.lower: Vector = np.where(continuous, -np.inf, model.lowerPositionLimit[position])
+        self.upper: Vector = np.where(continuous, np.inf, model.upperPositionLimit[position])
+        self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
+        self.effort_limit: Vector = np.array(model.upperEffortLimit)[self._in_velocity]
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Return the names of all links."""
+        return link_names(self.model)
+
+    def in_model(self, q: Vector) -> Vector:
+        """Return positions, shape (n,) [rad], as Pinocchio's model wants them."""
+        out = self._neutral.copy()
+        out[self._in_plain] = q[self._plain]
+        if self._turning.size:
+            # Pinocchio stores the cosine and sine of a continuous joint's angle.
+            angle = q[self._turning]
+            out[self._in_turning], out[self._in_turning + 1] = np.cos(angle), np.sin(angle)
+        return out
+
+    def frame_id(self, name: str) -> int:
+        """Return Pinocchio's number of a link, or of another frame where no link has that name.
+
+        Raises RunError for a name that the model lacks.
+        """
+        model, link = self.model, pin.FrameType.BODY
+        if not model.existFrame(name):
+            known = [frame.name for frame in model.frames]
+            raise RunError(f"frame {name!r} is not in {self.path.name}; {nearest(name, known)}")
+        sort = (link,) if model.existFrame(name, link) else ()
+        number: int = model.getFrameId(name, *sort)
+        return number
+
+    def frame_pose(self, q: Vector, frame: str) -> Any:
+        """Return the pose of a frame in the robot's base, as a `pinocchio.SE3`.
+
+        q: shape (n,) [rad]. An empty name is the base itself. Raises RunError for an unknown frame.
+        """
+        if not frame:
+            return pin.SE3.Identity()
+        number = self.frame_id(frame)
+        pin.framesForwardKinematics(self.model, self.data, self.in_model(q))
+        return self.data.oMf[number].copy()
+
+    def chain(self, tip: str) -> Indices:
+        """Return which of the joints move a frame."""
+        frame = self.model.frames[self.frame_id(tip)]
+        above = {self.model.names[i] for i in self.model.supports[frame.parentJoint]}
+        return np.array([i for i, name in enumerate(self.joints) if name in above], dtype=np.intp)
+
+    def jacobian(self, q: Vector, number: int) -> tuple[Any, Vector]:
+        """Return pose and Jacobian of a frame, shape (6, n), in the axes of the base [m/rad, -].
+
+        q: shape (n,) [rad]. number: of the frame, see `frame_id`.
+        """
+        # computeFrameJacobian would do both in one, but it leaves the placements as they were.
+        pin.computeJointJacobians(self.model, self.data, self.in_model(q))
+        pin.updateFramePlacement(self.model, self.data, number)
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        matrix = pin.getFrameJacobian(self.model, self.data, number, axes)
+        return self.data.oMf[number], matrix[:, self._in_velocity]
+
+    def inverse_dynamics(self, q: Vector, v: Vector, a: Vector) -> Vector:
+        """Return the torques M(q) a + C(q, v) v + g(q), shape (n,) [N·m].
+
+        q, v, a: shape (n,) [rad, rad/s, rad/s²]. By the recursive Newton-Euler algorithm
+        (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
+        """
+        rates = np.zeros((2, self.model.nv))
+        rates[:, self._in_velocity] = v, a
+        torque: Vector = pin.rnea(self.model, self.data, self.in_model(q), *rates)
+        return torque[self._in_velocity]
+
+    def gravity_torque(self, q: Vector) -> Vector:
+        """Return the torques g(q) that hold the robot at rest, shape (n,) [N·m].
+
+        q: shape (n,) [rad].
+        """
+        torque: Vector = pin.computeGeneralizedGravity(self.model, self.data, self.in_model(q))
+        return torque[self._in_velocity]
+
+    def overload(
+        self, q: Vector, among: Indices | None = None, share: float = 1.0
+    ) -> Overload | None:
+        """Return the joint whose motor is furthest from holding the robot at rest at q.
+
+        Returns None where all can hold it. among: joints that are checked; None: all. share: of
+        the effort limits that may be used.
+        """
+        checked = np.arange(len(self.joints)) if among is None else among
+        required = np.abs(self.gravity_torque(q))[checked]
+        available = (self.effort_limit * share)[checked]
+        worst = int(np.argmax(required - available))
+        if required[worst] <= available[worst]:
+            return None
+        return Overload(
+            joint=self.joints[checked[worst]],
+            required=float(required[worst]),
+            available=float(available[worst]),
+        )
