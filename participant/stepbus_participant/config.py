@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from stepbus_schemas import InputConfig, OutputConfig, Welcome, WiringError
 
-_EXTRAS = {"example-robot-data": "robots"}
-"""Package of models → the extra of stepbus that installs it."""
+from .files import find_file, package_path
+from .parameters.problems import Problems
+from .parameters.read import read
+from .parameters.settings import Settings
+
+__all__ = ["Config", "package_path"]
+
+S = TypeVar("S", bound=Settings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,26 +65,22 @@ class Config:
         the package is an installed Python package or a folder of `cmeel.prefix/share`.
         Raises WiringError when there is no such file.
         """
-        path = package_path(name) if name.startswith("package://") else self.folder / name
-        if not path.exists():
-            raise WiringError(f"participants.{self.name}.params: no file {name!r} ({path})")
-        return path
+        try:
+            return find_file(name, self.folder)
+        except WiringError as exc:
+            raise WiringError(f"participants.{self.name}.params: {exc}") from exc
 
+    def read(self, settings: type[S], problems: Problems | None = None) -> S:
+        """Return `params` as the settings that declare them.
 
-def package_path(url: str) -> Path:
-    """Return the file behind `package://<package>/<path>`.
+        problems: what is wrong besides, with the ports say. Raises SettingsError that lists it,
+        and everything that is wrong with the params.
+        """
+        problems = self.problems() if problems is None else problems
+        found = read(settings, self.params, problems.below(("params",)), folder=self.folder)
+        problems.refuse()
+        return found
 
-    Raises WiringError when the package is not installed.
-    """
-    package, _, rest = url.removeprefix("package://").partition("/")
-    spec = importlib.util.find_spec(package) if package.isidentifier() else None
-    if spec is not None and spec.submodule_search_locations:
-        return Path(next(iter(spec.submodule_search_locations))) / rest
-    cmeel = importlib.util.find_spec("cmeel")
-    if cmeel is not None and cmeel.origin is not None:
-        share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share"
-        if (share / package).is_dir():
-            return share / package / rest
-    extra = _EXTRAS.get(package)
-    install = f"; pip install 'stepbus[{extra}]'" if extra else ""
-    raise WiringError(f"{url}: package {package!r} is not installed here{install}")
+    def problems(self) -> Problems:
+        """Return an empty collector of problems, for keys of this participant."""
+        return Problems(above=("participants", self.name))

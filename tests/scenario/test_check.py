@@ -10,7 +10,8 @@ from stepbus_schemas import WiringError
 
 FIVE_PROBLEMS = """\
 scenario.yaml:2: step: must be a duration with a unit, e.g. 5ms, not 5
-scenario.yaml:7: participants.plant.publishes: must be first or last, not 'frist'
+scenario.yaml:7: participants.plant.publishes: must be first or last, not 'frist'; \
+did you mean 'first'?
 scenario.yaml:12: participants.controller.inputs.joint_state: no participant 'plnt'; \
 did you mean 'plant'?
 scenario.yaml:13: participants.controller.outputs.command: \
@@ -65,7 +66,7 @@ MISTAKES = [
         ":5: batch: must be at most half the window (8), that is 4, not 5",
     ),
     ("10s", "10s\nbus: tcp", ":4: bus: must be a map, not 'tcp'"),
-    ("10s", "10s\nbus: {transport: udp}", ":4: bus.transport: must be unix or tcp, not 'udp'"),
+    ("10s", "10s\nbus: {transport: udp}", ":4: bus.transport: must be tcp or unix, not 'udp'"),
     ("10s", "10s\nbus: {port: 7447}", ":4: bus.port: is for transport tcp; a Unix socket has none"),
     (
         "10s",

@@ -7,13 +7,14 @@ import pytest
 from scenario_support import write
 
 from stepbus_orchestrator.scenario import builtin_names, files, load, resolved
-from stepbus_orchestrator.scenario.build import PARTICIPANT_KEYS
-from stepbus_orchestrator.scenario.override import TOP_KEYS
+from stepbus_orchestrator.scenario.reading.declaration import ParticipantRow, ScenarioFile
 
 DOCS = (Path(__file__).parents[2] / "docs/scenario.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("key", [*TOP_KEYS, "extends", *PARTICIPANT_KEYS])
+@pytest.mark.parametrize(
+    "key", [*ScenarioFile.__struct_encode_fields__, *ParticipantRow.__struct_encode_fields__]
+)
 def test_the_reference_has_every_key(key):
     assert f"\n| `{key}` |" in DOCS
 

@@ -52,7 +52,7 @@ def test_a_program_of_the_folder_comes_before_path(tmp_path):
         ("[python, -m]", "no Python module ''"),
         ("[python, -m, email]", "the Python package 'email' has no __main__.py"),
         ("[]", "names no program"),
-        ("python main.py", "must be a list, e.g. [python, main.py], not 'python main.py'"),
+        ("python main.py", "must be a list, not 'python main.py'"),
         ("[python, main.py, 5]", "exec[2]: must be text, not 5; put it in quotes"),
         ("", "the key 'exec' is missing"),
     ],

@@ -6,17 +6,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
-from stepbus_orchestrator.scenario.document import read_document
-from stepbus_orchestrator.scenario.fields import Field
-from stepbus_orchestrator.scenario.problems import Problems, hint, show
+from stepbus_participant.parameters import NonNegative, Settings, read_value, read_yaml, suggest
 from stepbus_schemas import WiringError
 
 ANY = "*"
 """Stands for every port, or for every field of a port."""
 
 IGNORE = "ignore"
-_FIELD_KEYS = ("abs", "rel")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,51 +71,45 @@ class Tolerance:
 
 def _mistakes(topic: str, name: str, fields: Mapping[str, Sequence[str]]) -> Iterable[str]:
     if topic not in {*fields, ANY}:
-        yield f"tolerance: no channel {topic!r} in the recording{hint(topic, fields)}"
+        yield f"tolerance: no channel {topic!r} in the recording{suggest(topic, fields)}"
         return
     known = fields[topic] if topic != ANY else [n for names in fields.values() for n in names]
     if name not in {*known, ANY}:
         where = "in any channel" if topic == ANY else f"in {topic}"
-        yield f"tolerance: no field {name!r} {where}{hint(name, known)}"
+        yield f"tolerance: no field {name!r} {where}{suggest(name, known)}"
+
+
+class _Field(Settings):
+    """What a tolerance file says about a field: |a − b| ≤ abs + rel · |a|."""
+
+    abs: NonNegative = 0.0
+    rel: NonNegative = 0.0
+
+
+_FieldRow = Literal["ignore"] | _Field
+_TopicRow = Literal["ignore"] | dict[str, _FieldRow]
 
 
 def read_tolerance(path: Path) -> Tolerance:
     """Read a YAML file such as `controller/command: {values: {abs: 1e-9}, mode: ignore}`.
 
-    Raises ScenarioError that lists every mistake with its line.
+    Raises SettingsError that lists every mistake with its line.
     """
-    document = read_document(path, "a tolerance file is a map from topics to fields")
-    problems = Problems(document.file, document.places, document.problems)
-    rules: dict[tuple[str, str], Slack] = {}
-    for topic in Field(document.data, (), problems).children():
-        if topic.value == IGNORE:
-            rules[topic.name, ANY] = Slack(ignore=True)
-        elif isinstance(topic.value, dict):
-            rules |= {(topic.name, item.name): _slack(item) for item in topic.children()}
-        else:
-            topic.wrong(f"must be {IGNORE!r} or a map of fields, not {show(topic.value)}")
+    file = read_yaml(path, "a tolerance file is a map from topics to fields")
+    problems = file.problems()
+    topics: dict[str, _TopicRow] = read_value(dict[str, _TopicRow], file.data, problems)
     problems.refuse()
+    rules: dict[tuple[str, str], Slack] = {}
+    for topic, row in topics.items():
+        fields = {ANY: row} if isinstance(row, str) else row
+        rules |= {(topic, name): _slack(item) for name, item in fields.items()}
     return Tolerance(rules)
 
 
-def _slack(item: Field) -> Slack:
-    if item.value == IGNORE:
-        return Slack(ignore=True)
-    if not isinstance(item.value, dict):
-        item.wrong(f"must be {IGNORE!r} or {{abs: …, rel: …}}, not {show(item.value)}")
-        return Slack()
-    item.check_keys(_FIELD_KEYS)
-    return Slack(abs=_number(item["abs"]), rel=_number(item["rel"]))
-
-
-def _number(item: Field) -> float:
-    value = item.value
-    if item.absent:
-        return 0.0
-    if isinstance(value, int | float) and not isinstance(value, bool) and _is_slack(value):
-        return float(value)
-    item.wrong(f"must be a finite number from 0 on, not {show(value)}")
-    return 0.0
+def _slack(row: _FieldRow) -> Slack:
+    if isinstance(row, _Field):
+        return Slack(abs=row.abs, rel=row.rel)
+    return Slack(ignore=True)
 
 
 def _is_slack(value: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stepbus_orchestrator.scenario.problems import hint
+from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 from . import (
@@ -39,5 +39,5 @@ def select(names: Sequence[str]) -> tuple[Check, ...]:
     known = [check.name for check in CHECKS]
     for name in names:
         if name not in known:
-            raise WiringError(f"no check {name!r}{hint(name, known)}")
+            raise WiringError(f"no check {name!r}{suggest(name, known)}")
     return tuple(check for check in CHECKS if not names or check.name in names)

@@ -14,7 +14,7 @@ from stepbus_orchestrator.replay.recorded import Recorded
 from stepbus_orchestrator.run.kernel.participants import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.problems import hint
+from stepbus_participant import suggest
 from stepbus_schemas import Description, WiringError
 
 from .feeds import Feed, Ports
@@ -74,7 +74,7 @@ def find(scenario: Scenario, participant: str) -> ParticipantSpec:
     """
     names = [spec.name for spec in scenario.participants]
     if participant not in names:
-        known = hint(participant, names)
+        known = suggest(participant, names)
         raise WiringError(f"{scenario.file} has no participant {participant!r}{known}")
     spec = scenario.participant(participant)
     sources = [(scenario.participant(i.source), i.port) for i in spec.inputs.values()]

@@ -12,8 +12,8 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from mcap.writer import CompressionType, IndexType, Writer
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.scenario.document import parse_value
 from stepbus_participant.durations import parse_duration
+from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
 from .recorder import CHUNK_BYTES
@@ -181,6 +181,6 @@ class _Copy:
 def _planned_steps(data: bytes) -> int | None:
     """Return how many steps a resolved scenario asks for; None where it does not say."""
     with contextlib.suppress(StepbusError, UnicodeDecodeError, KeyError, TypeError, AttributeError):
-        content = parse_value(_SCENARIO, data.decode())
+        content = parse_yaml(_SCENARIO, data.decode())
         return parse_duration(content["duration"]) // parse_duration(content["step"])
     return None

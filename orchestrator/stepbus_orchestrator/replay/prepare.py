@@ -10,8 +10,8 @@ from stepbus_orchestrator.processes.endpoints import low_latency
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.run_scenario import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.scenario import Scenario, load
-from stepbus_orchestrator.scenario.document import parse_value
-from stepbus_orchestrator.scenario.problems import hint
+from stepbus_participant import suggest
+from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
 from .recorded import replayable_steps
@@ -39,7 +39,7 @@ def prepare(
     path = unpack(origin_of(recording), folder)
     programs = _programs(recording)
     if participant not in programs:
-        known = hint(participant, programs)
+        known = suggest(participant, programs)
         raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
     unused = [name for name in programs if own_program or name != participant]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
@@ -56,7 +56,7 @@ def prepare(
 def _programs(recording: Recording) -> dict[str, tuple[str, ...]]:
     """Return the recorded `exec` of each participant."""
     text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
-    content = parse_value(SCENARIO_ATTACHMENT, text)
+    content = parse_yaml(SCENARIO_ATTACHMENT, text)
     try:
         return {name: tuple(row["exec"]) for name, row in content["participants"].items()}
     except (KeyError, TypeError, AttributeError) as exc:

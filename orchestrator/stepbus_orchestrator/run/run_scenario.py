@@ -29,8 +29,7 @@ from stepbus_orchestrator.scenario import (
     resolved,
     start_command,
 )
-from stepbus_orchestrator.scenario.problems import hint
-from stepbus_participant import BusError
+from stepbus_participant import BusError, suggest
 from stepbus_participant.ticket import MessageFault
 from stepbus_participant.zenoh_bus import ZenohBus
 from stepbus_schemas import CallRecord, WiringError
@@ -272,7 +271,7 @@ def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
     known = [spec.name for spec in scenario.participants]
     for name in names:
         if name not in known:
-            raise WiringError(f"no participant {name!r} to debug{hint(name, known)}")
+            raise WiringError(f"no participant {name!r} to debug{suggest(name, known)}")
     specs = (
         dataclasses.replace(s, deadlines=_NO_DEADLINES) if s.name in names else s
         for s in scenario.participants

@@ -1,8 +1,7 @@
 """Scenarios: what takes part in a run, how it is coupled, and whether that can work."""
 
 from .faults import KINDS, MESSAGE_KINDS, PROCESS_KINDS, faults_of, format_fault
-from .load import load
-from .locate import builtin_names
+from .load import ScenarioError, load
 from .model import (
     BridgeSpec,
     BusSpec,
@@ -14,8 +13,8 @@ from .model import (
     ParticipantSpec,
     Scenario,
 )
-from .problems import Problem, ScenarioError
 from .program import command, start_command
+from .reading.locate import builtin_names
 from .resolve import files, resolved
 from .schedule import Schedule
 
@@ -31,7 +30,6 @@ __all__ = [
     "InputSpec",
     "OutputSpec",
     "ParticipantSpec",
-    "Problem",
     "Scenario",
     "ScenarioError",
     "Schedule",

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from stepbus_orchestrator.bridge.formats import raw_mistake
+from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
 
-from .find_files import search_files
+from .files.search import search_files
 from .model import InputSpec, ParticipantSpec, Scenario
-from .problems import Problems, hint
 from .program import check_command
 from .schedule import find_loops
 
@@ -40,12 +40,12 @@ def _connection_mistake(
     source = specs.get(item.source)
     if source is None:
         others = [name for name in specs if name != spec.name]
-        return f"no participant {item.source!r}{hint(item.source, others)}"
+        return f"no participant {item.source!r}{suggest(item.source, others)}"
     if source is spec:
         return f"{spec.name!r} reads its own output; let it keep that as its own state"
     output = source.outputs.get(item.port)
     if output is None:
-        return f"{item.source!r} has no output {item.port!r}{hint(item.port, source.outputs)}"
+        return f"{item.source!r} has no output {item.port!r}{suggest(item.port, source.outputs)}"
     if item.type is not None and output.type and item.type != output.type:
         return (
             f"expects {item.type}, but {item.source}.{item.port} is {output.type} "

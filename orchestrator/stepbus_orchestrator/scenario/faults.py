@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from stepbus_participant import suggest
 from stepbus_participant.durations import format_duration, parse_duration
 from stepbus_schemas import WiringError
 
 from .model import FaultSpec, ParticipantSpec
-from .problems import hint
 
 MESSAGE_KINDS = ("drop", "delay", "duplicate", "reorder", "corrupt", "oversize")
 PROCESS_KINDS = ("freeze", "kill", "crash", "slow")
@@ -85,11 +85,13 @@ def _duration_ns(kind: str, text: str | None) -> int | None:
 
 def _check(fault: FaultSpec, setting: Setting) -> None:
     if fault.kind not in KINDS:
-        raise WiringError(f"{fault.kind!r} is no kind of fault{hint(fault.kind, KINDS)}")
+        raise WiringError(f"{fault.kind!r} is no kind of fault{suggest(fault.kind, KINDS)}")
     specs = {spec.name: spec for spec in setting.participants}
     spec = specs.get(fault.participant)
     if spec is None:
-        raise WiringError(f"no participant {fault.participant!r}{hint(fault.participant, specs)}")
+        raise WiringError(
+            f"no participant {fault.participant!r}{suggest(fault.participant, specs)}"
+        )
     if setting.steps is not None and fault.step >= setting.steps:
         raise WiringError(
             f"step {fault.step} never comes; the run has the steps 0 to {setting.steps - 1}"

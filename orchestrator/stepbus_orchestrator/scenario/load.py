@@ -1,18 +1,26 @@
-"""From a path or a name to a checked scenario."""
+"""From a path or a name to a checked scenario.
+
+SettingsError
+└─ ScenarioError      lists every problem of a scenario, one a line
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from .build import build
+from stepbus_participant import SettingsError
+
 from .check import check
-from .extend import read_extended
-from .fields import Field
-from .locate import locate
 from .model import Scenario
-from .override import add_faults, override
-from .problems import Problems
+from .reading.build import build
+from .reading.extend import read_extended
+from .reading.locate import locate
+from .reading.override import add_faults, override
+
+
+class ScenarioError(SettingsError):
+    """A scenario cannot be run; `problems` has every reason, its text one a line."""
 
 
 def load(
@@ -26,10 +34,13 @@ def load(
 
     Raises ScenarioError that lists every problem with file, line and path.
     """
-    path = locate(path_or_name)
-    document = add_faults(override(read_extended(path), overrides), faults)
-    problems = Problems(document.file, document.places, document.problems)
-    scenario = build(Field(document.data, (), problems), path)
-    check(scenario, problems)
-    problems.refuse()
+    try:
+        path = locate(path_or_name)
+        file = add_faults(override(read_extended(path), overrides), faults)
+        problems = file.problems()
+        scenario = build(file.data, path, problems)
+        check(scenario, problems)
+        problems.refuse()
+    except SettingsError as exc:
+        raise ScenarioError(exc.problems) from exc
     return scenario

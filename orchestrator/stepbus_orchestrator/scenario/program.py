@@ -11,11 +11,11 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
 from stepbus_orchestrator.bridge.formats import bridge_words
+from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
+from .files.paths import is_file, is_folder
 from .model import ParticipantSpec
-from .paths import is_file, is_folder
-from .problems import hint
 
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",
@@ -66,7 +66,7 @@ def check_command(words: Sequence[str], folder: Path) -> None:
             _check_module(name, folder)
         elif kind == "script" and not (is_file(folder / name) or is_folder(folder / name)):
             scripts = [item.name for item in folder.glob("*.py")]
-            raise WiringError(f"no file {name!r} in {folder}{hint(name, sorted(scripts))}")
+            raise WiringError(f"no file {name!r} in {folder}{suggest(name, sorted(scripts))}")
 
 
 def _find(program: str, folder: Path) -> str:

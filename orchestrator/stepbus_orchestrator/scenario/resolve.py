@@ -16,7 +16,7 @@ from ruamel.yaml.representer import SafeRepresenter
 from stepbus_participant.durations import format_duration
 
 from .faults import format_fault
-from .find_files import search_files
+from .files.search import search_files
 from .model import BridgeSpec, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Scenario
 
 _HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from stepbus_orchestrator.scenario.document import parse_value
-from stepbus_orchestrator.scenario.problems import hint
+from stepbus_participant import suggest
+from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
 _PACKAGE = Path(__file__).parent
@@ -86,7 +86,7 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     written.
     """
     if language not in STARTERS:
-        raise WiringError(f"no starter in {language!r}{hint(language, STARTERS)}")
+        raise WiringError(f"no starter in {language!r}{suggest(language, STARTERS)}")
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     try:
         if folder.exists() and any(folder.iterdir()):
@@ -141,4 +141,4 @@ def _scenario_name(folder: Path) -> str:
     words = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.absolute().name)
     name = words.lstrip("_-")[:64] or "my_scenario"
     # YAML reads some names, such as 1 or null, as something else.
-    return name if parse_value("name", name) == name else f'"{name}"'
+    return name if parse_yaml("name", name) == name else f'"{name}"'

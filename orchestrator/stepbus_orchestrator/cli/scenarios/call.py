@@ -15,7 +15,7 @@ from rich.table import Table
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.run.control.live_file import call
-from stepbus_orchestrator.scenario.document import parse_value
+from stepbus_participant.parameters import parse_yaml
 from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 
@@ -37,7 +37,7 @@ def _execute(args: argparse.Namespace) -> int:
     if not args.verb:
         _list(call(args.run).value, args.participant, as_json=args.json)
         return 0
-    values = [parse_value(text, text) for text in args.args]
+    values = [parse_yaml(text, text) for text in args.args]
     reply = call(args.run, args.participant, args.verb, values)
     if args.json:
         say_json({"step": reply.step, "value": reply.value})

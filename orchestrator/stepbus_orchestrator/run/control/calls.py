@@ -15,8 +15,7 @@ from stepbus_orchestrator.recording.sink import Sink
 from stepbus_orchestrator.run.kernel.deadlines import at
 from stepbus_orchestrator.run.kernel.messages import RunState
 from stepbus_orchestrator.run.kernel.participants import Member
-from stepbus_orchestrator.scenario.problems import hint
-from stepbus_participant import Bus
+from stepbus_participant import Bus, suggest
 from stepbus_schemas import (
     Call,
     Called,
@@ -197,12 +196,12 @@ class Calls:
         member = self._state.roster.get(request.participant)
         if member is None:
             name = request.participant
-            return f"no participant {name!r}{hint(name, self._state.roster)}"
+            return f"no participant {name!r}{suggest(name, self._state.roster)}"
         verbs = self._verbs(member)
         if request.verb not in verbs:
             if not verbs:
                 return f"{member.name} offers no calls"
-            return f"{member.name} has no call {request.verb!r}{hint(request.verb, verbs)}"
+            return f"{member.name} has no call {request.verb!r}{suggest(request.verb, verbs)}"
         return None
 
     def take_called(self, sample: Any) -> None:

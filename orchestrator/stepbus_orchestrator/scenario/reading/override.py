@@ -7,32 +7,31 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+from stepbus_participant.parameters import (
+    Keys,
+    Place,
+    Problem,
+    SettingsError,
+    YamlFile,
+    parse_yaml,
+    show,
+    suggest,
+)
 from stepbus_schemas import WiringError
 
-from .document import Document, parse_value
-from .problems import Keys, Place, Problem, ScenarioError, hint, show
+from .declaration import ScenarioFile
 
-TOP_KEYS = (
-    "name",
-    "step",
-    "duration",
-    "seed",
-    "window",
-    "batch",
-    "bus",
-    "faults",
-    "participants",
-)
+TOP_KEYS = tuple(name for name in ScenarioFile.__struct_encode_fields__ if name != "extends")
 _MAY_BE_NEW = ("inputs", "outputs", "params")
 
 
-def override(document: Document, settings: Sequence[str]) -> Document:
+def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
     """Return a scenario with settings such as `duration=2s` or `bus.transport=tcp` applied.
 
     The first part of a path is a key of the scenario or the name of a participant. Values are
     YAML; null removes the key. A setting that cannot be applied becomes a problem of the document.
     """
-    data, places, problems = document.data, dict(document.places), list(document.problems)
+    data, places, problems = document.data, dict(document.places), list(document.found)
     for setting in settings:
         file = f"--set {setting}"
         try:
@@ -40,14 +39,14 @@ def override(document: Document, settings: Sequence[str]) -> Document:
             data = _replaced(data, keys, 0, value)
             places = {at: place for at, place in places.items() if at[: len(keys)] != keys}
             places[keys] = Place(file=file, line=0)
-        except ScenarioError as exc:
+        except SettingsError as exc:
             problems += exc.problems
         except WiringError as exc:
             problems.append(Problem(file=file, line=0, path="", message=str(exc)))
-    return Document(file=document.file, data=data, places=places, problems=tuple(problems))
+    return YamlFile(file=document.file, data=data, places=places, found=tuple(problems))
 
 
-def add_faults(document: Document, faults: Sequence[str]) -> Document:
+def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
     """Return a scenario with the faults of `--fault` behind its own."""
     own = document.data.get("faults")
     first = len(own) if isinstance(own, list) else 0
@@ -72,10 +71,10 @@ def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
         names = data.get("participants")
         names = list(names) if isinstance(names, dict) else []
         if head not in names:
-            known = hint(head, (*names, *TOP_KEYS))
+            known = suggest(head, (*names, *TOP_KEYS))
             raise WiringError(f"no participant and no key {head!r}{known}")
         parts = ["participants", *parts]
-    return tuple(parts), parse_value(file, text)
+    return tuple(parts), parse_yaml(file, text)
 
 
 def _replaced(node: Any, keys: Keys, depth: int, value: Any) -> Any:
@@ -105,7 +104,7 @@ def _child(node: dict[str, Any], keys: Keys, depth: int) -> Any:
     if _may_be_new(keys[: depth + 1]):
         return {}
     here = ".".join(map(str, keys[:depth])) or "the scenario"
-    raise WiringError(f"{here} has no {key!r}{hint(key, node)}")
+    raise WiringError(f"{here} has no {key!r}{suggest(key, node)}")
 
 
 def _may_be_new(keys: Keys) -> bool:

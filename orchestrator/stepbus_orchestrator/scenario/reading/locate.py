@@ -6,9 +6,9 @@ import importlib.util
 import re
 from pathlib import Path
 
-from .document import fatal
-from .paths import is_file, is_folder
-from .problems import hint
+from stepbus_participant.parameters import fatal, suggest
+
+from ..files.paths import is_file, is_folder
 
 MAIN_FILE = "scenario.yaml"
 _IS_SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
@@ -20,7 +20,7 @@ def locate(name: str | Path) -> Path:
     name: a YAML file, a folder with a scenario.yaml, or the name of a built-in scenario such as
     `two_link` (its scenario.yaml) or `two_link/pd` (its pd.yaml).
 
-    Raises ScenarioError when there is no such scenario.
+    Raises SettingsError when there is no such scenario.
     """
     path = Path(name)
     for file in (path, path / MAIN_FILE):
@@ -43,7 +43,7 @@ def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
     if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
         return f"no such file or folder (looked in {Path.cwd()})"
     return (
-        f"no file, no folder and no built-in scenario of that name{hint(name, builtin)}; "
+        f"no file, no folder and no built-in scenario of that name{suggest(name, builtin)}; "
         f"a scenario of your own is given by path, e.g. ./my_robot/{MAIN_FILE}"
     )
 

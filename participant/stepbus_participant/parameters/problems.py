@@ -1,7 +1,7 @@
-"""What is wrong with a scenario: all of it, each with file, line and path.
+"""What is wrong with a configuration: all of it, each with file, line and path.
 
 WiringError
-└─ ScenarioError      lists every problem, one a line
+└─ SettingsError      lists every problem, one a line
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SHOWN_CHARACTERS = 60
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Place:
-    """A line of a file, counted from 1; 0 stands for the whole."""
+    """A line of a file, counted from 1; 0 stands for the whole file."""
 
     file: str
     line: int
@@ -40,8 +40,8 @@ class Problem:
         return ": ".join(part for part in (place, self.path, self.message) if part)
 
 
-class ScenarioError(WiringError):
-    """A scenario cannot be run; `problems` has every reason, its text one a line."""
+class SettingsError(WiringError):
+    """A configuration cannot be used; `problems` has every reason, its text one a line."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(sorted(set(problems)))
@@ -54,26 +54,58 @@ class ScenarioError(WiringError):
 class Problems:
     """Collects problems and finds the line of each.
 
-    file: named where no line is known. places: of each value of the scenario.
+    file: named where no line is known. places: of each value of the file. above: keys that lead to
+    the part that is being read, such as `("participants", "plant", "params")`.
     """
 
-    def __init__(self, file: str, places: Mapping[Keys, Place], found: Iterable[Problem]) -> None:
+    def __init__(
+        self,
+        file: str = "",
+        places: Mapping[Keys, Place] | None = None,
+        found: Iterable[Problem] = (),
+        *,
+        above: Keys = (),
+    ) -> None:
         self._whole = Place(file=file, line=0)
-        self._places = places
+        self._places = places or {}
         self._found = list(found)
+        self._above = above
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def has(self, keys: Keys) -> bool:
+        """Return whether something at or below `keys` is wrong."""
+        path = dotted((*self._above, *keys))
+        return any(
+            found.path == path or found.path.startswith((f"{path}.", f"{path}["))
+            for found in self._found
+        )
 
     def add(self, keys: Keys, message: str) -> None:
-        """Note that the value at `keys` is wrong."""
+        """Add that the value at `keys` is wrong."""
+        keys = (*self._above, *keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._whole)
         self._found.append(
             Problem(file=place.file, line=place.line, path=dotted(keys), message=message)
         )
 
+    def add_error(self, keys: Keys, error: WiringError) -> None:
+        """Add every line of an error at `keys`."""
+        for line in str(error).splitlines():
+            self.add(keys, line)
+
+    def below(self, above: Keys) -> Problems:
+        """Return a collector for the part below some keys; what it finds counts here too."""
+        part = Problems(self._whole.file, self._places, above=(*self._above, *above))
+        part._found = self._found
+        return part
+
     def refuse(self) -> None:
-        """Raise ScenarioError with all problems, if there are any."""
+        """Raise SettingsError with all problems, if there are any."""
         if self._found:
-            raise ScenarioError(self._found)
+            raise SettingsError(self._found)
 
 
 def dotted(keys: Keys) -> str:
@@ -82,10 +114,10 @@ def dotted(keys: Keys) -> str:
     return text.removeprefix(".")
 
 
-def hint(name: str, known: Iterable[str]) -> str:
-    """Return `; did you mean 'x'?`, or the known names when none is near."""
-    names = list(dict.fromkeys(known))
-    near = difflib.get_close_matches(name, names, n=1)
+def suggest(name: object, known: Iterable[object]) -> str:
+    """Return `; did you mean 'x'?`, or the known names where none is near."""
+    names = list(dict.fromkeys(str(item) for item in known))
+    near = difflib.get_close_matches(str(name), names, n=1)
     if near:
         return f"; did you mean {near[0]!r}?"
     return f"; known: {', '.join(names)}" if names else ""
@@ -93,8 +125,8 @@ def hint(name: str, known: Iterable[str]) -> str:
 
 def show(value: object) -> str:
     """Return a value as an error message shows it."""
-    if isinstance(value, dict | list):
-        return "a map" if isinstance(value, dict) else "a list"
+    if isinstance(value, Mapping | list | tuple):
+        return "a map" if isinstance(value, Mapping) else "a list"
     if value is None or isinstance(value, bool):
         return {None: "nothing", True: "true", False: "false"}[value]
     text = repr(value)

@@ -1,4 +1,4 @@
-"""YAML 1.2 files as plain data, with the line of each value."""
+"""YAML 1.2 as plain data, with the line of each value: the one place where YAML is read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from .problems import Keys, Place, Problem, ScenarioError, dotted
+from .problems import Keys, Place, Problem, Problems, SettingsError, dotted
 
 _STANDARD = "tag:yaml.org,2002:"
 _MOST_VALUES = 50_000
@@ -21,59 +21,63 @@ _MOST_VALUES = 50_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Document:
+class YamlFile:
     """A YAML map as plain data: str, int, float, bool, None, list, dict with str keys.
 
-    file: name used in messages. places: line of each value. problems: what is wrong with it.
+    file: name used in messages. places: line of each value. found: what is wrong with it.
     """
 
     file: str
     data: dict[str, Any]
     places: Mapping[Keys, Place]
-    problems: tuple[Problem, ...] = ()
+    found: tuple[Problem, ...] = ()
+
+    def problems(self) -> Problems:
+        """Return a collector with what is wrong so far, which knows the lines."""
+        return Problems(self.file, self.places, self.found)
 
 
-def read_document(
-    path: Path, expected: str = "a scenario has at least name, step and participants"
-) -> Document:
-    """Read a YAML file. expected: what to say where it is no map.
+def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
+    """Read a YAML file.
 
-    Raises ScenarioError when it cannot be read or is no YAML map.
+    expected: end of the sentence where it is no map. file: name for messages; default: the path's
+    last part. Raises SettingsError when it cannot be read or is no YAML map.
     """
+    file = file or path.name
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as exc:
-        raise fatal(path.name, f"cannot be read: {exc.strerror} ({path})") from exc
+        raise fatal(file, f"cannot be read: {exc.strerror} ({path})") from exc
     except UnicodeDecodeError as exc:
-        raise fatal(path.name, f"is not UTF-8 text (byte {exc.start})") from exc
-    conversion = _Conversion(path.name)
+        raise fatal(file, f"is not UTF-8 text (byte {exc.start})") from exc
+    conversion = _Conversion(file)
     data = conversion.run(text)
     if not isinstance(data, dict):
         what = "is empty" if data is None else "is no map"
-        raise fatal(path.name, f"{what}; {expected}")
-    return Document(
-        file=path.name, data=data, places=conversion.places, problems=tuple(conversion.problems)
+        raise fatal(file, f"{what}; {expected}")
+    return YamlFile(
+        file=file, data=data, places=conversion.places, found=tuple(conversion.problems)
     )
 
 
-def parse_value(file: str, text: str) -> Any:
-    """Return a YAML value; raises ScenarioError when it is none. file: named in messages."""
+def parse_yaml(file: str, text: str) -> Any:
+    """Return a YAML value; raises SettingsError when it is none. file: named in messages."""
     conversion = _Conversion(file)
     found: tuple[Problem, ...] = ()
     try:
         value = conversion.run(text)
-    except ScenarioError as exc:
+    except SettingsError as exc:
         found = exc.problems
     found = (*found, *conversion.problems)
     if found:
         # The command line has no lines.
-        raise ScenarioError(dataclasses.replace(problem, line=0) for problem in found)
+        raise SettingsError(dataclasses.replace(problem, line=0) for problem in found)
     return value
 
 
-def fatal(file: str, message: str, line: int = 0) -> ScenarioError:
+def fatal(file: str, message: str, line: int = 0) -> SettingsError:
     """Return the error of a file that is not worth reading on."""
-    return ScenarioError([Problem(file=file, line=line, path="", message=message)])
+    return SettingsError([Problem(file=file, line=line, path="", message=message)])
 
 
 class _Conversion:

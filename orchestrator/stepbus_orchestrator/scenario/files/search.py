@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .model import ParticipantSpec, Scenario
+from stepbus_participant.parameters import Keys
+
+from ..model import ParticipantSpec, Scenario
+from ..program import python_target
+from .names import FileUnreadable, modules_in, names_in
 from .paths import is_file, is_folder
-from .problems import Keys
-from .program import python_target
-from .read_names import FileUnreadable, modules_in, names_in
 
 _CLASS = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
 

@@ -5,24 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .document import Document, read_document
-from .paths import is_file
-from .problems import Problem, ScenarioError, hint, show
+from stepbus_participant.parameters import (
+    Problem,
+    SettingsError,
+    YamlFile,
+    read_yaml,
+    show,
+    suggest,
+)
+
+from ..files.paths import is_file
 
 _KEY = "extends"
+_EXPECTED = "a scenario has at least name, step and participants"
 
 
-def read_extended(path: Path) -> Document:
+def read_extended(path: Path) -> YamlFile:
     """Read a scenario file, and below it those it extends.
 
     Maps are merged, everything else is replaced; a key set to null removes what it would inherit.
-    Raises ScenarioError when a file cannot be read or extends itself.
+    Raises SettingsError when a file cannot be read or extends itself.
     """
     return _read(path, ())
 
 
-def _read(path: Path, above: tuple[str, ...]) -> Document:
-    document = read_document(path)
+def _read(path: Path, above: tuple[str, ...]) -> YamlFile:
+    document = read_yaml(path, _EXPECTED)
     if _KEY not in document.data:
         return document
     base = document.data[_KEY]
@@ -30,7 +38,7 @@ def _read(path: Path, above: tuple[str, ...]) -> Document:
     if mistake is not None:
         line = document.places[_KEY,].line
         problem = Problem(file=path.name, line=line, path=_KEY, message=mistake)
-        raise ScenarioError([*document.problems, problem])
+        raise SettingsError([*document.found, problem])
     return _on_top(document, _read(path.parent / base, (*above, path.name)))
 
 
@@ -44,18 +52,18 @@ def _mistake(base: object, path: Path, chain: tuple[str, ...]) -> str | None:
         return f"a circle: {' → '.join((*chain[chain.index(base) :], base))}"
     if not is_file(path.parent / base):
         others = sorted(item.name for item in path.parent.glob("*.yaml") if item != path)
-        return f"no file {base!r} in {path.parent}{hint(base, others)}"
+        return f"no file {base!r} in {path.parent}{suggest(base, others)}"
     return None
 
 
-def _on_top(top: Document, base: Document) -> Document:
+def _on_top(top: YamlFile, base: YamlFile) -> YamlFile:
     """Return the two as one document."""
     own = {key: value for key, value in top.data.items() if key != _KEY}
-    return Document(
+    return YamlFile(
         file=top.file,
         data=merged(base.data, own),
         places={**base.places, **top.places},
-        problems=(*base.problems, *top.problems),
+        found=(*base.found, *top.found),
     )
 
 

@@ -1,0 +1,165 @@
+"""From a scenario's plain data to frozen types; every problem is collected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stepbus_participant.durations import LONGEST_NS, format_duration
+from stepbus_participant.parameters import Keys, Problems, read
+from stepbus_schemas import WiringError
+
+from ..faults import Setting, parse_fault
+from ..model import (
+    BridgeSpec,
+    BusSpec,
+    Deadlines,
+    FaultSpec,
+    HoldSpec,
+    InputSpec,
+    OutputSpec,
+    ParticipantSpec,
+    Publishes,
+    Scenario,
+)
+from .declaration import (
+    LAST_TCP_PORT,
+    BridgeRow,
+    HoldRow,
+    InputRow,
+    ParticipantRow,
+    ScenarioFile,
+    is_output,
+)
+from .override import TOP_KEYS
+
+_RESERVED = ("orchestrator", *TOP_KEYS)
+
+
+def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
+    """Return the scenario that plain data describes.
+
+    Values that are wrong are added to the problems and replaced by defaults.
+    """
+    row = read(ScenarioFile, data, problems)
+    step_ns = row.step_ns or 1
+    participants = tuple(
+        _participant(name, item, step_ns, problems) for name, item in row.participants.items()
+    )
+    if data.get("participants") == {}:
+        problems.add(("participants",), "is empty; a scenario needs at least one participant")
+    steps = None if row.duration_ns is None else _steps(row.duration_ns, step_ns, data, problems)
+    return Scenario(
+        name=row.name,
+        step_ns=step_ns,
+        steps=steps,
+        seed=row.seed,
+        participants=participants,
+        bus=_bus(row, problems),
+        window=row.window,
+        batch=_batch(row, problems),
+        faults=_faults(row.faults, Setting(participants, steps, row.seed), problems),
+        folder=file.parent,
+        file=file,
+    )
+
+
+def _steps(
+    duration_ns: int, step_ns: int, data: Mapping[str, Any], problems: Problems
+) -> int | None:
+    if problems.has(("step",)) or problems.has(("duration",)):
+        return None
+    steps, rest = divmod(duration_ns, step_ns)
+    if rest:
+        near = [n * step_ns for n in (steps, steps + 1) if 0 < n * step_ns <= LONGEST_NS]
+        problems.add(
+            ("duration",),
+            f"{data['duration']} is {duration_ns / step_ns:.6g} steps of "
+            f"{format_duration(step_ns)}, not a whole number; the nearest is "
+            f"{' or '.join(map(format_duration, near))}",
+        )
+    return steps
+
+
+def _batch(row: ScenarioFile, problems: Problems) -> int:
+    most = max(1, row.window // 2)
+    if row.batch is not None and row.batch > most:
+        text = f"must be at most half the window ({row.window}), that is {most}, not {row.batch}"
+        problems.add(("batch",), text)
+    return row.batch or most
+
+
+def _bus(row: ScenarioFile, problems: Problems) -> BusSpec:
+    bus, last = row.bus, LAST_TCP_PORT - len(row.participants)
+    if bus.port is not None:
+        if bus.transport == "unix" and not problems.has(("bus", "transport")):
+            problems.add(("bus", "port"), "is for transport tcp; a Unix socket has none")
+        elif bus.port > last:
+            problems.add(("bus", "port"), f"must be at most {last}, not {bus.port}")
+    return BusSpec(transport=bus.transport, port=bus.port, low_latency=bus.low_latency)
+
+
+def _faults(texts: tuple[str, ...], setting: Setting, problems: Problems) -> tuple[FaultSpec, ...]:
+    found: list[FaultSpec] = []
+    for index, text in enumerate(texts):
+        keys: Keys = ("faults", index)
+        if problems.has(keys):
+            continue
+        try:
+            found += parse_fault(text, setting)
+        except WiringError as exc:
+            problems.add(keys, str(exc))
+    return tuple(found)
+
+
+def _participant(
+    name: str, row: ParticipantRow, step_ns: int, problems: Problems
+) -> ParticipantSpec:
+    keys = ("participants", name)
+    if name in _RESERVED:
+        problems.add(keys, f"{name!r} means something else already; choose another name")
+    most = LONGEST_NS // step_ns
+    if row.every > most:
+        problems.add((*keys, "every"), f"must be at most {most}, not {row.every}")
+    # A misspelt `first` must not show as an algebraic loop too.
+    publishes: Publishes = "first" if problems.has((*keys, "publishes")) else row.publishes
+    return ParticipantSpec(
+        name=name,
+        exec=row.exec,
+        every=row.every,
+        publishes=publishes,
+        inputs={port: _input(item) for port, item in row.inputs.items() if is_output(item.from_)},
+        outputs={
+            port: OutputSpec(type=item.type, bulk=item.bulk) for port, item in row.outputs.items()
+        },
+        params=row.params,
+        deadlines=_deadlines(row),
+        on_fault=_on_fault(row.on_fault),
+        bridge=_bridge(row.bridge),
+    )
+
+
+def _input(row: InputRow) -> InputSpec:
+    source, _, port = row.from_.partition(".")
+    return InputSpec(source=source, port=port, delay=row.delay, type=row.type)
+
+
+def _on_fault(row: str | HoldRow) -> HoldSpec | None:
+    if isinstance(row, HoldRow):
+        return HoldSpec(keep_ns=row.keep_ns, hold_ns=row.hold_ns, safe=row.safe)
+    return HoldSpec() if row == "hold" else None
+
+
+def _bridge(row: BridgeRow | None) -> BridgeSpec | None:
+    return None if row is None else BridgeSpec(format=row.format, describe=row.describe)
+
+
+def _deadlines(row: ParticipantRow) -> Deadlines:
+    return Deadlines(
+        spawn_s=row.spawn_timeout_ns / 1e9,
+        join_s=row.join_timeout_ns / 1e9,
+        ready_s=row.ready_timeout_ns / 1e9,
+        step_s=row.step_timeout_ns / 1e9,
+        stop_s=row.stop_timeout_ns / 1e9,
+    )

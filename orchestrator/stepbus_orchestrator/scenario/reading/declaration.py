@@ -1,0 +1,215 @@
+"""What a scenario file may say: every key, declared once.
+
+From here come reading, the tables of docs/scenario.md and the JSON Schema for editors. Defaults
+are those of the frozen types in `model.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from stepbus_orchestrator.bridge.formats import Format
+from stepbus_participant.parameters import (
+    Count,
+    Duration,
+    Keys,
+    Name,
+    Pause,
+    Settings,
+    Whole,
+    suggest,
+)
+from stepbus_schemas import Description, WiringError, message_class
+
+from ..model import BusSpec, Deadlines, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Publishes
+from ..model import Scenario as Model
+
+LAST_TCP_PORT = 65535
+
+
+class InputRow(Settings):
+    """Where an input comes from."""
+
+    short = "from"
+
+    from_: str
+    """`participant.output`; not an output of the participant itself."""
+    delay: Whole = InputSpec.delay
+    """How many steps old it is at least."""
+    type: str | None = None
+    """A message type this participant insists on; it is checked against the output's."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what cannot be an output, or no message type."""
+        if not is_output(self.from_):
+            text = f"must be PARTICIPANT.OUTPUT, e.g. plant.joint_state, not {self.from_!r}"
+            yield ("from",), text
+        yield from _type_problems(self.type)
+
+
+class OutputRow(Settings):
+    """What an output carries."""
+
+    short = "type"
+
+    type: str
+    """`Name/major`, one of [messages.md](messages.md)."""
+    bulk: bool = OutputSpec.bulk
+    """Large content, which travels on a key of its own."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is no message type."""
+        yield from _type_problems(self.type)
+
+
+class HoldRow(Settings):
+    """What is published instead of a participant that has failed."""
+
+    hold_ns: Duration = HoldSpec.hold_ns
+    """How long the safe messages are published, after `keep`."""
+    keep_ns: Pause = HoldSpec.keep_ns
+    """How long its last messages are repeated; may be `0s`."""
+    safe: dict[str, dict[str, Any]] = {}
+    """Output → message, where it is not the default of the output's type."""
+
+
+class BridgeRow(Settings):
+    """How a program takes part that does not speak Zenoh."""
+
+    short = "format"
+
+    format: Format
+    """What the program reads and writes."""
+    describe: dict[str, dict[str, Any]] = {}
+    """Output → its description, where it is not the default."""
+
+
+class ParticipantRow(Settings):
+    """A participant."""
+
+    exec: tuple[str, ...]
+    """The command that starts it; see below."""
+    every: Count = ParticipantSpec.every
+    """It fires at steps 0, `every`, 2 · `every` …"""
+    publishes: Publishes = ParticipantSpec.publishes
+    """Whether it publishes before it reads its inputs (a plant: its state) or after (a controller).
+    """
+    inputs: dict[Name, InputRow] = {}
+    """Port → what it reads."""
+    outputs: dict[Name, OutputRow] = {}
+    """Port → what it publishes."""
+    params: dict[str, Any] = {}
+    """For the participant alone; checked where it declares them
+    ([parameters.md](parameters.md))."""
+    spawn_timeout_ns: Duration = round(Deadlines.spawn_s * 1e9)
+    """Until its process is on the bus."""
+    join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
+    """From there until it has joined."""
+    ready_timeout_ns: Duration = round(Deadlines.ready_s * 1e9)
+    """From there until its model is loaded and it is connected to its sources."""
+    step_timeout_ns: Duration = round(Deadlines.step_s * 1e9)
+    """How long it may hold a step."""
+    stop_timeout_ns: Duration = round(Deadlines.stop_s * 1e9)
+    """From the request to stop until its process has ended."""
+    on_fault: Literal["stop", "hold"] | HoldRow = "stop"
+    """What happens when it fails: the run ends, or everything is first brought to rest
+    ([faults.md](faults.md))."""
+    bridge: BridgeRow | None = None
+    """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
+    ([bridge.md](bridge.md))."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong with the command, and with messages for outputs."""
+        if not self.exec or not self.exec[0]:
+            yield ("exec",), "names no program"
+        for index, word in enumerate(self.exec):
+            if "\0" in word:
+                yield ("exec", index), "must not contain a null character"
+        if isinstance(self.on_fault, HoldRow):
+            yield from self._safe_problems(self.on_fault.safe)
+        if self.bridge is not None:
+            yield from self._describe_problems(self.bridge.describe)
+
+    def _safe_problems(self, safe: Mapping[str, Any]) -> Iterator[tuple[Keys, str]]:
+        for port, message in safe.items():
+            keys = ("on_fault", "safe", port)
+            if port not in self.outputs:
+                yield keys, f"no output {port!r}{suggest(port, self.outputs)}"
+                continue
+            name = self.outputs[port].type
+            try:
+                msgspec.convert(message, message_class(name))
+            except msgspec.ValidationError as exc:
+                yield keys, f"is no {name}: {exc}"
+
+    def _describe_problems(self, describe: Mapping[str, Any]) -> Iterator[tuple[Keys, str]]:
+        for port, description in describe.items():
+            keys = ("bridge", "describe", port)
+            if port not in self.outputs:
+                yield keys, f"no output {port!r}{suggest(port, self.outputs)}"
+            for key in description:
+                if key not in Description.__struct_fields__:
+                    known = Description.__struct_fields__
+                    yield (*keys, key), f"unknown key {key!r}{suggest(key, known)}"
+            try:
+                msgspec.convert(description, Description)
+            except msgspec.ValidationError as exc:
+                yield keys, str(exc)
+
+
+class BusRow(Settings):
+    """How participants reach each other. Changes no result."""
+
+    transport: Literal["unix", "tcp"] = BusSpec.transport
+    """Unix sockets in a private folder, or TCP on loopback."""
+    port: Annotated[int, msgspec.Meta(ge=1, le=LAST_TCP_PORT)] | None = BusSpec.port
+    """First TCP port: the orchestrator has it, the participants have those after it; only with
+    `tcp`. Default: any free ones."""
+    low_latency: bool | None = BusSpec.low_latency
+    """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB. Default: the
+    orchestrator chooses."""
+
+
+class ScenarioFile(Settings):
+    """A scenario."""
+
+    name: Name
+    """Names the folder of the recording."""
+    step_ns: Duration
+    """Length of a communication step; simulation time is step number × this."""
+    duration_ns: Duration | None = None
+    """A whole number of steps; without it the run lasts until a participant or you end it."""
+    seed: Whole = 0
+    """Every participant derives its own seed from this and its name."""
+    faults: tuple[str, ...] = ()
+    """Faults on purpose: `kill plant at 120`, `random 3` ([faults.md](faults.md))."""
+    participants: dict[Name, ParticipantRow]
+    """Name → participant, at least one; where several could go first within a step, they go in
+    this order."""
+    window: Count = Model.window
+    """Steps in flight; 1: nobody starts a step before all have finished the one before. Changes no
+    result."""
+    batch: Count | None = None
+    """Outputs of a participant per message to the recording; at most half the window, which is the
+    default. Changes no result."""
+    bus: BusRow = BusRow()
+    """How participants reach each other. Changes no result."""
+    extends: str | None = None
+    """File of the same folder that this scenario changes; see below."""
+
+
+def is_output(text: str) -> bool:
+    """Return whether a text has the form `participant.output`."""
+    source, _, port = text.partition(".")
+    return bool(source and port) and "." not in port
+
+
+def _type_problems(name: str | None) -> Iterator[tuple[Keys, str]]:
+    if name is not None:
+        try:
+            message_class(name)
+        except WiringError as exc:
+            yield ("type",), str(exc)

@@ -1,0 +1,46 @@
+"""Files by the names that a scenario gives them."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from stepbus_schemas import WiringError
+
+_EXTRAS = {"example-robot-data": "robots"}
+"""Package of models → the extra of stepbus that installs it."""
+
+
+def find_file(name: str, folder: Path) -> Path:
+    """Return the file of a name: relative to a folder, absolute, or `package://<package>/<path>`.
+
+    The package is an installed Python package or a folder of `cmeel.prefix/share`.
+    Raises WiringError when there is no such file.
+    """
+    path = package_path(name) if name.startswith("package://") else folder / name
+    try:
+        exists = path.exists()
+    except OSError:
+        exists = False
+    if not exists:
+        raise WiringError(f"no file {name!r} ({path})")
+    return path
+
+
+def package_path(url: str) -> Path:
+    """Return the file behind `package://<package>/<path>`.
+
+    Raises WiringError when the package is not installed.
+    """
+    package, _, rest = url.removeprefix("package://").partition("/")
+    spec = importlib.util.find_spec(package) if package.isidentifier() else None
+    if spec is not None and spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations))) / rest
+    cmeel = importlib.util.find_spec("cmeel")
+    if cmeel is not None and cmeel.origin is not None:
+        share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share"
+        if (share / package).is_dir():
+            return share / package / rest
+    extra = _EXTRAS.get(package)
+    install = f"; pip install 'stepbus[{extra}]'" if extra else ""
+    raise WiringError(f"{url}: package {package!r} is not installed here{install}")

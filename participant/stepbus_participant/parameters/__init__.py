@@ -1,0 +1,86 @@
+"""Parameters declared once: classes, what is wrong with a configuration, and YAML with lines.
+
+What reads YAML is imported when it is first used: a participant does not need it.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from .problems import Keys, Place, Problem, Problems, dotted, show, suggest
+from .read import read, read_value
+from .settings import (
+    Count,
+    Duration,
+    File,
+    Finite,
+    Name,
+    Names,
+    NonNegative,
+    NonNegativePerJoint,
+    Own,
+    Pause,
+    PerJoint,
+    PerName,
+    Plugin,
+    Positive,
+    PositivePerJoint,
+    Settings,
+    SettingsError,
+    Share,
+    Text,
+    Vector3,
+    Whole,
+    each,
+    when,
+)
+
+if TYPE_CHECKING:
+    from .yaml_file import YamlFile, fatal, parse_yaml, read_yaml
+
+_YAML = ("YamlFile", "fatal", "parse_yaml", "read_yaml")
+
+__all__ = [
+    "Count",
+    "Duration",
+    "File",
+    "Finite",
+    "Keys",
+    "Name",
+    "Names",
+    "NonNegative",
+    "NonNegativePerJoint",
+    "Own",
+    "Pause",
+    "PerJoint",
+    "PerName",
+    "Place",
+    "Plugin",
+    "Positive",
+    "PositivePerJoint",
+    "Problem",
+    "Problems",
+    "Settings",
+    "SettingsError",
+    "Share",
+    "Text",
+    "Vector3",
+    "Whole",
+    "YamlFile",
+    "dotted",
+    "each",
+    "fatal",
+    "parse_yaml",
+    "read",
+    "read_value",
+    "read_yaml",
+    "show",
+    "suggest",
+    "when",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _YAML:
+        from . import yaml_file  # noqa: PLC0415  see above
+
+        return getattr(yaml_file, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,201 @@
+"""`Settings`: parameters declared once, as a class with types, bounds, defaults and descriptions.
+
+    class Params(Settings):
+        \"\"\"Parameters of my controller.\"\"\"
+
+        joints: Names
+        \"\"\"Joints under control, in the order of every vector.\"\"\"
+        kp: PerJoint = each(100.0)
+        \"\"\"Proportional gain [N·m/rad].\"\"\"
+
+From it come the reading with all problems at once (`read.py`), the tables of the documentation
+and the JSON Schema for editors (`describe.py`). docs/parameters.md is the guide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self, dataclass_transform
+
+import msgspec
+
+from .problems import Keys, Problems, SettingsError, suggest
+
+_DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
+NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]*"
+LONGEST_NAME = 64
+
+
+def _key(name: str) -> str:
+    """Return the key of a field: without the unit of durations, `latency_ns` → `latency`."""
+    return name.removesuffix("_ns").removesuffix("_")
+
+
+class _SettingsMeta(msgspec.StructMeta):
+    """Makes every subclass frozen and keyword-only, with unknown keys refused."""
+
+    def __new__(
+        cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
+    ) -> Any:
+        options = {"frozen": True, "kw_only": True, "rename": _key, **options}
+        return super().__new__(cls, name, bases, namespace, **options)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(msgspec.field,))
+class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
+    """A set of parameters: one field for each key; see `read` of this package for what is checked.
+
+    short: key that a text stands for, where the scenario has a text and no map in this place.
+    """
+
+    short: ClassVar[str] = ""
+
+    def problems(self) -> Iterable[tuple[Keys, str]]:
+        """Yield what is wrong among values that are fine one by one: keys and a sentence."""
+        return ()
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], folder: Path | None = None) -> Self:
+        """Return plain data as these settings.
+
+        folder: what relative file names are relative to; None: files are not looked for.
+        Raises SettingsError that lists every problem.
+        """
+        from .read import read  # noqa: PLC0415  `read` needs this class
+
+        problems = Problems()
+        found = read(cls, data, problems, folder=folder)
+        problems.refuse()
+        return found
+
+
+class PerName:
+    """One number for all joints, one each, or a map by joint; `of` gives one for each joint.
+
+    value: a number, a list or a map. keys: where it stands, for messages.
+    """
+
+    def __init__(
+        self, value: float | Sequence[float] | Mapping[str, float], keys: Keys = ()
+    ) -> None:
+        self._value = value
+        self._keys = keys
+
+    def of(self, names: Sequence[str]) -> list[float]:
+        """Return one number for each name; raises SettingsError where that does not fit."""
+        problems = Problems()
+        for keys, text in self.misfits(names):
+            problems.add((*self._keys, *keys), text)
+        problems.refuse()
+        if isinstance(self._value, Mapping):
+            return [self._value[name] for name in names]
+        value = self._value
+        return list(value) if isinstance(value, Sequence) else [value] * len(names)
+
+    def misfits(self, names: Sequence[str]) -> Iterator[tuple[Keys, str]]:
+        """Yield why the numbers do not fit the names."""
+        value = self._value
+        if isinstance(value, Mapping):
+            for name in value:
+                if name not in names:
+                    yield (name,), f"no joint {name!r}{suggest(name, names)}"
+            for name in names:
+                if name not in value:
+                    yield (), f"{name!r} is missing"
+        elif isinstance(value, Sequence) and len(value) != len(names):
+            yield (), f"has {len(value)} numbers, not {len(names)} ({', '.join(names)})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PerName) and other._value == self._value
+
+    def __hash__(self) -> int:
+        return hash(repr(self._value))
+
+    def __repr__(self) -> str:
+        return f"each({self._value!r})"
+
+
+def each(value: float) -> PerName:
+    """Return a default: the same number for every joint."""
+    return PerName(value)
+
+
+def when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
+    """Return a mark: a key means something only where others have these values.
+
+    `Annotated[Positive, when(smoothing="low_pass")]` is required then, unless it has a default,
+    and refused otherwise.
+    """
+    wanted = {key: value if isinstance(value, tuple) else (value,) for key, value in values.items()}
+    return msgspec.Meta(extra={"when": wanted})
+
+
+def _text_form(mark: str, pattern: str) -> msgspec.Meta:
+    schema = {"type": "string", "pattern": pattern}
+    return msgspec.Meta(extra={"read": mark}, extra_json_schema=schema)
+
+
+Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0, le=1e300)]
+Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+"""A number from 0 to 1."""
+Count = Annotated[int, msgspec.Meta(ge=1, le=2**63 - 1)]
+Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+"""A whole number that is not negative."""
+Vector3 = tuple[Finite, Finite, Finite]
+Text = Annotated[str, msgspec.Meta(min_length=1)]
+"""A text that is not empty, such as the name of a link."""
+Name = Annotated[str, _text_form("name", f"^{NAME_FORM}$"), msgspec.Meta(max_length=LONGEST_NAME)]
+"""Name of a scenario, a participant or a port."""
+Duration = Annotated[int, _text_form("duration", _DURATION)]
+"""`5ms`, `0.005s` or `1/200s`; the field has it in [ns], and `_ns` behind its name."""
+Pause = Annotated[int, _text_form("pause", _DURATION)]
+"""A duration that may also be 0: `0s`."""
+File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"type": "string"})]
+"""A file: relative to the scenario or the file that names it, absolute, or `package://…`."""
+Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
+"""Different names, at least one."""
+Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]
+"""A class of your own, `module:Class`; keys that are not declared then are its parameters."""
+Own = Annotated[dict[str, Any], msgspec.Meta(extra={"read": "own"})]
+"""Collects the parameters of a class of your own."""
+
+
+def _per(item: object) -> msgspec.Meta:
+    return msgspec.Meta(extra={"read": "per_name", "item": item})
+
+
+PerJoint = Annotated[PerName, _per(Finite)]
+"""One number for all of `joints`, a list of one each, or a map by joint."""
+NonNegativePerJoint = Annotated[PerName, _per(NonNegative)]
+PositivePerJoint = Annotated[PerName, _per(Positive)]
+
+__all__ = [
+    "LONGEST_NAME",
+    "NAME_FORM",
+    "Count",
+    "Duration",
+    "File",
+    "Finite",
+    "Name",
+    "Names",
+    "NonNegative",
+    "NonNegativePerJoint",
+    "Own",
+    "Pause",
+    "PerJoint",
+    "PerName",
+    "Plugin",
+    "Positive",
+    "PositivePerJoint",
+    "Settings",
+    "SettingsError",
+    "Share",
+    "Text",
+    "Vector3",
+    "Whole",
+    "each",
+    "when",
+]
