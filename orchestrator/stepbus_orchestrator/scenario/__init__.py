@@ -1,5 +1,7 @@
 """Scenarios: what takes part in a run, how it is coupled, and whether that can work."""
 
+from stepbus_participant.parameters import Problem
+
 from .faults import KINDS, MESSAGE_KINDS, PROCESS_KINDS, faults_of, format_fault
 from .load import ScenarioError, load
 from .model import (
@@ -30,6 +32,7 @@ __all__ = [
     "InputSpec",
     "OutputSpec",
     "ParticipantSpec",
+    "Problem",
     "Scenario",
     "ScenarioError",
     "Schedule",
