@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.recording.timing import StepTiming
+from stepbus_orchestrator.recording import StepTiming
 from stepbus_orchestrator.run.run_scenario import run
 
 HERE = Path(__file__).parent

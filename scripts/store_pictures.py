@@ -24,7 +24,7 @@ import pybullet as bullet
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_plant import load_world, read_params
 from stepbus_plant.physics.engine import Physics
 from stepbus_schemas import Detections, Event, GripperState, Image, JointState, Message, Poses

@@ -9,7 +9,7 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.tolerance import Slack, Tolerance
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording.recorder import McapFile
+from stepbus_orchestrator.recording import McapFile
 from stepbus_schemas import Event, JointReference, encode
 
 STEP_NS = 5_000_000

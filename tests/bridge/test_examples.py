@@ -9,7 +9,7 @@ import pytest
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import run

@@ -12,7 +12,7 @@ import pytest
 from bridge_support import processes_in, run_bridged, write_bridged
 
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 
 
 @pytest.fixture(autouse=True)

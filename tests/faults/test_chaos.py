@@ -12,8 +12,7 @@ from recording_support import messages
 from run_support import leftovers
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.recording.recover import recover
+from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.scenario import KINDS, MESSAGE_KINDS
 

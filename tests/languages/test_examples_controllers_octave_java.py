@@ -9,7 +9,7 @@ import pytest
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "controllers"

@@ -8,7 +8,7 @@ import pytest
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.starters.starter import write_starter
 

@@ -7,7 +7,7 @@ from mcap.writer import CompressionType
 from recording_support import attachments, messages, metadata, record_ends, rewrite
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording.recover import recover
+from stepbus_orchestrator.recording import recover
 
 SHARED_FOLDER = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60

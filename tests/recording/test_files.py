@@ -10,8 +10,8 @@ import pytest
 from recording_support import messages
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording.recorder import CHUNK_BYTES
-from stepbus_orchestrator.recording.recover import recover
+from stepbus_orchestrator.recording import recover
+from stepbus_orchestrator.recording.layout import CHUNK_BYTES
 
 RUN_LONG = """
 import sys

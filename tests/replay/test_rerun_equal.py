@@ -8,7 +8,7 @@ import pytest
 from run_support import fault, run_joints
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording.recorder import McapFile
+from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Preparation, read_origin, unpack
 from stepbus_orchestrator.run.result import own_versions
 

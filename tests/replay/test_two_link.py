@@ -8,7 +8,7 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.tolerance import Slack, Tolerance
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_schemas import WiringError
 

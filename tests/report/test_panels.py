@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from stepbus_orchestrator.analysis.signals import read_tracking
-from stepbus_orchestrator.recording.reader import Entry, Port, Recording
+from stepbus_orchestrator.recording import Entry, Port, Recording
 from stepbus_orchestrator.report import report
 from stepbus_orchestrator.report.device_panels import device_panels, held_spans
 from stepbus_schemas import (

@@ -14,7 +14,7 @@ from stepbus_orchestrator import Options, Pace, call, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.scenarios import call as call_command
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.control.calls import recorded_calls

@@ -10,7 +10,7 @@ import pytest
 from run_support import leftovers, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 
 
 @pytest.fixture

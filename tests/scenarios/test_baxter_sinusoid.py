@@ -11,7 +11,7 @@ from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.analysis.sinusoid import fit_sinusoids, motion_at_rest, sinusoid_lines
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant.config import package_path
 from stepbus_plant import Params, Plant, load_world

@@ -8,7 +8,7 @@ from store_support import last, moves, slow_with_robots, store, texts
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 
 pytestmark = slow_with_robots
 

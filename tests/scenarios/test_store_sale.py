@@ -8,7 +8,7 @@ import pytest
 from store_support import NAMES, PATIENT, moves, slow_with_robots, store, texts
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.run.run_scenario import run
 

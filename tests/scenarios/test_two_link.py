@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 
 # rad, joints 1 and 2, after 2 s: ../shared/robots.md; to be met within 20 %.

@@ -12,8 +12,7 @@ from run_support import write_scenario
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.recording.recorder import McapFile, Recorder
-from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Member, Phase
 from stepbus_orchestrator.run.loop import Conductor
 from stepbus_orchestrator.run.progress import Silent

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import msgspec
 
-from stepbus_orchestrator.recording.reader import Entry, Recording
-from stepbus_orchestrator.recording.recorder import CHAIN_TOPIC
+from stepbus_orchestrator.recording import Entry, Recording
+from stepbus_orchestrator.recording.layout import CHAIN_TOPIC
 
 from .compare import Divergence, PortComparison, PortResult, fields_of, in_order
 from .compare_text import port_lines

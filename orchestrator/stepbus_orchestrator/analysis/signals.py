@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording.reader import Port, Recording
+from stepbus_orchestrator.recording import Port, Recording
 
 Array = NDArray[np.float64]
 

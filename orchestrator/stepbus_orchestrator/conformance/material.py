@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.check import recorded_descriptions
 from stepbus_orchestrator.replay.recorded import Recorded
 from stepbus_orchestrator.run.kernel.participants import input_descriptions

@@ -16,10 +16,8 @@ from stepbus_participant.durations import parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
-from .recorder import CHUNK_BYTES
+from . import layout
 from .scanner import Salvage
-
-_SCENARIO = "scenario.yaml"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +103,7 @@ class _Copy:
             # As the recorder does, so that an undamaged recording comes out byte for byte.
             writer: Any = Writer(
                 file,
-                chunk_size=CHUNK_BYTES,
+                chunk_size=layout.CHUNK_BYTES,
                 compression=CompressionType.ZSTD,
                 index_types=IndexType.ALL,
             )
@@ -151,7 +149,7 @@ class _Copy:
 
     def _take_attachment(self, writer: Any, attachment: Attachment) -> None:
         self._counts[Attachment] += 1
-        if attachment.name == _SCENARIO:
+        if attachment.name == layout.SCENARIO_ATTACHMENT:
             self._planned_steps = _planned_steps(attachment.data)
         writer.add_attachment(
             create_time=attachment.create_time,
@@ -181,6 +179,6 @@ class _Copy:
 def _planned_steps(data: bytes) -> int | None:
     """Return how many steps a resolved scenario asks for; None where it does not say."""
     with contextlib.suppress(StepbusError, UnicodeDecodeError, KeyError, TypeError, AttributeError):
-        content = parse_yaml(_SCENARIO, data.decode())
+        content = parse_yaml(layout.SCENARIO_ATTACHMENT, data.decode())
         return parse_duration(content["duration"]) // parse_duration(content["step"])
     return None

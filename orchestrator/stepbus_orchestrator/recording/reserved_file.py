@@ -1,4 +1,4 @@
-"""A file that a full disk cannot spoil."""
+"""A file that a full disk cannot corrupt."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 _RESERVE_BYTES = 512 * 1024
 
 
-class SteadyFile:
+class ReservedFile:
     """An append-only file of whole writes: one that fails leaves no half of it behind.
 
-    Room to close the file properly is set aside from the beginning, and given back by `release`,
-    so that a recording on a full disk still ends with its index. It is a file without a name, which
-    goes with the process, whatever becomes of it.
+    A reserve of 512 KiB, given back by `release`, leaves room to close the file properly: a
+    recording on a full disk still ends with its index. The reserve is a file without a name, so
+    that it goes with the process, however that ends.
     """
 
     def __init__(self, path: Path) -> None:
@@ -43,8 +43,11 @@ class SteadyFile:
     def write(self, data: bytes) -> int:
         """Append all of `data`, or nothing of it.
 
-        Raises OSError, e.g. when the disk is full.
+        Raises OSError, e.g. when the disk is full, and ValueError when the file is closed: its
+        descriptor may belong to another file by then.
         """
+        if self.closed:
+            raise ValueError(f"{self._path} is closed")
         rest = memoryview(data)
         try:
             while rest:

@@ -1,12 +1,14 @@
-"""The seam between a run and whatever becomes of its outputs."""
+"""The seam between a run and what becomes of its outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from stepbus_orchestrator.run.kernel.participants import Descriptions
-from stepbus_schemas import CallRecord, Outputs
+from stepbus_schemas import CallRecord, Description, Outputs
+
+Descriptions = Mapping[str, Mapping[str, Description]]
+"""Participant → output → its description."""
 
 
 class Sink(Protocol):
@@ -15,13 +17,13 @@ class Sink(Protocol):
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
     ) -> None:
-        """Learn what the participants say of their outputs, and what they run on."""
+        """Take how the participants describe their outputs, and what they run on."""
 
-    def note(self, name: str, content: Mapping[str, str]) -> None:
-        """Learn something about the run that is no message."""
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Take a fact about the run that is no message."""
 
-    def note_call(self, call: CallRecord) -> None:
-        """Learn of a call that changed something; all steps before its own are written."""
+    def add_call(self, call: CallRecord) -> None:
+        """Take a call that changed something; all steps before its own are written."""
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Take the outputs of one participant, which come in the order of their steps."""
@@ -33,7 +35,7 @@ class Sink(Protocol):
         """Return whether all announced bulk content has arrived."""
 
     def write_below(self, step: int) -> None:
-        """Learn that all steps below `step` are complete."""
+        """Process all steps below `step`: they are complete."""
 
-    def finish(self, closing_step: int, closing: list[str]) -> None:
-        """Learn that the run ended before `closing_step`, and who published once more at it."""
+    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
+        """End at `closing_step`; closing: who published once more at it."""

@@ -12,7 +12,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 
-from .recorder import McapFile
+from .mcap_file import McapFile
 
 # In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
 _ROWS = 256

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from stepbus_orchestrator.analysis.compare import Divergence, PortComparison, PortResult
 from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
-from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.recording.recorder import Recorder
+from stepbus_orchestrator.recording import Descriptions, Recorder, Recording
 from stepbus_orchestrator.run.kernel.deadlines import at
-from stepbus_orchestrator.run.kernel.participants import Descriptions
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 
@@ -74,10 +72,10 @@ class Check:
                 {**recorded_versions(self._recording), **versions},
             )
 
-    def note(self, name: str, content: Mapping[str, str]) -> None:
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Ignore it: a replay compares messages."""
 
-    def note_call(self, call: CallRecord) -> None:
+    def add_call(self, call: CallRecord) -> None:
         """Ignore it: it comes from the recording."""
 
     def offer(self, name: str, outputs: Outputs) -> None:
@@ -134,7 +132,7 @@ class Check:
         if self._reference is not None:
             self._reference.write_below(step)
 
-    def finish(self, closing_step: int, closing: list[str]) -> None:
+    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
         """Close the new reference."""
         if self._reference is not None:
             self._reference.finish(closing_step, closing)

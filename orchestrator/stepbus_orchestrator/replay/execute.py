@@ -15,12 +15,10 @@ from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.recording import Recording, TimingRecorder, layout
 from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.participants import Member
 from stepbus_orchestrator.run.progress import Observer, Silent
-from stepbus_orchestrator.run.result import TIMING_FILE
 from stepbus_orchestrator.run.supervise import supervise
 from stepbus_orchestrator.scenario import Scenario, Schedule, command, start_command
 from stepbus_participant import Bus, BusError
@@ -153,7 +151,7 @@ class _Replay:
             launcher = Launcher(run=run, token=self._token, folder=folder, logs=logs)
             stack.callback(launcher.end_all)
             logs.mkdir()
-            timing = TimingRecorder(self._folder / TIMING_FILE)
+            timing = TimingRecorder(self._folder / layout.TIMING_FILE)
             stack.callback(timing.close)
             mesh = make_mesh(alone(self._scenario, self._spec.name), folder, self._token)
             bus = _open_bus(mesh, run)

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from stepbus_orchestrator.processes.watchdog import Watchdog
-from stepbus_orchestrator.recording.sink import Sink
-from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.kernel.deadlines import check_start, took_nothing
-from stepbus_orchestrator.run.kernel.participants import Descriptions, Phase
+from stepbus_orchestrator.run.kernel.participants import Phase
 from stepbus_orchestrator.run.loop import Conductor
 from stepbus_orchestrator.run.progress import Observer
 from stepbus_orchestrator.scenario import Scenario, Schedule

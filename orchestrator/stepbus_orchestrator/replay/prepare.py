@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.processes.endpoints import low_latency
-from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.run.run_scenario import SCENARIO_ATTACHMENT
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml

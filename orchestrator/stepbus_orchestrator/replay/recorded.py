@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from stepbus_orchestrator.recording.reader import Entry, Recording
-from stepbus_orchestrator.recording.recorder import CHAIN_TOPIC
+from stepbus_orchestrator.recording import Entry, Recording
+from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, topic_of
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Outputs
 
@@ -40,7 +40,8 @@ class Recorded:
         self.step = 0
         self._every = spec.every
         self._tracks = [
-            (port, Track(recording.entries.get(f"{spec.name}/{port}", ()))) for port in spec.outputs
+            (port, Track(recording.entries.get(topic_of(spec.name, port), ())))
+            for port in spec.outputs
         ]
 
     def take(self) -> dict[str, bytes]:
@@ -95,7 +96,7 @@ def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
     One that has published at every step it fires at, up to some step, was cut off there; one that
     publishes now and then may have had nothing more to say.
     """
-    topics = [f"{spec.name}/{port}" for port in spec.outputs]
+    topics = [topic_of(spec.name, port) for port in spec.outputs]
     steps = {entry.step for topic in topics for entry in recording.entries.get(topic, ())}
     last = max(steps, default=-spec.every)
     dense = len(steps) == last // spec.every + 1

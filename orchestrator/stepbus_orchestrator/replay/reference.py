@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.recording.recorder import VERSIONS_METADATA, McapFile, Recorder
-from stepbus_orchestrator.run.run_scenario import ENVIRONMENT_METADATA, SCENARIO_ATTACHMENT
+from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.scenario import Scenario, Schedule, resolved
 
 
@@ -27,12 +25,12 @@ class Reference:
         self._part = target.with_name(f".{target.name}.part")
         file = McapFile(self._part)
         for name, data in old.attachments.items():
-            is_scenario = name == SCENARIO_ATTACHMENT
+            is_scenario = name == layout.SCENARIO_ATTACHMENT
             content = resolved(scenario).encode() if is_scenario and is_changed else data
             kind = "application/yaml" if is_scenario else "application/octet-stream"
             file.attach(name, kind, content)
         for name, versions in old.metadata.items():
-            if name == ENVIRONMENT_METADATA or not name.startswith(VERSIONS_METADATA):
+            if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
                 file.add_metadata(name, versions)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self.recorder = Recorder(file, order, scenario.step_ns)

@@ -9,22 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.progress import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
-from stepbus_orchestrator.run.run_scenario import (
-    ENVIRONMENT_METADATA,
-    SCENARIO_ATTACHMENT,
-    Options,
-    run,
-)
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, command, load, resolved
 from stepbus_schemas import CallRecord
 
 SOURCE_FOLDER = "source"
-_FILES = "files/"
-_VERSIONS = "versions/"
 _PROGRAMS = (b"#!", b"\x7fELF")
 _PACKAGE_URL = re.compile(rb"package://[^\s\"'<>,\]})]+")
 _OURS = ("python", "stepbus")
@@ -72,9 +66,9 @@ def origin_of(recording: Recording) -> Origin:
         scenario=recording.attachments[SCENARIO_ATTACHMENT],
         files=_files(recording.path, recording.attachments),
         versions={
-            name.removeprefix(_VERSIONS): content
+            owner: content
             for name, content in recording.metadata.items()
-            if name.startswith(_VERSIONS)
+            if (owner := layout.versions_owner(name)) is not None
         },
         steps=1 + max((e[-1].step for e in recording.entries.values() if e), default=-1),
         damage=recording.damage,
@@ -84,9 +78,9 @@ def origin_of(recording: Recording) -> Origin:
 
 def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes]:
     files = {
-        name.removeprefix(_FILES): data
-        for name, data in attachments.items()
-        if name.startswith(_FILES)
+        name: data
+        for attachment, data in attachments.items()
+        if (name := layout.attached_file(attachment)) is not None
     }
     for name in files:
         path = PurePosixPath(name)
@@ -151,7 +145,7 @@ class Preparation:
             raise RecordingFailed(f"{out} holds a run already; choose another --out")
         path = unpack(self._origin, out / SOURCE_FOLDER)
         self.scenario = load(path, overrides)
-        recorded = self._origin.versions.get("orchestrator", {})
+        recorded = self._origin.versions.get(layout.ORCHESTRATOR, {})
         self.notes = [
             *_damage(self._origin),
             *_changes(self._origin, self.scenario, overrides),
@@ -170,7 +164,7 @@ class Preparation:
         later = [
             note
             for name, recorded in self._origin.versions.items()
-            if f"{_VERSIONS}{name}" != ENVIRONMENT_METADATA and name in now
+            if name != layout.ORCHESTRATOR and name in now
             for note in _version_notes(name, recorded, now[name])
         ]
         return Rerun(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import BaseState, Goal, GripperState, Message, Poses
 
 Panel = Callable[[Any], None]

@@ -18,7 +18,7 @@ from stepbus_orchestrator.analysis.signals import (
     tracking_rmse,
 )
 from stepbus_orchestrator.analysis.sinusoid import sinusoid_lines
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import StepbusError
 
 from .device_panels import Panel, device_panels

@@ -12,11 +12,11 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
-from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.recording import Descriptions, Recording
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_schemas import Description
 
-from .kernel.participants import Descriptions, input_descriptions
+from .kernel.participants import input_descriptions
 from .run_scenario import Options, run
 
 _JOINT_STATE = "JointState/1"

@@ -12,8 +12,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure, StepTimeout
-from stepbus_orchestrator.recording.sink import Sink
-from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder, layout
 from stepbus_orchestrator.scenario import Deadlines, Scenario, Schedule
 from stepbus_participant import Bus
 from stepbus_schemas import CallRecord, Start, encode
@@ -27,7 +26,7 @@ from .kernel.barrier import Barrier
 from .kernel.deadlines import check_start, check_step, death, took_nothing
 from .kernel.descriptions import check_descriptions
 from .kernel.messages import Intake, RunState
-from .kernel.participants import Descriptions, Member, Phase, input_descriptions
+from .kernel.participants import Member, Phase, input_descriptions
 from .progress import Observer, Progress
 
 TICK_S = 0.05
@@ -166,8 +165,8 @@ class Conductor:
             self._hear_last_words()
             first, until = self._emergency.begin(member.name, self._descriptions())
             self.state.end = (until, f"{member.name} has failed; the run was held")
-            self._recorder.note(
-                "on_fault",
+            self._recorder.add_metadata(
+                layout.FALLBACK_METADATA,
                 {"participant": member.name, "first": str(first), "until": str(until)},
             )
             self._timing.event("hold", member.name, f"steps {first} to {until - 1}")

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import msgspec
 
+from stepbus_orchestrator.recording import layout
+
 from .events import Warned
 
-RUN_FILE = "run.mcap"
-TIMING_FILE = "timing.mcap"
 RESULT_FILE = "result.json"
 
 
@@ -56,7 +56,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def recording(self) -> Path:
         """Return the path of run.mcap."""
-        return Path(self.folder) / RUN_FILE
+        return Path(self.folder) / layout.RUN_FILE
 
     @property
     def simulated_s(self) -> float:

@@ -16,8 +16,7 @@ from stepbus_orchestrator.errors import BusFailed, RecordingFailed, RunFailure
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.recording.recorder import McapFile, Recorder
-from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
 from stepbus_orchestrator.scenario import (
     MESSAGE_KINDS,
     Deadlines,
@@ -41,12 +40,8 @@ from .events import Events
 from .kernel.participants import Member
 from .loop import Conductor
 from .progress import Observer, Silent
-from .result import RUN_FILE, TIMING_FILE, Result, file_sha256, own_versions
+from .result import Result, file_sha256, own_versions
 from .supervise import supervise
-
-SCENARIO_ATTACHMENT = "scenario.yaml"
-ENVIRONMENT_METADATA = "versions/orchestrator"
-FAULTS_METADATA = "faults"
 
 # Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
 _SUSPENDED_S = 1e6
@@ -116,11 +111,11 @@ class _Run:
         self._run = new_token()
         self._conductor: Conductor | None = None
         self._make_folder()
-        self._file = McapFile(options.out / RUN_FILE)
-        self._timing = TimingRecorder(options.out / TIMING_FILE)
+        self._file = McapFile(options.out / layout.RUN_FILE)
+        self._timing = TimingRecorder(options.out / layout.TIMING_FILE)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
-        self._recorder = Recorder(self._file, order, scenario.step_ns, self._events)
+        self._recorder = Recorder(self._file, order, scenario.step_ns, self._events.take)
         self._injected: list[str] = []
         self._injector = Injector(scenario.faults, self._note_fault) if scenario.faults else None
 
@@ -133,7 +128,9 @@ class _Run:
     def _make_folder(self) -> None:
         out = self._options.out
         try:
-            is_used = any((out / name).exists() for name in (RUN_FILE, TIMING_FILE, "logs"))
+            is_used = any(
+                (out / name).exists() for name in (layout.RUN_FILE, layout.TIMING_FILE, "logs")
+            )
             if not is_used:
                 (out / "logs").mkdir(parents=True)
         except OSError as exc:
@@ -176,18 +173,18 @@ class _Run:
     def _attach(self) -> None:
         """Attach all that is needed to run again from the recording alone."""
         text = resolved(self._scenario)
-        self._file.attach(SCENARIO_ATTACHMENT, "application/yaml", text.encode())
+        self._file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text.encode())
         for name, path in files(self._scenario).items():
             try:
                 content = path.read_bytes()
             except OSError as exc:
                 raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
-            self._file.attach(f"files/{name}", "application/octet-stream", content)
-        self._file.add_metadata(ENVIRONMENT_METADATA, own_versions())
+            self._file.attach(layout.file_attachment(name), "application/octet-stream", content)
+        self._file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
         faults = self._scenario.faults
         if faults:
             rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(faults)}
-            self._file.add_metadata(FAULTS_METADATA, rows)
+            self._file.add_metadata(layout.FAULTS_METADATA, rows)
 
     def _on_the_bus(self, launcher: Launcher, mesh: Mesh) -> str:
         try:
@@ -252,7 +249,7 @@ class _Run:
             start_s=started - self._began if started else 0.0,
             wall_s=wall_s,
             real_time_factor=simulated_s / wall_s if wall_s else 0.0,
-            sha256=file_sha256(self._options.out / RUN_FILE),
+            sha256=file_sha256(self._options.out / layout.RUN_FILE),
             folder=str(self._options.out),
             foreign=conductor.state.foreign if conductor else 0,
             drops=conductor.progress().drops if conductor else {},

@@ -13,7 +13,7 @@ import msgspec
 
 from stepbus_orchestrator.analysis.signals import Signal, read_signal
 from stepbus_orchestrator.errors import ExitCode, RunFailure
-from stepbus_orchestrator.recording.reader import Port, Recording
+from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.describe import describe
 from stepbus_orchestrator.run.progress import Observer
 from stepbus_orchestrator.run.result import Result

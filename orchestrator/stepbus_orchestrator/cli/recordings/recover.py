@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.recording.recover import Recovery, recover
+from stepbus_orchestrator.recording import Recovery, recover
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

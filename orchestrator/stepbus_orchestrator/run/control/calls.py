@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stepbus_orchestrator.errors import StepTimeout
-from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.recording.recorder import CALLS_TOPIC
-from stepbus_orchestrator.recording.sink import Sink
+from stepbus_orchestrator.recording import Recording, Sink, layout
 from stepbus_orchestrator.run.kernel.deadlines import at
 from stepbus_orchestrator.run.kernel.messages import RunState
 from stepbus_orchestrator.run.kernel.participants import Member
@@ -227,7 +225,7 @@ class Calls:
         asked = call.asked
         verbs = self._verbs(self._state.roster[asked.participant])
         if asked.verb in verbs and verbs[asked.verb].changes:
-            self._recorder.note_call(
+            self._recorder.add_call(
                 CallRecord(
                     step=call.step,
                     participant=asked.participant,
@@ -254,7 +252,7 @@ def recorded_calls(recording: Recording, participant: str | None = None) -> list
     Raises MessageError for one that cannot be read.
     """
     decode = Decoder(CallRecord)
-    calls = [decode(entry.data) for entry in recording.entries.get(CALLS_TOPIC, [])]
+    calls = [decode(entry.data) for entry in recording.entries.get(layout.CALLS_TOPIC, [])]
     return [call for call in calls if participant in {None, call.participant}]
 
 

@@ -7,9 +7,10 @@ from functools import partial
 from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, RunFailure
+from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.control.pace import FAR
 from stepbus_orchestrator.run.kernel.messages import Intake, RunState
-from stepbus_orchestrator.run.kernel.participants import Descriptions, input_descriptions
+from stepbus_orchestrator.run.kernel.participants import input_descriptions
 from stepbus_participant import Bus
 
 from .substitute import StandIn

@@ -8,8 +8,7 @@ from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed
 from stepbus_orchestrator.processes.endpoints import ORCHESTRATOR
-from stepbus_orchestrator.recording.sink import Sink
-from stepbus_orchestrator.recording.timing import TimingRecorder
+from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_participant import Bus
 from stepbus_participant.outbox import read_stamp

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Description, Ready, Waiting
 
@@ -71,9 +72,6 @@ class Member:
 
 
 Roster = Mapping[str, Member]
-
-Descriptions = Mapping[str, Mapping[str, Description]]
-"""Participant → output → its description."""
 
 
 def input_descriptions(

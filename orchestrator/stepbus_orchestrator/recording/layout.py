@@ -1,0 +1,84 @@
+"""What stands where in a recording (P13); nothing else in stepbus spells these names out."""
+
+from __future__ import annotations
+
+from stepbus_schemas.protocol import CHAIN_EVERY
+
+RUN_FILE = "run.mcap"
+TIMING_FILE = "timing.mcap"
+
+PROFILE = ""
+LIBRARY = "stepbus"
+CHUNK_BYTES = 64 * 1024
+MESSAGE_ENCODING = "msgpack"
+SCHEMA_ENCODING = "jsonschema"
+
+CHAIN_TOPIC = "stepbus/chain"
+CHAIN_TYPE = "Chain/1"
+CALLS_TOPIC = "stepbus/calls"
+CALLS_TYPE = "CallRecord/1"
+
+SCENARIO_ATTACHMENT = "scenario.yaml"
+FAULTS_METADATA = "faults"
+FALLBACK_METADATA = "on_fault"
+DESCRIPTION_KEY = "description"
+"""Metadata of a channel: its `Description` as JSON."""
+
+_SCHEMA_PREFIX = "stepbus."
+_FILES = "files/"
+_VERSIONS = "versions/"
+
+ORCHESTRATOR = "orchestrator"
+ENVIRONMENT_METADATA = _VERSIONS + ORCHESTRATOR
+"""What the orchestrator runs on; a participant's stands under its name."""
+
+
+def topic_of(participant: str, port: str) -> str:
+    """Return the topic of a port: `<participant>/<port>`."""
+    return f"{participant}/{port}"
+
+
+def split_topic(topic: str) -> tuple[str, str]:
+    """Return participant and port of a topic."""
+    participant, _, port = topic.partition("/")
+    return participant, port
+
+
+def schema_name(type_name: str) -> str:
+    """Return the schema name of a message type: `stepbus.JointState/1`."""
+    return _SCHEMA_PREFIX + type_name
+
+
+def type_of_schema(name: str) -> str:
+    """Return the message type of a schema name."""
+    return name.removeprefix(_SCHEMA_PREFIX)
+
+
+def file_attachment(name: str) -> str:
+    """Return the attachment name of a file that the scenario names."""
+    return _FILES + name
+
+
+def attached_file(attachment: str) -> str | None:
+    """Return the file behind an attachment; None where the attachment is no file of a scenario."""
+    return attachment.removeprefix(_FILES) if attachment.startswith(_FILES) else None
+
+
+def versions_metadata(participant: str) -> str:
+    """Return the name of the metadata that lists what a participant runs on."""
+    return _VERSIONS + participant
+
+
+def versions_owner(metadata: str) -> str | None:
+    """Return whose versions a metadata record lists; None where it lists none."""
+    return metadata.removeprefix(_VERSIONS) if metadata.startswith(_VERSIONS) else None
+
+
+def channel_metadata(participant: str, port: str, description: str) -> dict[str, str]:
+    """Return the metadata of a port's channel. description: as JSON."""
+    return {"participant": participant, "port": port, DESCRIPTION_KEY: description}
+
+
+def has_chain(step: int) -> bool:
+    """Return whether the hash chains are recorded after this step (P13.3)."""
+    return (step + 1) % CHAIN_EVERY == 0

@@ -1,0 +1,125 @@
+"""An MCAP file in the making."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from mcap.writer import CompressionType, IndexType
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_schemas.schema import json_schema
+
+from . import layout
+from .message_writer import MessageWriter
+from .reserved_file import ReservedFile
+
+
+class McapFile:
+    """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
+
+    All methods but `close` raise RecordingFailed when the file cannot be written or is closed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._schemas: dict[str, int] = {}
+        self._closed = False
+        with self._translated():
+            self._file = ReservedFile(path)
+            sink: Any = self._file
+            self._writer: Any = MessageWriter(
+                sink,
+                chunk_size=layout.CHUNK_BYTES,
+                compression=CompressionType.ZSTD,
+                index_types=IndexType.ALL,
+            )
+            self._writer.start(profile=layout.PROFILE, library=layout.LIBRARY)
+
+    @property
+    def closed(self) -> bool:
+        """Return whether the file is complete; nothing can be added to it then."""
+        return self._closed
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Attach a file."""
+        with self._open():
+            self._writer.add_attachment(
+                create_time=0, log_time=0, name=name, media_type=media_type, data=data
+            )
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        with self._open():
+            self._writer.add_metadata(name, dict(content))
+
+    def add_channel(
+        self,
+        topic: str,
+        type_name: str,
+        metadata: Mapping[str, str],
+        schema_of: Callable[[str], Mapping[str, Any]] = json_schema,
+    ) -> int:
+        """Register a channel and, once, its type's JSON Schema; return the channel's number."""
+        with self._open():
+            if type_name not in self._schemas:
+                schema = json.dumps(schema_of(type_name), sort_keys=True, ensure_ascii=False)
+                self._schemas[type_name] = self._writer.register_schema(
+                    layout.schema_name(type_name), layout.SCHEMA_ENCODING, schema.encode()
+                )
+            channel: int = self._writer.register_channel(
+                topic, layout.MESSAGE_ENCODING, self._schemas[type_name], dict(metadata)
+            )
+        return channel
+
+    def add(self, channel: int, t_ns: int, data: bytes, sequence: int) -> None:
+        """Write one message."""
+        # Called for every message: the context manager would take longer than the rest.
+        if self._closed:
+            raise self._already_closed()
+        try:
+            self._writer.add_message(channel, t_ns, data, t_ns, sequence)
+        except OSError as exc:
+            raise self._failure(exc) from exc
+
+    def close(self) -> None:
+        """Write what is left and the index; harmless when repeated.
+
+        On a full disk they go into the room that was set aside. Raises RecordingFailed when they
+        cannot be written all the same.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._file.release()
+        try:
+            with self._translated():
+                self._writer.finish()
+        finally:
+            self._file.close()
+
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[None]:
+        if self._closed:
+            raise self._already_closed()
+        with self._translated():
+            yield
+
+    @contextlib.contextmanager
+    def _translated(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as exc:
+            raise self._failure(exc) from exc
+
+    def _already_closed(self) -> RecordingFailed:
+        return RecordingFailed(f"the recording {self.path} is closed; nothing can be added to it")
+
+    def _failure(self, exc: OSError) -> RecordingFailed:
+        return RecordingFailed(
+            f"the recording {self.path} cannot be written: {exc.strerror or exc}; "
+            "free some disk space or choose another folder with --out"
+        )
