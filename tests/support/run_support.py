@@ -5,7 +5,7 @@ from pathlib import Path
 
 import psutil
 
-from stepbus_orchestrator import Options, Result, load
+from stepbus_orchestrator import Observer, Options, Result, load
 from stepbus_orchestrator.run.run_scenario import run
 
 PROGRAM = Path(__file__).parents[1] / "programs" / "joints.py"
@@ -40,10 +40,12 @@ def write_scenario(folder: Path, text: str = SCENARIO) -> Path:
     return path
 
 
-def run_joints(folder: Path, *overrides: str, **options: object) -> Result:
+def run_joints(
+    folder: Path, *overrides: str, observer: Observer | None = None, **options: object
+) -> Result:
     """Run the scenario with overrides; the run's folder is `folder/out`."""
     scenario = load(write_scenario(folder / "source"), overrides)
-    return run(scenario, Options(out=folder / "out", **options))
+    return run(scenario, Options(out=folder / "out", **options), observer)
 
 
 def fault(role: str, program: str, kind: str, step: int) -> str:

@@ -88,7 +88,7 @@ class Stage(Wire):
     def _send(self, put: Callable[..., None], data: bytes) -> None:
         with self._watchdog.watching():
             put(data)
-        if self._watchdog.has_bitten:
+        if self._watchdog.fired:
             limit_s = self.spec.deadlines.step_s
             raise Failed(f"it took in nothing for {limit_s:g} s, and messages to it piled up")
 

@@ -7,6 +7,8 @@ import errno
 import os
 import signal
 import subprocess
+import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +17,10 @@ from stepbus_orchestrator.errors import StartFailed
 from .last_error import last_words
 
 _TERM_GRACE_S = 1.0
+_KILL_S = 5.0
+"""How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
+_FIRST_PAUSE_S = 0.0005
+_LONGEST_PAUSE_S = 0.05
 
 
 class Child:
@@ -36,6 +42,7 @@ class Child:
     ) -> None:
         self.name = name
         self.log = log
+        self._lock = threading.Lock()
         try:
             with log.open("ab") as file:
                 if has_terminal:
@@ -60,31 +67,46 @@ class Child:
         self.pid = self._process.pid
 
     def exit_code(self) -> int | None:
-        """Return its exit code, negative for a signal; None while it runs."""
-        return self._process.poll()
+        """Return its exit code, negative for a signal; None while it runs.
+
+        The process is not reaped before `end`: as long as it is a zombie, its process group is
+        its own, and no signal to the group can reach anybody else.
+        """
+        with self._lock:
+            if self._process.returncode is not None:
+                return self._process.returncode
+            ended = os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        if ended is None:
+            return None
+        return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""
-        try:
-            self._process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            return False
+        deadline, pause_s = time.monotonic() + timeout_s, _FIRST_PAUSE_S
+        while self.exit_code() is None:
+            left_s = deadline - time.monotonic()
+            if left_s <= 0:
+                return False
+            time.sleep(min(pause_s, left_s))
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
         return True
 
     def end(self) -> None:
-        """Terminate it, then kill it and all it has started."""
+        """Terminate it, then kill it and all it has started (P11.4)."""
         if self.exit_code() is None:
             self.signal(signal.SIGTERM)
-            # A frozen process takes no SIGTERM until it goes on.
+            # A frozen process takes no SIGTERM until it continues.
             self.signal(signal.SIGCONT)
             self.wait(_TERM_GRACE_S)
         self.signal(signal.SIGKILL)
-        self._process.wait()
+        with self._lock, contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_KILL_S)
 
     def signal(self, number: int) -> None:
-        """Send a signal to it and all it has started."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, number)
+        """Send a signal to it and all it has started; nothing once it has been reaped."""
+        with self._lock, contextlib.suppress(ProcessLookupError, PermissionError):
+            if self._process.returncode is None:
+                os.killpg(self.pid, number)
 
     def is_stopped(self) -> bool:
         """Return whether a signal or a debugger has stopped it; False where nobody knows."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,11 +16,15 @@ from stepbus_participant.ticket import TICKET_VARIABLE, Endpoint, MessageFault, 
 
 from .child import Child
 
+_REAPER_S = 2.0
+"""How long the reaper may take to remove the private folder; it may have been stopped [s]."""
+
 
 class Launcher:
-    """Owns every process of one run.
+    """Owns every process of one run, and its private folder.
 
-    folder: the run's private folder. logs: folder of the participants' logs.
+    folder: the private folder, removed at the end. logs: folder of the participants' logs. Raises
+    StartFailed, without leaving the folder behind, when no process can be started.
     """
 
     def __init__(self, *, run: str, token: str, folder: Path, logs: Path) -> None:
@@ -28,13 +33,11 @@ class Launcher:
         self._folder = folder
         self._logs = logs
         self.children: dict[str, Child] = {}
-        reaper = Path(__file__).with_name("reaper.py")
-        self._reaper = subprocess.Popen(
-            [sys.executable, "-I", "-S", str(reaper), str(folder)],
-            stdin=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
+        try:
+            self._reaper = _start_reaper(folder)
+        except OSError as exc:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise StartFailed(f"the reaper could not be started: {exc.strerror or exc}") from exc
 
     def start(
         self,
@@ -86,14 +89,36 @@ class Launcher:
         for child in self.children.values():
             child.end()
             self._tell_reaper(f"-{child.pid}")
-        with contextlib.suppress(BrokenPipeError):
-            self._reaper.communicate()
+        self._end_reaper()
+
+    def _end_reaper(self) -> None:
+        if self._reaper.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._reaper.stdin.close()
+        try:
+            self._reaper.wait(_REAPER_S)
+        except subprocess.TimeoutExpired:
+            self._reaper.kill()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._reaper.wait(_REAPER_S)
+        # It may have been killed, or stopped, by somebody else.
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _tell_reaper(self, line: str) -> None:
         if self._reaper.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
                 self._reaper.stdin.write(line + "\n")
                 self._reaper.stdin.flush()
+
+
+def _start_reaper(folder: Path) -> subprocess.Popen[str]:
+    program = Path(__file__).with_name("reaper.py")
+    return subprocess.Popen(
+        [sys.executable, "-I", "-S", str(program), str(folder)],
+        stdin=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
 
 
 def _environment(ticket: Path) -> Mapping[str, str]:

@@ -1,4 +1,4 @@
-"""Frees whoever sends to a program that takes in nothing, and would be blocked for good.
+"""Kills a program that reads nothing, so that whoever publishes to it is not blocked for good.
 
 Publishers block rather than drop (P2.5). A frozen process reads nothing; when the buffers of its
 link are full, which takes some 250 messages however small, a put to it never returns.
@@ -11,21 +11,24 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
-_LOOK_S = 0.1
+_CHECK_S = 0.1
+_LONGEST_CHECK_S = 0.25
+"""One check counts for at most this long: a suspended machine or orchestrator is no blocker."""
 
 
 class Watchdog:
-    """Watches the calls that a program which reads nothing would block for ever.
+    """Times the calls that a program which reads nothing would block forever.
 
-    limit_s: how long such a call may take [s]. kill: ends the program, which frees the call; it
-    runs on the watchdog's thread.
+    limit_s: how long such a call may take [s]. kill: ends the program, which frees the call; runs
+    on the watchdog's thread, once for each call that is blocked. fired: whether it has killed.
     """
 
     def __init__(self, limit_s: float, kill: Callable[[], None]) -> None:
-        self.has_bitten = False
+        self.fired = False
         self._limit_s = limit_s
         self._kill = kill
-        self._since: float | None = None
+        self._call = 0
+        self._is_open = False
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
@@ -40,22 +43,30 @@ class Watchdog:
             self.end()
 
     def begin(self) -> None:
-        """Watch what is done from now on."""
-        self._since = time.monotonic()
+        """Watch the call that starts now."""
+        self._call += 1
+        self._is_open = True
 
     def end(self) -> None:
-        """Watch no longer, until the next `begin`."""
-        self._since = None
+        """Stop watching until the next `begin`."""
+        self._is_open = False
 
     def close(self) -> None:
-        """Watch no longer."""
+        """Stop watching for good."""
         self._over.set()
         self._thread.join()
 
     def _watch(self) -> None:
-        while not self._over.wait(_LOOK_S):
-            since = self._since
-            if since is not None and time.monotonic() - since > self._limit_s:
-                self.has_bitten = True
+        call, blocked_s, checked_at = 0, 0.0, time.monotonic()
+        killed_for = 0
+        while not self._over.wait(_CHECK_S):
+            now = time.monotonic()
+            elapsed_s, checked_at = min(now - checked_at, _LONGEST_CHECK_S), now
+            if not self._is_open or self._call != call:
+                call, blocked_s = self._call, 0.0
+                continue
+            blocked_s += elapsed_s
+            if blocked_s > self._limit_s and killed_for != call:
+                killed_for = call
+                self.fired = True
                 self._kill()
-                self._since = time.monotonic()

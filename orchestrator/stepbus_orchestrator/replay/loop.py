@@ -96,7 +96,7 @@ class Replayer(Conductor):
         barrier = self.state.barrier
         with self._watchdog.watching():
             self._peers.publish_below(barrier.upto, barrier.reported)
-        if self._watchdog.has_bitten:
+        if self._watchdog.fired:
             (member,) = self.state.roster.values()
             raise took_nothing(member, self.state.roster, barrier, self._scenario.step_ns)
         super()._release()

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain, count
 from pathlib import Path
 
 from stepbus_orchestrator.errors import BusFailed, RecordingFailed, RunFailure
@@ -74,10 +75,27 @@ class Options:
 
 
 def default_folder(scenario: Scenario, parent: Path) -> Path:
-    """Return a new folder name for a run: `<scenario>-<time>`, made unique by a number."""
+    """Make a new folder for a run: `<scenario>-<time>`, or the first free `<scenario>-<time>-<n>`.
+
+    Two runs that start in the same second get different ones. Raises RecordingFailed when it
+    cannot be made.
+    """
     stem = f"{scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    names = [stem, *(f"{stem}-{number}" for number in range(2, 1000))]
-    return next(parent / name for name in names if not (parent / name).exists())
+    names = chain([stem], (f"{stem}-{number}" for number in count(2)))
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        return next(parent / name for name in names if _is_made(parent / name))
+    except OSError as exc:
+        raise RecordingFailed(f"cannot make a folder in {parent}: {exc.strerror}") from exc
+
+
+def _is_made(folder: Path) -> bool:
+    """Make a folder; return False where somebody else has made it."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    return True
 
 
 def run(

@@ -13,7 +13,7 @@ from stepbus_orchestrator.cli.terminal.live import make_display
 from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, default_folder, run
+from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_schemas import WiringError
 
@@ -59,7 +59,7 @@ def _overrides(args: argparse.Namespace) -> list[str]:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    scenario = load(args.scenario, _overrides(args), args.fault)
+    scenario = without_deadlines(load(args.scenario, _overrides(args), args.fault), args.debug)
     if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
         raise WiringError(
             "--pause-at needs a terminal whose keys let the run go on; it goes with neither "

@@ -1,0 +1,43 @@
+"""Where a run writes: a folder of its own, also for runs that start in the same second."""
+
+import subprocess
+import sys
+
+import pytest
+
+from stepbus_orchestrator import load
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.run.run_scenario import default_folder
+
+
+def test_every_default_folder_is_a_new_one(tmp_path):
+    scenario = load("two_link")
+    folders = {default_folder(scenario, tmp_path / "runs") for _ in range(5)}
+    assert len(folders) == 5
+
+
+def test_a_default_folder_that_cannot_be_made_is_reported(tmp_path):
+    (tmp_path / "runs").write_text("a file")
+    with pytest.raises(RecordingFailed, match="cannot make a folder in"):
+        default_folder(load("two_link"), tmp_path / "runs")
+
+
+def test_runs_that_start_together_do_not_share_a_folder(tmp_path):
+    words = ["run", "two_link", "--no-report", "--json", "--set", "duration=50ms"]
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-m", "stepbus_orchestrator", *words],
+            cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    errors = [process.communicate(timeout=60)[1] for process in runs]
+    assert ([process.returncode for process in runs], errors) == ([0, 0, 0], ["", "", ""])
+    assert len(list((tmp_path / "runs").iterdir())) == 3
+
+
+def test_a_run_that_cannot_start_leaves_no_default_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "two_link", "--debug", "nobody"]) == 2
+    assert list(tmp_path.iterdir()) == []
