@@ -226,10 +226,10 @@ def camera_view(log: Log, step: int) -> Picture:
     found = log.at("perception/detections", step, Detections)
     to_camera = np.linalg.inv(_matrix(poses["camera"])) @ _matrix(poses[found.frame])
     sizes = _sizes(log)
-    for number, kind in enumerate(found.kinds):
+    for number, kind in enumerate(found.types):
         place = to_camera @ _matrix((found.position[number], found.orientation[number]))
         _draw_box(large, image, place, sizes[kind])
-    for number, kind in enumerate(found.kinds):
+    for number, kind in enumerate(found.types):
         place = to_camera @ np.array([*found.position[number], 1.0])
         _label(large, f"{kind} {found.confidence[number]:.2f}", _pixel(image, place[:3]))
     return _beside(_picture(large), _depth(log.at("plant/depth", step, Image)))
@@ -238,7 +238,7 @@ def camera_view(log: Log, step: int) -> Picture:
 def _sizes(log: Log) -> Mapping[str, Matrix]:
     """Return half the size of each kind, shape (3,) [m]."""
     details = log.recording.ports["plant/poses"].description.details
-    rows = zip(details["kind"], details["shape"], strict=True)
+    rows = zip(details["type"], details["shape"], strict=True)
     boxes = {kind: _box(shape) for kind, shape in rows if kind}
     return {kind: (upper - lower) / 2 for kind, (lower, upper) in boxes.items()}
 

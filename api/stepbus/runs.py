@@ -116,14 +116,14 @@ def verify(
 
 
 def call(
-    folder: str | PathLike[str], participant: str = "", verb: str = "", *args: Any
+    folder: str | PathLike[str], participant: str = "", method: str = "", *args: Any
 ) -> CallReply:
     """Call a participant of a live run; it answers between two steps.
 
-    folder: of the run. Without a participant and a verb, the reply's value lists all calls.
+    folder: of the run. Without a participant and a method, the reply's value lists all calls.
     args: numbers, texts, lists, maps.
 
     Raises WiringError when no run is live there or the call is refused, BusFailed when the run
     does not answer.
     """
-    return call_run(Path(folder), participant, verb, args)
+    return call_run(Path(folder), participant, method, args)

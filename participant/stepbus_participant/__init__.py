@@ -27,7 +27,7 @@ from stepbus_schemas import (
 )
 
 from .bus import Bus, BusError
-from .calls import CallError, Verb
+from .calls import CallError, Method
 from .config import Config
 from .main import main, take_part
 from .outbox import OutputError
@@ -90,6 +90,7 @@ __all__ = [
     "JointState",
     "Message",
     "MessageError",
+    "Method",
     "Name",
     "Names",
     "NonNegative",
@@ -116,7 +117,6 @@ __all__ = [
     "Text",
     "Ticket",
     "Vector3",
-    "Verb",
     "Whole",
     "WiringError",
     "each",

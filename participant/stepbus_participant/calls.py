@@ -7,8 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stepbus_schemas import Call, Called, StepbusError, Welcome, encode, encoding_of
-from stepbus_schemas import Verb as VerbDescription
+from stepbus_schemas import (
+    Call,
+    CallDescription,
+    Called,
+    StepbusError,
+    Welcome,
+    encode,
+    encoding_of,
+)
 
 from .bus import Bus
 
@@ -18,7 +25,7 @@ class CallError(StepbusError, ValueError):
 
 
 @dataclass(frozen=True)
-class Verb:
+class Method:
     """Something a participant can be asked.
 
     function: gets the arguments as they were given (numbers, texts, lists, maps) and returns
@@ -31,9 +38,9 @@ class Verb:
     changes: bool = False
 
     @property
-    def description(self) -> VerbDescription:
+    def description(self) -> CallDescription:
         """Return what others get to know of it."""
-        return VerbDescription(help=self.help, changes=self.changes)
+        return CallDescription(help=self.help, changes=self.changes)
 
 
 class Answers:
@@ -43,8 +50,8 @@ class Answers:
     between the same two steps.
     """
 
-    def __init__(self, verbs: Mapping[str, Verb], welcome: Welcome, bus: Bus) -> None:
-        self._verbs = dict(verbs)
+    def __init__(self, methods: Mapping[str, Method], welcome: Welcome, bus: Bus) -> None:
+        self._methods = dict(methods)
         self._name = welcome.name
         self._token = welcome.token
         self._put = bus.publisher(f"called/{welcome.name}", encoding_of("Called/1"))
@@ -60,15 +67,15 @@ class Answers:
             self._put(self._said)
 
     def _do(self, call: Call) -> bytes:
-        verb = self._verbs.get(call.verb)
-        if verb is None:
-            known = ", ".join(self._verbs) or "nothing"
-            return self._pack(call, error=f"{self._name} can be asked {known}, not {call.verb!r}")
+        method = self._methods.get(call.method)
+        if method is None:
+            known = ", ".join(self._methods) or "nothing"
+            return self._pack(call, error=f"{self._name} can be asked {known}, not {call.method!r}")
         try:
-            _signature(verb.function).bind(*call.args)
-            return self._pack(call, value=verb.function(*call.args))
+            _signature(method.function).bind(*call.args)
+            return self._pack(call, value=method.function(*call.args))
         except (ArithmeticError, LookupError, StepbusError, TypeError, ValueError) as exc:
-            return self._pack(call, error=f"{call.verb}: {exc}")
+            return self._pack(call, error=f"{call.method}: {exc}")
 
     def _pack(self, call: Call, value: Any = None, error: str | None = None) -> bytes:
         answer = Called(name=self._name, token=self._token, id=call.id, value=value, error=error)

@@ -34,7 +34,7 @@ class OrchestratorLost(RunError, ConnectionError):
 class Control:
     """The newest word of the orchestrator.
 
-    upto: steps below it may be worked on. started: descriptions of the inputs of all
+    step_limit: steps below it may be worked on. started: descriptions of the inputs of all
     participants, once all are ready. calls: what it asks, to be answered while we wait for the
     trigger; only where it is given our `name`.
 
@@ -45,10 +45,10 @@ class Control:
     def __init__(
         self, bus: Bus, token: str, wake: Iterable[SimpleQueue[Any]], name: str = ""
     ) -> None:
-        self.upto = 0
+        self.step_limit = 0
         self.calls: deque[Call] = deque()
         self.started: Mapping[str, Mapping[str, Description]] | None = None
-        self.foreign = 0
+        self.unauthenticated = 0
         self._token = token
         self._step = -1
         self._stop: Stop | None = None
@@ -118,29 +118,29 @@ class Control:
             else:
                 self._take_start(_decode_start(data))
         except MessageError:
-            self.foreign += 1
+            self.unauthenticated += 1
 
     def _take_trigger(self, trigger: Trigger) -> None:
         if trigger.token == self._token:
-            self.upto = max(self.upto, trigger.upto)
+            self.step_limit = max(self.step_limit, trigger.step_limit)
         else:
-            self.foreign += 1
+            self.unauthenticated += 1
 
     def _take_stop(self, stop: Stop) -> None:
         if stop.token == self._token:
             self._stop = stop
             self._end_if_due(stop)
         else:
-            self.foreign += 1
+            self.unauthenticated += 1
 
     def _take_call(self, call: Call) -> None:
         if call.token == self._token:
             self.calls.append(call)
         else:
-            self.foreign += 1
+            self.unauthenticated += 1
 
     def _take_start(self, start: Start) -> None:
         if start.token == self._token:
             self.started = start.inputs
         else:
-            self.foreign += 1
+            self.unauthenticated += 1

@@ -61,17 +61,17 @@ class FaultyPublisher:
 
     def _apply(self, fault: MessageFault, messages: list[bytes]) -> list[bytes]:
         """Return what is published now instead of some messages."""
-        if fault.kind == "drop":
+        if fault.type == "drop":
             return []
-        if fault.kind == "reorder":
+        if fault.type == "reorder":
             self._held = messages
             return []
-        if fault.kind == "delay":
+        if fault.type == "delay":
             time.sleep(fault.duration_s)
             return messages
-        if fault.kind == "duplicate":
+        if fault.type == "duplicate":
             return messages * 2
-        if fault.kind == "corrupt":
+        if fault.type == "corrupt":
             return [_corrupt(message) for message in messages]
         return [_oversize(message) for message in messages]
 

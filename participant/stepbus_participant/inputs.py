@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from stepbus_schemas import (
-    GREETING_STEP,
+    HANDSHAKE_STEP,
     Decoder,
     InputConfig,
     Message,
@@ -128,9 +128,9 @@ class Source:
                 return None
             raise PeerFault(self.name, f"after step {self.step}: {self.name} sent {exc}") from exc
         if outputs.token != self._token:
-            self.drop("foreign")
+            self.drop("unauthenticated")
             return None
-        if outputs.step == GREETING_STEP:
+        if outputs.step == HANDSHAKE_STEP:
             self.heard = True
             return None
         if outputs.step != self.step + self.every:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 
 from stepbus_schemas import (
-    GREETING_STEP,
+    HANDSHAKE_STEP,
     PROTOCOL_VERSION,
     Decoder,
     Description,
@@ -32,7 +32,7 @@ from .ticket import Ticket
 _decode_welcome = Decoder(Welcome)
 _decode_refusal = Decoder(Refusal)
 _RETRY_S = 0.05
-_GREETING_S = 0.02
+_HANDSHAKE_S = 0.02
 
 
 class Refused(RunError, PermissionError):
@@ -107,29 +107,29 @@ def become_ready(
     outbox: Outbox,
     control: Control,
 ) -> Mapping[str, Description]:
-    """Greet our consumers, hear our sources, say we are ready, and wait for the start.
+    """Send handshakes to our consumers, hear our sources, say we are ready, and wait for the start.
 
     Everything is repeated until it is answered, so that no message of this phase can be missed.
     Returns the descriptions of our inputs. Raises Stopped when the run ends before it starts.
     """
     put_ready = bus.publisher(f"ready/{ready.name}", encoding_of("Ready/1"))
     while control.started is None:
-        outbox.greet()
+        outbox.send_handshake()
         _hear(bus, sources)
         unheard = [source.name for source in sources if not source.heard]
         if unheard:
-            outbox.flush(Waiting(step=GREETING_STEP, sources=unheard))
+            outbox.flush(Waiting(step=HANDSHAKE_STEP, sources=unheard))
         else:
             outbox.flush()
             put_ready(encode(ready))
-        control.wait(_GREETING_S)
+        control.wait(_HANDSHAKE_S)
     return control.started.get(ready.name, {})
 
 
 def _hear(bus: Bus, sources: list[Source]) -> None:
-    """Take in the greetings of our sources."""
+    """Take in the handshakes of our sources."""
     for source in sources:
-        # What comes behind the first greeting, with its bulk content, is for the step loop.
+        # What comes behind the first handshake, with its bulk content, is for the step loop.
         while not source.heard and not source.queue.empty():
             sample = source.queue.get()
             if sample is not None:

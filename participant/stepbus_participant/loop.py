@@ -6,7 +6,7 @@ import time
 from queue import Empty
 from typing import Any
 
-from stepbus_schemas import GREETING_STEP, Outputs, Waiting, Welcome
+from stepbus_schemas import HANDSHAKE_STEP, Outputs, Waiting, Welcome
 
 from .bus import Bus
 from .calls import Answers
@@ -66,7 +66,7 @@ class StepLoop:
         step = self.step
         started = _now_ns()
         self._waited_ns = 0
-        if step.index >= self._control.upto:
+        if step.index >= self._control.step_limit:
             self._await_trigger(step.index)
         if self._first:
             self._outbox.publish(step.index, self._participant.output(step))
@@ -91,7 +91,7 @@ class StepLoop:
         began = _now_ns()
         self._control.poll()
         timeout = FLUSH_AFTER_S
-        while step >= self._control.upto:
+        while step >= self._control.step_limit:
             while self._control.calls:
                 self._answers.answer(self._control.calls.popleft())
             if not self._control.wait(timeout) and timeout == FLUSH_AFTER_S:
@@ -114,8 +114,8 @@ class StepLoop:
             stamp = read_stamp(self._bus.attachment(sample), self._token)
             if stamp == outputs.step:
                 break
-            if stamp != GREETING_STEP:
-                source.drop("foreign" if stamp is None else "stale")
+            if stamp != HANDSHAKE_STEP:
+                source.drop("unauthenticated" if stamp is None else "stale")
         content = self._bus.payload(sample)
         if len(content) != size:
             raise PeerFault(

@@ -106,7 +106,11 @@ class Session:
 
     def _drops(self) -> dict[str, int]:
         """Return how many messages were dropped, by cause."""
-        total: dict[str, int] = {"foreign": self._control.foreign} if self._control.foreign else {}
+        total: dict[str, int] = (
+            {"unauthenticated": self._control.unauthenticated}
+            if self._control.unauthenticated
+            else {}
+        )
         for source in self._sources:
             for cause, count in source.drops.items():
                 total[cause] = total.get(cause, 0) + count
@@ -135,7 +139,7 @@ class Session:
             token=self._welcome.token,
             outputs=dict(participant.describe()),
             versions=dict(participant.versions()),
-            calls={name: verb.description for name, verb in participant.calls().items()},
+            calls={name: method.description for name, method in participant.calls().items()},
         )
         if len(encode(ready)) > self._welcome.max_outputs_bytes:
             raise OutputError(
@@ -165,7 +169,7 @@ class Session:
             name=self._welcome.name,
             token=self._welcome.token,
             step=self._step,
-            kind=_kind(exc),
+            type=_kind(exc),
             message=_sentence(exc)[:2000],
             traceback=traceback.format_exc()[-20_000:],
             blames=exc.blames if isinstance(exc, PeerFault) else None,

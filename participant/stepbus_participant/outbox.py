@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import msgspec
 
 from stepbus_schemas import (
-    GREETING_STEP,
+    HANDSHAKE_STEP,
     Log,
     Message,
     Outputs,
@@ -40,7 +40,7 @@ class Outbox:
     """
 
     def __init__(self, welcome: Welcome, bus: Bus, drops: Callable[[], dict[str, int]]) -> None:
-        self.step = GREETING_STEP
+        self.step = HANDSHAKE_STEP
         self._welcome = welcome
         self._drops = drops
         self._classes = {
@@ -59,11 +59,11 @@ class Outbox:
         self._age_ns = 0
         self._timing: list[tuple[int, int, int]] = []
 
-    def greet(self) -> None:
+    def send_handshake(self) -> None:
         """Prove the connection to whoever listens, before the first step."""
-        self._put(self._pack(GREETING_STEP, {}, {}, None))
+        self._put(self._pack(HANDSHAKE_STEP, {}, {}, None))
         for put in self._put_bulk.values():
-            put(b"", attachment=stamp(GREETING_STEP, self._welcome.token))
+            put(b"", attachment=stamp(HANDSHAKE_STEP, self._welcome.token))
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None

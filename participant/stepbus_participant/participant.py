@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from stepbus_schemas import Description, Message
 
-from .calls import Verb
+from .calls import Method
 from .config import Config
 from .step import Step
 
@@ -49,11 +49,11 @@ class Participant:
         """
         return None
 
-    def calls(self) -> Mapping[str, Verb]:
+    def calls(self) -> Mapping[str, Method]:
         """Return what the participant can be asked between two steps, by name.
 
         `stepbus call RUN NAME VERB` asks it. A function that changes anything that a later step
-        reads must say so: `Verb(function, help, changes=True)`.
+        reads must say so: `Method(function, help, changes=True)`.
         """
         return {}
 

@@ -32,11 +32,11 @@ class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
 class MessageFault(msgspec.Struct, frozen=True, kw_only=True):
     """What is done on purpose to the outputs of one step.
 
-    kind: `drop`, `delay`, `duplicate`, `reorder`, `corrupt` or `oversize`. duration_s: how long a
+    type: `drop`, `delay`, `duplicate`, `reorder`, `corrupt` or `oversize`. duration_s: how long a
     delay is [s].
     """
 
-    kind: str
+    type: str
     step: int
     duration_s: float = 0.0
 

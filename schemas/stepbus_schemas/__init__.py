@@ -26,9 +26,10 @@ from .messages import (
 )
 from .protocol import (
     ENVELOPE_TYPES,
-    GREETING_STEP,
+    HANDSHAKE_STEP,
     PROTOCOL_VERSION,
     Call,
+    CallDescription,
     Called,
     CallRecord,
     CallReply,
@@ -46,7 +47,6 @@ from .protocol import (
     Start,
     Stop,
     Trigger,
-    Verb,
     Waiting,
     Welcome,
 )
@@ -54,12 +54,13 @@ from .schema import json_schema
 
 __all__ = [
     "ENVELOPE_TYPES",
-    "GREETING_STEP",
+    "HANDSHAKE_STEP",
     "MESSAGE_TYPES",
     "PROTOCOL_VERSION",
     "BaseCommand",
     "BaseState",
     "Call",
+    "CallDescription",
     "CallRecord",
     "CallReply",
     "CallRequest",
@@ -98,7 +99,6 @@ __all__ = [
     "StepbusError",
     "Stop",
     "Trigger",
-    "Verb",
     "Waiting",
     "Welcome",
     "WiringError",

@@ -60,21 +60,21 @@ _PORTS: dict[str, dict[str, Value]] = {
     "Detections/1": {
         "minimal": {
             "frame": "",
-            "kinds": [],
+            "types": [],
             "position": [],
             "orientation": [],
             "confidence": [],
         },
         "full": {
             "frame": "chassis",
-            "kinds": ["cola", _UNICODE],
+            "types": ["cola", _UNICODE],
             "position": [[0.5, -0.25, 1.0], [0.0, 0.125, 2.0]],
             "orientation": [[0.0, 0.0, 0.0, 1.0], [0.5, 0.5, 0.5, 0.5]],
             "confidence": [0.75, 1.0],
         },
         "extreme floats": {
             "frame": "a",
-            "kinds": ["b"],
+            "types": ["b"],
             "position": [_FLOATS[:3]],
             "orientation": [_FLOATS[2:6]],
             "confidence": _FLOATS[:1],
@@ -87,24 +87,24 @@ _PORTS: dict[str, dict[str, Value]] = {
         "long text": {"level": "info", "text": "ä" * 150},
     },
     "Goal/1": {
-        "minimal": {"id": 0, "kind": "stop"},
-        "joints": {"id": 1, "kind": "move_joints", "joints": ["elbow"], "values": [0.5]},
+        "minimal": {"id": 0, "type": "stop"},
+        "joints": {"id": 1, "type": "move_joints", "joints": ["elbow"], "values": [0.5]},
         "extreme floats": {
             "id": 4,
-            "kind": "move_joints",
+            "type": "move_joints",
             "joints": ["elbow"] * len(_FLOATS),
             "values": _FLOATS,
         },
         "pose": {
             "id": 2**63,
-            "kind": "move_to_pose",
+            "type": "move_to_pose",
             "tip": "left_gripper",
             "position": [0.5, -0.25, -0.0],
             "orientation": [0.0, 0.0, 0.0, 1.0],
         },
         "full": {
             "id": 3,
-            "kind": "move_to_pose",
+            "type": "move_to_pose",
             "joints": ["shoulder", "elbow"],
             "values": [0.5, -1.5],
             "tip": _UNICODE,
@@ -124,7 +124,7 @@ _PORTS: dict[str, dict[str, Value]] = {
                 "rise": 0.5,
             },
         },
-        "go to": {"id": 5, "kind": "go_to", "base": _FLOATS[:3]},
+        "go to": {"id": 5, "type": "go_to", "base": _FLOATS[:3]},
     },
     "GoalStatus/1": {
         "minimal": {"id": 0, "state": "accepted"},
@@ -356,13 +356,13 @@ _JOINING: dict[str, dict[str, Value]] = {
 
 _STEPPING: dict[str, dict[str, Value]] = {
     "Trigger/1": {
-        "minimal": {**_RUN, "upto": 0},
-        "full": {**_RUN, "upto": 2000},
-        "latest step": {**_RUN, "upto": 2**64 - 1},
+        "minimal": {**_RUN, "step_limit": 0},
+        "full": {**_RUN, "step_limit": 2000},
+        "latest step": {**_RUN, "step_limit": 2**64 - 1},
     },
     "Outputs/1": {
         "minimal": {**_RUN, "step": 0, "t_ns": 0},
-        "greeting": {**_RUN, "step": -1, "t_ns": 0},
+        "handshake": {**_RUN, "step": -1, "t_ns": 0},
         "full": {
             **_RUN,
             "step": 1042,
@@ -411,12 +411,12 @@ _STEPPING: dict[str, dict[str, Value]] = {
 
 _ENDING: dict[str, dict[str, Value]] = {
     "Fault/1": {
-        "minimal": {"name": "plant", **_RUN, "step": 0, "kind": "raised", "message": ""},
+        "minimal": {"name": "plant", **_RUN, "step": 0, "type": "raised", "message": ""},
         "full": {
             "name": "controller",
             **_RUN,
             "step": 412,
-            "kind": "message",
+            "type": "message",
             "message": "plant published no JointState/1",
             "traceback": "Traceback (most recent call last):\n  …",
             "blames": "plant",
@@ -425,7 +425,7 @@ _ENDING: dict[str, dict[str, Value]] = {
             "name": "plant",
             **_RUN,
             "step": -1,
-            "kind": "wiring",
+            "type": "wiring",
             "message": _UNICODE,
         },
     },
@@ -439,15 +439,15 @@ _ENDING: dict[str, dict[str, Value]] = {
 
 _CALLING: dict[str, dict[str, Value]] = {
     "Call/1": {
-        "minimal": {**_RUN, "id": 0, "verb": ""},
-        "full": {**_RUN, "id": 7, "verb": "set_joint_position", "args": ["elbow", -0.5]},
+        "minimal": {**_RUN, "id": 0, "method": ""},
+        "full": {**_RUN, "id": 7, "method": "set_joint_position", "args": ["elbow", -0.5]},
     },
     "CallRecord/1": {
-        "minimal": {"step": 0, "participant": "plant", "verb": "reset"},
+        "minimal": {"step": 0, "participant": "plant", "method": "reset"},
         "full": {
             "step": 120,
             "participant": "plant",
-            "verb": "set_joint_position",
+            "method": "set_joint_position",
             "args": ["elbow", 9.5],
             "error": "elbow cannot be put to 9.5; its limits are [-2.5, 2.5]",
         },
@@ -459,7 +459,7 @@ _CALLING: dict[str, dict[str, Value]] = {
     },
     "CallRequest/1": {
         "minimal": {**_RUN},
-        "full": {**_RUN, "participant": "plant", "verb": "joint_position", "args": ["elbow"]},
+        "full": {**_RUN, "participant": "plant", "method": "joint_position", "args": ["elbow"]},
     },
     "Called/1": {
         "minimal": {"name": "plant", **_RUN, "id": 0},

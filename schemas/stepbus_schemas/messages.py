@@ -80,7 +80,7 @@ class Event(Message, frozen=True):
     text: Annotated[str, msgspec.Meta(description="one sentence")]
 
 
-GoalKind = Literal[
+GoalType = Literal[
     "move_joints",
     "move_to_pose",
     "move_linear",
@@ -125,37 +125,37 @@ class Goal(Message, frozen=True):
     id: Annotated[
         int, msgspec.Meta(ge=0, description="of the goal; another one ends the goal before it")
     ]
-    kind: Annotated[
-        GoalKind,
+    type: Annotated[
+        GoalType,
         msgspec.Meta(description="what shall happen; `stop`: come to rest, end the goal before it"),
     ]
-    joints: Annotated[list[str], msgspec.Meta(description="of kind move_joints: those to move")] = (
+    joints: Annotated[list[str], msgspec.Meta(description="of type move_joints: those to move")] = (
         msgspec.field(default_factory=list)
     )
     values: Annotated[
         list[float],
         msgspec.Meta(
-            description="of kind move_joints: where to, in the order of `joints`",
+            description="of type move_joints: where to, in the order of `joints`",
             extra_json_schema={"unit": "rad", "shape": ["joints"]},
         ),
     ] = msgspec.field(default_factory=list)
     tip: Annotated[
         str,
         msgspec.Meta(
-            description="of kinds move_to_pose, move_linear, spiral: frame of the robot that goes"
+            description="of types move_to_pose, move_linear, spiral: frame of the robot that goes"
         ),
     ] = ""
     position: Annotated[
         Point | None,
         msgspec.Meta(
-            description="of the same kinds: x, y, z where the tip shall be in the end",
+            description="of these types: x, y, z where the tip shall be in the end",
             extra_json_schema={"unit": "m"},
         ),
     ] = None
     orientation: Annotated[
         Quaternion | None,
         msgspec.Meta(
-            description="of the same kinds: quaternion x, y, z, w of the tip in the end",
+            description="of these types: quaternion x, y, z, w of the tip in the end",
             extra_json_schema={"unit": "-"},
         ),
     ] = None
@@ -179,30 +179,30 @@ class Goal(Message, frozen=True):
     by: Annotated[
         float,
         msgspec.Meta(
-            description="of kind drive: how far ahead; of kind turn: angle, counter-clockwise",
+            description="of type drive: how far ahead; of type turn: angle, counter-clockwise",
             extra_json_schema={"unit": "m, rad"},
         ),
     ] = 0.0
     base: Annotated[
         Point | None,
         msgspec.Meta(
-            description="of kind go_to: x, y, yaw of the base in the frame of odometry",
+            description="of type go_to: x, y, yaw of the base in the frame of odometry",
             extra_json_schema={"unit": "m, m, rad"},
         ),
     ] = None
     width: Annotated[
         float,
-        msgspec.Meta(description="of kind grip: between the pads", extra_json_schema={"unit": "m"}),
+        msgspec.Meta(description="of type grip: between the pads", extra_json_schema={"unit": "m"}),
     ] = 0.0
     force: Annotated[
         float,
         msgspec.Meta(
-            description="of kind grip: largest one of each finger", extra_json_schema={"unit": "N"}
+            description="of type grip: largest one of each finger", extra_json_schema={"unit": "N"}
         ),
     ] = 0.0
     spiral: Annotated[
         Spiral | None,
-        msgspec.Meta(description="of kind spiral: the way to position and orientation"),
+        msgspec.Meta(description="of type spiral: the way to position and orientation"),
     ] = None
 
 
@@ -353,7 +353,7 @@ class Detections(Message, frozen=True):
     """What was found in a camera frame, one entry per item."""
 
     frame: Annotated[str, msgspec.Meta(description="link that the poses are given in")]
-    kinds: Annotated[
+    types: Annotated[
         list[str],
         msgspec.Meta(description="what each item is", extra_json_schema={"shape": ["k"]}),
     ]

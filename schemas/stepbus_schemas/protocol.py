@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 PROTOCOL_VERSION = 1
-GREETING_STEP = -1
+HANDSHAKE_STEP = -1
 """The step of an `Outputs` that proves a connection and carries no data."""
 
 NonNegative = Annotated[int, msgspec.Meta(ge=0)]
@@ -127,7 +127,7 @@ class Refusal(Envelope, frozen=True):
     """One sentence for the user."""
 
 
-class Verb(Envelope, frozen=True):
+class CallDescription(Envelope, frozen=True):
     """Something a participant can be asked between two steps."""
 
     help: str
@@ -147,7 +147,7 @@ class Ready(Envelope, frozen=True):
     """Output → its description."""
     versions: dict[str, str] = {}
     """Versions of the libraries that shape the result, e.g. {"pybullet": "3.2.7"}."""
-    calls: dict[str, Verb] = {}
+    calls: dict[str, CallDescription] = {}
     """Name → what the participant can be asked."""
 
 
@@ -161,11 +161,11 @@ class Start(Envelope, frozen=True):
 
 
 class Trigger(Envelope, frozen=True):
-    """Permission to work on every step below `upto`."""
+    """Permission to work on every step below `step_limit`."""
 
     token: str
     """The run's secret."""
-    upto: NonNegative
+    step_limit: NonNegative
     """First step that is not yet allowed; it never shrinks."""
 
 
@@ -175,7 +175,7 @@ class Outputs(Envelope, frozen=True):
     token: str
     """The run's secret."""
     step: int
-    """Number of the step; -1: a greeting that carries no data."""
+    """Number of the step; -1: a handshake that carries no data."""
     t_ns: int
     """Simulation time, step · step_ns [ns]."""
     ports: dict[str, msgspec.Raw] = {}
@@ -209,7 +209,7 @@ class Log(Envelope, frozen=True):
     waiting: Waiting | None = None
     """What it waits for; absent while it works."""
     drops: dict[str, int] = {}
-    """Messages dropped so far, by cause: `duplicate`, `stale`, `foreign`, `malformed`."""
+    """Messages dropped so far, by cause: `duplicate`, `stale`, `unauthenticated`, `malformed`."""
 
 
 class Fault(Envelope, frozen=True):
@@ -221,7 +221,7 @@ class Fault(Envelope, frozen=True):
     """The run's secret."""
     step: int
     """The step it was at; negative: before the first."""
-    kind: str
+    type: str
     """`raised`, `message`, `wiring` or `bus`."""
     message: str
     """One sentence for the user."""
@@ -249,7 +249,7 @@ class Call(Envelope, frozen=True):
     """The run's secret."""
     id: NonNegative
     """Number of the call; it grows. One that is repeated is answered again, not done again."""
-    verb: str
+    method: str
     """What is asked, one of `Ready.calls`."""
     args: list[Any] = []
     """Arguments."""
@@ -277,7 +277,7 @@ class CallRequest(Envelope, frozen=True):
     """The run's secret."""
     participant: str = ""
     """Whom to call; empty: the answer lists what everybody can be asked."""
-    verb: str = ""
+    method: str = ""
     """What to ask."""
     args: list[Any] = []
     """Arguments."""
@@ -301,7 +301,7 @@ class CallRecord(Envelope, frozen=True):
     """The step before which it was done."""
     participant: str
     """Who was called."""
-    verb: str
+    method: str
     """What was asked."""
     args: list[Any] = []
     """Arguments."""

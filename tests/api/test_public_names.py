@@ -78,9 +78,9 @@ def test_the_face_offers_exactly_this():
     ) == (
         "BaseCommand BaseState Bus BusError BusFailed CallError Config Contacts ControllerStatus Description "
         "Detections Diff Endpoint Event ExitCode Goal GoalStatus GripperCommand GripperState Image InputAbsent "
-        "Interrupted JointCommand JointReference JointState Message MessageError Observer OutputError Pace "
+        "Interrupted JointCommand JointReference JointState Message MessageError Method Observer OutputError Pace "
         "Participant ParticipantDied ParticipantFault Plan PlanRequest Portrait Poses Problem Progress Recording "
         "RecordingFailed Recovery ReplayResult Rerun Result RunError RunFailure Scenario ScenarioError Spiral "
-        "StartFailed Step StepTimeout StepbusError StopTimeout Ticket Tolerance Verb Verification WiringError "
+        "StartFailed Step StepTimeout StepbusError StopTimeout Ticket Tolerance Verification WiringError "
         "call describe diff load load_ticket main recover replay rerun run take_part verify"
     )

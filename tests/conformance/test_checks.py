@@ -33,7 +33,7 @@ SAID = {
     "ForgivesDuplicates": "reported no fault of plant",
     "HangsAtGarbage": "step 0 did not come within 2 s",
     "IgnoresDelay": "only with joint_state left out at first it reports a fault",
-    "IgnoresTriggers": r"published step 12 before a Trigger with upto > 12",
+    "IgnoresTriggers": r"published step 12 before a Trigger with step_limit > 12",
     "OnlyFloats": "it reported a fault",
     "StepsMissing": "step 5 did not come|step 6 was published where 5 is due",
     "StopsAtOnce": r"the last step it published is 11, due is 12 \(P11.2\)",

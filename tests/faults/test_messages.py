@@ -18,7 +18,7 @@ def message(step):
 def published(kind, *steps):
     """Return what goes out when steps are published and step 2 has a fault."""
     out = []
-    publish = FaultyPublisher(out.append, [MessageFault(kind=kind, step=2, duration_s=0.001)])
+    publish = FaultyPublisher(out.append, [MessageFault(type=kind, step=2, duration_s=0.001)])
     for step in steps:
         publish(message(step))
     return out

@@ -217,7 +217,7 @@ def test_names_that_the_plant_lacks_are_refused(params, text):
 
 
 def test_an_item_without_measures_is_refused():
-    details = {"kind": ["", "", "cola"], "shape": ["", "", "mesh @ 0 0 0 0 0 0 1"]}
+    details = {"type": ["", "", "cola"], "shape": ["", "", "mesh @ 0 0 0 0 0 0 1"]}
     mission = StoreMission(config())
     with pytest.raises(WiringError, match="item 'cola_a1_1' has the shape 'mesh"):
         mission.start(

@@ -17,7 +17,7 @@ DARK = ("order", 0)
 
 def failed(store, **params):
     result = sell(store, **params)
-    assert result.goals[-1].kind == "stop"
+    assert result.goals[-1].type == "stop"
     assert result.error == result.errors[-1]
     assert result.summary.splitlines()[-1] == result.error
     assert not result.end
@@ -176,7 +176,7 @@ def test_what_is_held_is_kept_in_an_emergency_stop():
     store = FakeStore(shelf_a(*GOODS), fails={("home", 1): "jammed"})
     failed(store)
     assert store.held == "cola_a1_2"
-    assert [goal.width for goal in store.goals if goal.kind == "grip"] == [0.09, 0.0]
+    assert [goal.width for goal in store.goals if goal.type == "grip"] == [0.09, 0.0]
 
 
 def test_a_base_that_does_not_come_to_rest_is_named():

@@ -17,7 +17,7 @@ BOTTLE = "cylinder 0.032 0.1 @ 0 0 0.05 0 0 0 1; cylinder 0.015 0.05 @ 0 0 0.125
 def stock(*names):
     kinds = [name.partition("_")[0] if "_" in name else "" for name in names]
     shapes = [CAN if kind else "" for kind in kinds]
-    details = {"kind": kinds, "shape": shapes}
+    details = {"type": kinds, "shape": shapes}
     return Stock(Description(names=list(names), details=details), ["a", "b"])
 
 
@@ -61,7 +61,7 @@ def test_an_item_that_was_put_elsewhere_has_moved_from_there():
 
 
 def test_the_width_of_a_box_depends_on_the_side_that_is_gripped():
-    details = {"kind": ["juice"], "shape": ["box 0.07 0.04 0.12"]}
+    details = {"type": ["juice"], "shape": ["box 0.07 0.04 0.12"]}
     goods = Stock(Description(names=["juice_a1_1"], details=details), ["a"])
     goods.take(poses((0, 0, 0)))
     item = goods.items["juice_a1_1"]
@@ -116,7 +116,7 @@ def test_poses_that_are_none_are_refused(given, sentence):
 
 
 def test_a_description_with_too_few_kinds_is_refused():
-    details = {"kind": ["cola"], "shape": [CAN]}
+    details = {"type": ["cola"], "shape": [CAN]}
     with pytest.raises(WiringError, match="1 kinds and 1 shapes for 2 links"):
         Stock(Description(names=["cola_a1_1", "chassis"], details=details), ["a"])
 

@@ -71,7 +71,7 @@ class DiffDrive:
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_drive_ends_within_a_millimetre(distance, noise):
     base = DiffDrive(noise=noise)
-    outcome = base.go(kind="drive", by=distance)
+    outcome = base.go(type="drive", by=distance)
     assert outcome.state == "succeeded"
     assert (base.x, base.y, base.yaw) == pytest.approx((distance, 0.0, 0.0), abs=1.2e-3)
     assert max(map(abs, base.speeds)) <= 0.5 * 1.2
@@ -80,7 +80,7 @@ def test_a_drive_ends_within_a_millimetre(distance, noise):
 @pytest.mark.parametrize("angle", [math.pi / 2, -math.pi / 2, math.pi, 4.0])
 def test_a_turn_ends_within_a_tenth_of_a_degree(angle):
     base = DiffDrive(noise=0.05)
-    assert base.go(kind="turn", by=angle).state == "succeeded"
+    assert base.go(type="turn", by=angle).state == "succeeded"
     assert base.yaw == pytest.approx(angle, abs=math.radians(0.11))
     assert math.hypot(base.x, base.y) < 2e-3
 
@@ -90,21 +90,21 @@ def test_a_turn_ends_within_a_tenth_of_a_degree(angle):
 )
 def test_a_place_is_reached_to_millimetres(target):
     base = DiffDrive(noise=0.05, start=(0.1, -0.05, 0.2))
-    assert base.go(kind="go_to", base=target).state == "succeeded"
+    assert base.go(type="go_to", base=target).state == "succeeded"
     assert (base.x, base.y) == pytest.approx(target[:2], abs=3e-3)
     assert math.remainder(base.yaw - target[2], 2 * math.pi) == pytest.approx(0.0, abs=2e-3)
 
 
 def test_a_place_behind_is_backed_up_to_without_turning_round():
     base = DiffDrive(start=(1.5, 0.0, 0.0))
-    assert base.go(kind="go_to", base=(0.0, 0.0, 0.0)).state == "succeeded"
+    assert base.go(type="go_to", base=(0.0, 0.0, 0.0)).state == "succeeded"
     assert max(abs(yaw) for _, _, yaw in base.path) < 0.02
     assert base.x == pytest.approx(0.0, abs=2e-3)
 
 
 def test_a_base_that_is_pushed_aside_comes_back_to_its_line():
     base = DiffDrive()
-    base.motion.begin(Goal(id=0, kind="drive", by=1.5), base.state())
+    base.motion.begin(Goal(id=0, type="drive", by=1.5), base.state())
     base.wait(seconds=1.5)
     base.y += 0.02
     assert base.wait().state == "succeeded"
@@ -112,13 +112,13 @@ def test_a_base_that_is_pushed_aside_comes_back_to_its_line():
 
 
 def test_a_goal_without_a_way_is_done_at_once():
-    assert DiffDrive().go(kind="drive", by=0.0, seconds=0.1).state == "succeeded"
+    assert DiffDrive().go(type="drive", by=0.0, seconds=0.1).state == "succeeded"
 
 
 def test_a_jammed_wheel_is_named_with_numbers():
     base = DiffDrive()
     base.jam = (0, 1.5)
-    outcome = base.go(kind="drive", by=1.5)
+    outcome = base.go(type="drive", by=1.5)
     assert (outcome.state, outcome.cause) == ("failed", "jammed")
     assert "the left wheel rolls at 0.00 m/s instead of" in outcome.text
     assert "of 1.500 m" in outcome.text
@@ -128,7 +128,7 @@ def test_a_jammed_wheel_is_named_with_numbers():
 
 def test_a_base_that_does_not_start_is_jammed():
     base = DiffDrive(lag=1e9)
-    outcome = base.go(kind="turn", by=1.0)
+    outcome = base.go(type="turn", by=1.0)
     assert outcome.cause == "jammed"
     assert "left wheel" in outcome.text
     assert "right wheel" in outcome.text
@@ -136,7 +136,7 @@ def test_a_base_that_does_not_start_is_jammed():
 
 def test_speed_changes_no_faster_than_the_limit_even_where_the_scale_jumps():
     base = DiffDrive(lag=0.001)
-    base.motion.begin(Goal(id=0, kind="drive", by=2.5), base.state())
+    base.motion.begin(Goal(id=0, type="drive", by=2.5), base.state())
     base.wait(seconds=1.6)
     base.wait(seconds=1.5, scale=0.2)
     assert base.speeds[-1] == pytest.approx(0.2 * 0.5, rel=0.2)
@@ -149,7 +149,7 @@ def test_speed_changes_no_faster_than_the_limit_even_where_the_scale_jumps():
 
 def test_a_scale_of_zero_pauses_the_way():
     base = DiffDrive()
-    base.go(kind="drive", by=1.5, seconds=1.0)
+    base.go(type="drive", by=1.5, seconds=1.0)
     base.wait(seconds=2.0, scale=0.0)
     here = base.x
     assert base.wait(seconds=1.0, scale=0.0) is None
@@ -159,7 +159,7 @@ def test_a_scale_of_zero_pauses_the_way():
 
 def test_a_stop_brings_the_base_to_rest_within_its_limits():
     base = DiffDrive()
-    base.go(kind="go_to", base=(1.5, 0.0, 0.0), seconds=1.5)
+    base.go(type="go_to", base=(1.5, 0.0, 0.0), seconds=1.5)
     here, speed = base.x, base.speeds[-1]
     base.motion.stop()
     assert base.wait().state == "succeeded"
@@ -170,7 +170,7 @@ def test_a_stop_brings_the_base_to_rest_within_its_limits():
 
 def test_backing_off_goes_back_the_way_that_the_base_came():
     base = DiffDrive()
-    base.go(kind="drive", by=-1.0, seconds=2.0)
+    base.go(type="drive", by=-1.0, seconds=2.0)
     furthest = base.motion.back_off(0.05)
     assert furthest == pytest.approx(0.05)
     assert base.wait().state == "succeeded"
@@ -180,14 +180,14 @@ def test_backing_off_goes_back_the_way_that_the_base_came():
 
 def test_a_new_goal_begins_where_the_old_one_is_brought_to_rest():
     base = DiffDrive()
-    base.go(kind="drive", by=1.5, seconds=1.5)
-    assert base.go(kind="go_to", base=(0.0, 0.0, 0.0)).state == "succeeded"
+    base.go(type="drive", by=1.5, seconds=1.5)
+    assert base.go(type="go_to", base=(0.0, 0.0, 0.0)).state == "succeeded"
     assert (base.x, base.y, base.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=2e-3)
 
 
 @pytest.mark.parametrize(
-    "goal", [{"kind": "drive", "by": math.nan}, {"kind": "turn", "by": math.inf},
-             {"kind": "go_to"}, {"kind": "go_to", "base": (0.0, math.nan, 0.0)}]
+    "goal", [{"type": "drive", "by": math.nan}, {"type": "turn", "by": math.inf},
+             {"type": "go_to"}, {"type": "go_to", "base": (0.0, math.nan, 0.0)}]
 )  # fmt: skip
 def test_a_goal_without_sense_is_refused(goal):
     with pytest.raises(Refused):
@@ -196,7 +196,7 @@ def test_a_goal_without_sense_is_refused(goal):
 
 def test_a_base_at_rest_goes_slowly_back_to_its_place():
     base = DiffDrive()
-    assert base.go(kind="drive", by=0.5).state == "succeeded"
+    assert base.go(type="drive", by=0.5).state == "succeeded"
     base.x -= 0.01
     base.wait(seconds=2.0)
     assert base.x == pytest.approx(0.5, abs=2e-4)

@@ -46,7 +46,7 @@ def make_arm(given, effort=100.0, names=JOINTS[::-1]):
 
 def test_each_target_is_reached_by_its_feed_forward_velocity_at_the_next(tmp_path):
     arm = make_arm(config(tmp_path))
-    goal = Goal(id=0, kind="move_joints", joints=["one"], values=[1.0])
+    goal = Goal(id=0, type="move_joints", joints=["one"], values=[1.0])
     state = JointState(position=[0.1, 0.2, 0.3], velocity=[0.0] * 3)
     rows = [arm.update(k, joint_state=state, goal=goal)["command"] for k in range(30)]
     values, velocity = (np.array([getattr(row, f) for row in rows]) for f in ("values", "velocity"))
@@ -58,7 +58,7 @@ def test_each_target_is_reached_by_its_feed_forward_velocity_at_the_next(tmp_pat
 def test_poses_are_judged_by_the_effort_limits_that_the_plant_describes(tmp_path):
     arm = make_arm(config(tmp_path), effort=20.0)
     state = JointState(position=[0.0] * 3, velocity=[0.0] * 3)
-    goal = Goal(id=0, kind="move_joints", joints=list(JOINTS), values=[0.1, 0.1, 0.1])
+    goal = Goal(id=0, type="move_joints", joints=list(JOINTS), values=[0.1, 0.1, 0.1])
     status = arm.update(0, joint_state=state, goal=goal)["goal_status"]
     assert (status.state, status.cause) == ("failed", "not_holdable")
     assert "one needs 43.5 N·m and has 20.0 N·m" in status.text

@@ -14,7 +14,7 @@ def robot(tmp_path):
 
 
 def joints(number, *values, **fields):
-    return Goal(id=number, kind="move_joints", joints=list(JOINTS), values=list(values), **fields)
+    return Goal(id=number, type="move_joints", joints=list(JOINTS), values=list(values), **fields)
 
 
 def states(runner):
@@ -37,7 +37,7 @@ def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
         .translation
     )
     half = (q.sum() - 0.5) / 2
-    goal = Goal(id=2, kind="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
+    goal = Goal(id=2, type="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
                 orientation=(0.0, float(np.sin(half)), 0.0, float(np.cos(half))))  # fmt: skip
     runner.begin(goal, 0.0)
     carry_on(runner, 0.0)
@@ -77,7 +77,7 @@ def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
 
 def test_stop_at_rest_succeeds_where_the_joints_are(robot):
     runner = make_runner(robot)
-    runner.begin(Goal(id=0, kind="stop"), 0.0)
+    runner.begin(Goal(id=0, type="stop"), 0.0)
     carry_on(runner, 0.0, seconds=1.0)
     assert states(runner) == [(0, "accepted"), (0, "running"), (0, "succeeded")]
 
@@ -104,7 +104,7 @@ def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
 def test_stop_brings_the_joints_to_rest(robot):
     runner = make_runner(robot)
     runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
-    runner.begin(Goal(id=2, kind="stop"), 0.5)
+    runner.begin(Goal(id=2, type="stop"), 0.5)
     carry_on(runner, 0.5)
     assert states(runner)[-1] == (2, "succeeded")
     assert not runner.at(9.0).velocity.any()
@@ -128,11 +128,11 @@ def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
         (joints(1, 0.0, 3.0, 0.0), "two shall go to 3 rad, its limits are [-2.5, 2.5]"),
         (joints(1, 0.0, float("nan"), 0.0), "two shall go to nan rad"),
         (joints(1, 0.0, 0.0, 0.0, duration=-1.0), "-1 s is no length of time"),
-        (Goal(id=1, kind="move_joints", joints=["tow"], values=[0.0]), "did you mean 'two'"),
-        (Goal(id=1, kind="move_to_pose", tip="hand"), "needs position and orientation"),
-        (Goal(id=1, kind="move_to_pose", tip="base", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "moves tip 'base'"),
-        (Goal(id=1, kind="move_to_pose", tip="hand", position=(0, 0, 0), orientation=(0, 0, 0, 2)), "has length 2, not 1"),
-        (Goal(id=1, kind="move_to_pose", tip="hand", frame="tabel", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "frame 'tabel'"),
+        (Goal(id=1, type="move_joints", joints=["tow"], values=[0.0]), "did you mean 'two'"),
+        (Goal(id=1, type="move_to_pose", tip="hand"), "needs position and orientation"),
+        (Goal(id=1, type="move_to_pose", tip="base", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "moves tip 'base'"),
+        (Goal(id=1, type="move_to_pose", tip="hand", position=(0, 0, 0), orientation=(0, 0, 0, 2)), "has length 2, not 1"),
+        (Goal(id=1, type="move_to_pose", tip="hand", frame="tabel", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "frame 'tabel'"),
     ],
 )  # fmt: skip
 def test_a_goal_that_makes_no_sense_fails_and_says_why(robot, goal, text):

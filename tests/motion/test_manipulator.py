@@ -37,7 +37,7 @@ def robot():
 
 def joints_goal(q=ASIDE, **fields):
     values = [float(x) for x in q]
-    return Goal(id=0, kind="move_joints", joints=list(JOINTS), values=values, **fields)
+    return Goal(id=0, type="move_joints", joints=list(JOINTS), values=values, **fields)
 
 
 def good_planner(robot):
@@ -156,11 +156,11 @@ def test_a_line_near_the_shoulder_is_slowed_down_to_the_joint_limits(robot):
         (pose_goal("move_to_pose", [0.5, 0, 0.3], tip="world"), "invalid", "no joint of this"),
         (pose_goal("move_to_pose", [0.5, 0, 0.3], frame="odo"), "invalid", "'odo'"),
         (pose_goal("move_to_pose", [0.5, 0, 0.3], duration=-1.0), "invalid", "no length of time"),
-        (Goal(id=0, kind="move_linear", tip=TIP), "invalid", "needs position and orientation"),
+        (Goal(id=0, type="move_linear", tip=TIP), "invalid", "needs position and orientation"),
         (joints_goal([0, 0, 9, 0, 0, 0]), "invalid", "its limits are"),
-        (Goal(id=0, kind="move_joints", joints=["elbow"], values=[0]), "invalid", "elbow_joint"),
+        (Goal(id=0, type="move_joints", joints=["elbow"], values=[0]), "invalid", "elbow_joint"),
         (pose_goal("spiral", [0.4, 0, 0.5]), "invalid", "needs spiral"),
-        (Goal(id=0, kind="drive", by=1.0), "invalid", "no goals of kind drive"),
+        (Goal(id=0, type="drive", by=1.0), "invalid", "no goals of type drive"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_its_cause(robot, goal, cause, text):

@@ -138,7 +138,7 @@ class Robot:
             self.step()
 
     def start(self, number, kind, **fields):
-        self.step(goal=Goal(id=number, kind=kind, **fields))
+        self.step(goal=Goal(id=number, type=kind, **fields))
 
     def go(self, number, kind, seconds=30.0, **fields):
         """Return the status with which a goal ends."""
@@ -466,13 +466,13 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("goal", "cause"),
     [
-        ({"kind": "drive", "by": 1e300}, "invalid"),
-        ({"kind": "turn", "by": 1e9}, "invalid"),
-        ({"kind": "go_to", "base": (0.0, -1e200, 0.0)}, "invalid"),
-        ({"kind": "move_to_pose", "position": (1e300, 0.0, 0.0)}, "unreachable"),
-        ({"kind": "move_linear", "position": (-9e3, 0.0, 0.0)}, "unreachable"),
-        ({"kind": "spiral", "spiral": {"turns": 1e9}}, "invalid"),
-        ({"kind": "spiral", "spiral": {"rise": 1e300}}, "invalid"),
+        ({"type": "drive", "by": 1e300}, "invalid"),
+        ({"type": "turn", "by": 1e9}, "invalid"),
+        ({"type": "go_to", "base": (0.0, -1e200, 0.0)}, "invalid"),
+        ({"type": "move_to_pose", "position": (1e300, 0.0, 0.0)}, "unreachable"),
+        ({"type": "move_linear", "position": (-9e3, 0.0, 0.0)}, "unreachable"),
+        ({"type": "spiral", "spiral": {"turns": 1e9}}, "invalid"),
+        ({"type": "spiral", "spiral": {"rise": 1e300}}, "invalid"),
     ],
 )
 def test_a_goal_with_absurd_numbers_fails_at_once_and_nothing_else_does(tmp_path, goal, cause):

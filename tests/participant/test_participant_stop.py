@@ -71,7 +71,7 @@ def command(step):
 
 
 def published(*script):
-    """Return the steps a plant publishes, its greetings left out."""
+    """Return the steps a plant publishes, its handshakes left out."""
     source = InputConfig(source="controller", port="command", type="JointCommand/1")
     welcome = Welcome(
         protocol=1, name="plant", token=TOKEN, step_ns=STEP_NS, every=1, publishes="first", window=8, batch=4,
@@ -79,7 +79,7 @@ def published(*script):
         params={}, folder="/",
     )  # fmt: skip
     start = ("start", Start(token=TOKEN, inputs={}))
-    bus = Bus(welcome, [start, ("trigger", Trigger(token=TOKEN, upto=8)), *script])
+    bus = Bus(welcome, [start, ("trigger", Trigger(token=TOKEN, step_limit=8)), *script])
     endpoint = Endpoint(listen=[], connect=[])
     take_part(Plant, Ticket(run="r", name="plant", token=TOKEN, endpoint=endpoint), bus)
     return [step for step in bus.published if step >= 0]

@@ -101,7 +101,7 @@ def test_detections_are_in_the_frame_of_the_chassis(tmp_path, seen):
     found = start(config(tmp_path), described).update(0, **messages)["detections"]
     true = start(config(tmp_path, source="truth"), described).update(0, **messages)["detections"]
     assert found.frame == true.frame == "chassis"
-    assert found.kinds == true.kinds == ["cola", "juice", "water"]
+    assert found.types == true.types == ["cola", "juice", "water"]
     assert np.abs(np.subtract(found.position, true.position)).max() < 2e-3
     assert found.orientation[1] == pytest.approx(true.orientation[1], abs=0.01)
     assert found.orientation[0] == (0.0, 0.0, 0.0, 1.0)
@@ -218,7 +218,7 @@ def test_a_joint_may_be_called_like_the_cameras_link(tmp_path):
 
 def test_black_things_that_are_no_items_are_put_up_with(tmp_path):
     details = {
-        "kind": ["", "can"],
+        "type": ["", "can"],
         "color": ["0 0 0", "1 0 0"],
         "shape": ["", "cylinder 0.03 0.1;"],
     }
@@ -226,9 +226,9 @@ def test_black_things_that_are_no_items_are_put_up_with(tmp_path):
 
 
 def test_a_world_without_items_and_colours_shows_nothing(tmp_path, seen):
-    details = {"kind": [""], "color": [""], "shape": [""]}
+    details = {"type": [""], "color": [""], "shape": [""]}
     stand = start(config(tmp_path), Description(names=["chassis"], details=details))
-    assert stand.update(0, **seen[0])["detections"].kinds == []
+    assert stand.update(0, **seen[0])["detections"].types == []
 
 
 def problems(given, described=None):
@@ -267,17 +267,17 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
 @pytest.mark.parametrize(
     ("details", "sentence"),
     [
-        ({}, "describes no items: its details kind, color, shape are missing or empty"),
-        ({"kind": ["cola"]}, "describes no items: its details color, shape are missing or empty"),
-        ({"kind": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
-        ({"kind": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
-        ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "shape 'cone 1 1' of kind 'cola' cannot be read"),
-        ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "'a 1 1' of 'cola' is not a list of finite numbers"),
-        ({"kind": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "'1 0 nan' of 'cola' is not a list of finite numbers"),
-        ({"kind": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
-        ({"kind": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
-        ({"kind": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "shape 'cylinder 0 1' of kind 'cola' cannot be read"),
-        ({"kind": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details kind, color, shape are missing"),
+        ({}, "describes no items: its details type, color, shape are missing or empty"),
+        ({"type": ["cola"]}, "describes no items: its details color, shape are missing or empty"),
+        ({"type": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
+        ({"type": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "shape 'cone 1 1' of kind 'cola' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "'a 1 1' of 'cola' is not a list of finite numbers"),
+        ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "'1 0 nan' of 'cola' is not a list of finite numbers"),
+        ({"type": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
+        ({"type": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "shape 'cylinder 0 1' of kind 'cola' cannot be read"),
+        ({"type": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details type, color, shape are missing"),
     ],
 )  # fmt: skip
 def test_a_description_that_cannot_be_used_is_refused(tmp_path, details, sentence):
@@ -288,7 +288,7 @@ def test_a_description_that_cannot_be_used_is_refused(tmp_path, details, sentenc
 
 def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
     details = {
-        "kind": ["", "ball"],
+        "type": ["", "ball"],
         "color": ["", "1 0 0"],
         "shape": ["", "sphere 1 @ 0 0 1 0 0 0 1"],
     }

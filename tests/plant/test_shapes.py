@@ -62,7 +62,7 @@ def test_every_link_tells_its_body_kind_and_color(tmp_path):
     said = describe(tmp_path, kinds={"two": "cola"})
     assert said.names == ["one/base", "one/arm", "two/base", "two/arm"]
     assert said.details["body"] == ["one", "one", "two", "two"]
-    assert said.details["kind"] == ["", "", "cola", "cola"]
+    assert said.details["type"] == ["", "", "cola", "cola"]
     # The arm has no shape to touch; of the second body nothing is to be seen.
     assert said.details["color"] == ["", "0.8 0.1 0", "", ""]
     assert [bool(shape) for shape in said.details["shape"]] == [True, False, True, False]

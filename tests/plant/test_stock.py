@@ -100,7 +100,7 @@ def test_a_body_its_link_and_its_kind_are_named_after_the_item(tmp_path):
     plant = Plant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
     said = plant.describe_poses(plant.pose_sensor(None))
     assert said.names == ["board", *plant._world.kinds]
-    assert said.details["kind"] == ["", *plant._world.kinds.values()]
+    assert said.details["type"] == ["", *plant._world.kinds.values()]
 
 
 def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):

@@ -22,7 +22,7 @@ REFERENCE_FIELDS = ("position", "velocity", "acceleration")
 TYPES = {
     "Welcome": ({"protocol": INTEGER, "name": TEXT, "token": TEXT, "inputs": MAP}, {}),
     "Start": ({"token": TEXT, "inputs": MAP}, {}),
-    "Trigger": ({"token": TEXT, "upto": INTEGER}, {}),
+    "Trigger": ({"token": TEXT, "step_limit": INTEGER}, {}),
     "Stop": ({"token": TEXT, "reason": TEXT, "at_step": INTEGER}, {}),
     "Outputs": ({"token": TEXT, "step": INTEGER, "t_ns": INTEGER}, {"ports": MAP, "bulk": MAP, "end": TEXT}),
     "JointState/1": ({}, dict.fromkeys(STATE_FIELDS, NUMBERS)),
@@ -49,9 +49,9 @@ class Stopped(Exception):
 class Fault(Exception):
     """Cannot go on (P10)."""
 
-    def __init__(self, message, kind="raised", blames=None):
+    def __init__(self, message, type_="raised", blames=None):
         super().__init__(message)
-        self.kind, self.blames = kind, blames
+        self.type, self.blames = type_, blames
 
 
 def is_number(value, kinds=(int, float)):
@@ -141,7 +141,7 @@ class Source:
             self.drop("malformed")
             return
         if message["token"] != self.token:
-            self.drop("foreign")
+            self.drop("unauthenticated")
         elif message["step"] == -1:
             self.heard = True
         else:
@@ -181,7 +181,13 @@ class Controller:
     def __init__(self, ticket, session):
         self.name, self.token, self.session = ticket["name"], ticket["token"], session
         self.prefix = f"stepbus/{ticket['run']}/"
-        self.upto, self.stop_at, self.start, self.foreign, self.step = 0, NEVER, None, 0, -1
+        self.step_limit, self.stop_at, self.start, self.unauthenticated, self.step = (
+            0,
+            NEVER,
+            None,
+            0,
+            -1,
+        )
         self.batch, self.batch_bytes, self.batch_began, self.timing = [], 0, 0.0, []
         self.inbox, self.held = queue.SimpleQueue(), {}
         self.alive = session.liveliness().declare_token(self.prefix + f"alive/{self.name}")
@@ -287,14 +293,14 @@ class Controller:
         try:
             message = check(unpack(data), key.capitalize())
         except Malformed:
-            self.foreign += 1
+            self.unauthenticated += 1
             return
         if message["token"] != self.token:
-            self.foreign += 1
+            self.unauthenticated += 1
         elif key == "start":
             self.start = self.start or message["inputs"].get(self.name, {})
         elif key == "trigger":
-            self.upto = max(self.upto, message["upto"])
+            self.step_limit = max(self.step_limit, message["step_limit"])
         else:
             self.stop_at = message["at_step"]
 
@@ -311,7 +317,7 @@ class Controller:
         self.batch, self.batch_bytes, self.timing = [], 0, []
 
     def drops(self):
-        total = {"foreign": self.foreign} if self.foreign else {}
+        total = {"unauthenticated": self.unauthenticated} if self.unauthenticated else {}
         for source in self.sources.values():
             for cause, count in source.drops.items():
                 total[cause] = total.get(cause, 0) + count
@@ -329,7 +335,7 @@ class Controller:
         return True
 
     def wait_for_trigger(self, step):
-        return self.wait(step, lambda: step < self.upto, [])
+        return self.wait(step, lambda: step < self.step_limit, [])
 
     def due(self, config, step):
         reach = step - config.get("delay", 0)
@@ -416,8 +422,8 @@ class Controller:
 
     def report(self, exc):
         self.log()
-        kind, blames = (exc.kind, exc.blames) if isinstance(exc, Fault) else ("raised", None)
-        content = {"name": self.name, "step": self.step, "kind": kind, "message": str(exc)}
+        type_, blames = (exc.type, exc.blames) if isinstance(exc, Fault) else ("raised", None)
+        content = {"name": self.name, "step": self.step, "type": type_, "message": str(exc)}
         self.puts["fault"]({**content, **({"blames": blames} if blames else {})})
         print(exc, file=sys.stderr)
         deadline, self.stop_at = time.monotonic() + 1.0, NEVER

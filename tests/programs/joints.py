@@ -73,9 +73,9 @@ class Plant(Faulty):
 
     def calls(self):
         return {
-            "position": stepbus.Verb(self.ask, "I: position of a joint [rad]"),
-            "put": stepbus.Verb(self.put, "I RAD: puts a joint somewhere", changes=True),
-            "sleep": stepbus.Verb(time.sleep, "S: takes its time"),
+            "position": stepbus.Method(self.ask, "I: position of a joint [rad]"),
+            "put": stepbus.Method(self.put, "I RAD: puts a joint somewhere", changes=True),
+            "sleep": stepbus.Method(time.sleep, "S: takes its time"),
         }
 
     def ask(self, joint):

@@ -21,14 +21,14 @@ class WrongPorts(Controller):
         return {**super().hello(), "inputs": {"joint_state": "JointState/2"}}
 
 
-class GreetsOnce(Controller):
+class HandshakesOnce(Controller):
     def publisher(self, kind, type_name):
-        put, greeted = super().publisher(kind, type_name), []
+        put, sent = super().publisher(kind, type_name), []
 
         def put_once(content):
-            if content.get("step") != -1 or not greeted:
+            if content.get("step") != -1 or not sent:
                 put(content)
-            greeted.append(content)
+            sent.append(content)
 
         return put_once if kind == "out" else put
 
@@ -65,7 +65,7 @@ class AnyWelcome(Controller):
         return answer
 
 
-class NoGreetings(Controller):
+class NoHandshakes(Controller):
     """Ready at once, without its sources."""
 
     def become_ready(self):
@@ -152,7 +152,7 @@ class LastTrigger(Controller):
 
     def take_control(self, key, data):
         if key == "trigger":
-            self.upto = 0
+            self.step_limit = 0
         super().take_control(key, data)
 
 
@@ -293,7 +293,7 @@ class HangingSource(Source):
 MISTAKES = {
     cls.__name__: cls
     for cls in (
-        WrongToken, WrongPorts, GreetsOnce, LaterStart, FiresAlways, IgnoresTerm, AsksForever, AnyWelcome, NoGreetings, WrongLimits,
+        WrongToken, WrongPorts, HandshakesOnce, LaterStart, FiresAlways, IgnoresTerm, AsksForever, AnyWelcome, NoHandshakes, WrongLimits,
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
         BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,

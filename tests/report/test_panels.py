@@ -55,7 +55,7 @@ def arm(mode="position", **state):
 def mobile():
     bases = [BaseState(x=0.5 * n, y=0.0, yaw=0.0, vx=1.0, wz=0.0) for n in range(4)]
     hands = [GripperState(width=0.08, force=0.0, holding=n in {1, 2}) for n in range(4)]
-    goal = Goal(id=1, kind="move_linear", tip="grasp")
+    goal = Goal(id=1, type="move_linear", tip="grasp")
     poses = [
         Poses(position=[(0, 0, 9.0), (0, 0, 0.1 * n)], orientation=[UPRIGHT] * 2) for n in range(4)
     ]

@@ -57,7 +57,7 @@ def stand_in_for(message):
     ("last", "safe"),
     [
         (BaseCommand(vx=1.0, wz=0.5), BaseCommand()),
-        (Goal(id=4, kind="drive", by=1.0), Goal(id=5, kind="stop")),
+        (Goal(id=4, type="drive", by=1.0), Goal(id=5, type="stop")),
         (GripperCommand(width=0.0, force=15.0), GripperCommand(width=0.0, force=15.0)),
         (PlanRequest(id=3, start=[0.0], goal=[0.0]), None),
         (

@@ -8,7 +8,7 @@ from run_support import leftovers, run_joints
 from stranger_support import PATIENT, disturbed
 
 from stepbus_participant.inputs import carries_token
-from stepbus_schemas import GREETING_STEP, Outputs, Stop
+from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop
 
 TO_ORCHESTRATOR = {"join", "ready/controller", "log/controller", "fault/controller"}
 LAST_QUERY = 1
@@ -33,7 +33,7 @@ def test_messages_of_an_old_run_change_nothing_and_are_counted(tmp_path, own_tem
 
     result = disturbed(tmp_path, own_temp, act)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
-    assert result.foreign == len(TO_ORCHESTRATOR) + LAST_QUERY
+    assert result.unauthenticated == len(TO_ORCHESTRATOR) + LAST_QUERY
     # start, trigger and stop at each of the three, the outputs at the plant.
     assert result.drops == {"plant": 4, "controller": 3, "mission": 3}
 
@@ -47,13 +47,13 @@ def test_messages_without_a_token_change_nothing_and_are_counted(tmp_path, own_t
 
     result = disturbed(tmp_path, own_temp, act)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
-    assert result.foreign == len(TO_ORCHESTRATOR) + 2 + LAST_QUERY
+    assert result.unauthenticated == len(TO_ORCHESTRATOR) + 2 + LAST_QUERY
     assert result.drops == {"plant": 4, "controller": 3, "mission": 3}
 
 
 def test_outputs_ahead_of_their_source_change_nothing(tmp_path, own_temp, reference):
     def act(stranger, _token):
-        for step in (GREETING_STEP, *range(10, 60)):
+        for step in (HANDSHAKE_STEP, *range(10, 60)):
             for source in ("plant", "controller", "mission"):
                 stranger.say_message(f"out/{source}", outputs(step, OLD_TOKEN))
 
@@ -75,7 +75,7 @@ def test_hundreds_of_mutated_messages_over_the_bus_change_nothing(tmp_path, own_
 
     result = disturbed(tmp_path, own_temp, act)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
-    assert result.foreign == 50 * len(TO_ORCHESTRATOR) + LAST_QUERY
+    assert result.unauthenticated == 50 * len(TO_ORCHESTRATOR) + LAST_QUERY
     assert result.drops == {"plant": 200, "controller": 150, "mission": 150}
 
 
@@ -88,7 +88,7 @@ def test_a_strangers_coming_and_going_changes_nothing(tmp_path, own_temp, refere
 
     result = disturbed(tmp_path, own_temp, act)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
-    assert result.foreign == 1 + LAST_QUERY + (name == "stranger")
+    assert result.unauthenticated == 1 + LAST_QUERY + (name == "stranger")
 
 
 def test_a_stop_of_another_run_does_not_stop_this_one(tmp_path, own_temp, reference):

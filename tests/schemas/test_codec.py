@@ -39,7 +39,7 @@ def test_noise_raises_nothing_but_a_message_error(name: str, data: bytes) -> Non
 
 
 def test_nesting_without_end_is_refused() -> None:
-    bottomless = b"\x82\xa4upto\x01\xa5token" + b"\x91" * 100_000
+    bottomless = b"\x82\xaastep_limit\x01\xa5token" + b"\x91" * 100_000
     with pytest.raises(MessageError, match="not a Trigger/1"):
         Decoder(Trigger)(bottomless)
 

@@ -86,7 +86,7 @@ def test_the_orchestrator_counts_every_mutant_and_takes_none(stand, key):
     mutator, before = Mutator(1), stand.state()
     for _ in range(PER_KEY):
         stand.take(Sample(key, mutator.broken(envelopes()[key])))
-    assert (stand.conductor.state.foreign, stand.state()) == (PER_KEY, before)
+    assert (stand.conductor.state.unauthenticated, stand.state()) == (PER_KEY, before)
 
 
 @pytest.mark.parametrize("key", TO_ORCHESTRATOR)
@@ -98,7 +98,7 @@ def test_the_orchestrator_takes_the_message_that_was_not_mutated(stand, key):
     except RunFailure as exc:
         failure = exc
     assert failure is not None or stand.state() != before
-    assert stand.conductor.state.foreign == 0
+    assert stand.conductor.state.unauthenticated == 0
 
 
 @pytest.mark.parametrize("key", TO_ORCHESTRATOR)
@@ -124,7 +124,7 @@ def test_outputs_before_the_start_are_a_fault(stand):
 def test_a_join_before_its_process_is_started_is_a_strangers(stand):
     stand.conductor.state.roster = {}
     stand.take(Sample("join", encode(envelopes()["join"])))
-    assert stand.conductor.state.foreign == 1
+    assert stand.conductor.state.unauthenticated == 1
 
 
 def test_every_query_is_answered_with_a_refusal(stand):
@@ -141,7 +141,7 @@ def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
     for _ in range(PER_KEY):
         stand.take(Sample("bulk/controller/image", b"pixels", mutator.broken_stamp()))
     stand.close()
-    assert stand.conductor.state.foreign == PER_KEY
+    assert stand.conductor.state.unauthenticated == PER_KEY
 
 
 def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
@@ -149,7 +149,7 @@ def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
     stand.take(Sample("bulk/controller/imago", b"pixels", stamp(0, TOKEN)))
     stand.take(Sample("bulk/controller/command", b"pixels", stamp(0, TOKEN)))
     stand.close()
-    assert stand.conductor.state.foreign == 2
+    assert stand.conductor.state.unauthenticated == 2
 
 
 @pytest.mark.parametrize("name", ["stranger", "Plant"])
@@ -157,13 +157,13 @@ def test_somebody_alive_who_is_not_in_the_run_is_counted(stand, name):
     before = stand.state()
     stand.bus.sinks["alive/*"](f"alive/{name}", True)
     stand.conductor._drain(0)
-    assert (stand.conductor.state.foreign, stand.state()) == (1, before)
+    assert (stand.conductor.state.unauthenticated, stand.state()) == (1, before)
 
 
 def test_the_orchestrators_own_life_is_not_counted(stand):
     stand.bus.sinks["alive/*"]("alive/orchestrator", True)
     stand.conductor._drain(0)
-    assert stand.conductor.state.foreign == 0
+    assert stand.conductor.state.unauthenticated == 0
 
 
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)
@@ -174,7 +174,7 @@ def test_a_participant_counts_every_mutant_of_the_orchestrators_word(key):
         bus.hand(Sample(key, mutator.broken(envelopes()[key])))
     control.enter(0)
     control.poll()
-    assert (control.foreign, control.upto, control.started) == (PER_KEY, 0, None)
+    assert (control.unauthenticated, control.step_limit, control.started) == (PER_KEY, 0, None)
 
 
 def source():
@@ -191,7 +191,7 @@ def test_a_consumer_drops_or_blames_every_mutant_and_takes_none():
             blamed += fault.blames == "controller"
     assert (listener.step, listener.heard) == (-1, False)
     assert sum(listener.drops.values()) + blamed == 2 * PER_KEY
-    assert listener.drops.keys() == {"malformed", "foreign"}
+    assert listener.drops.keys() == {"malformed", "unauthenticated"}
 
 
 def test_a_consumer_takes_what_follows_the_mutants():
@@ -238,8 +238,8 @@ def test_whoever_else_answers_a_hello_keeps_nobody_out():
         protocol=1, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
         batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
     )  # fmt: skip
-    foreign = msgspec.structs.replace(welcome, token=OLD_TOKEN)
-    answers = [encode(Refusal(reason="go away")), b"\xc1", encode(foreign), encode(welcome)]
+    unauthenticated = msgspec.structs.replace(welcome, token=OLD_TOKEN)
+    answers = [encode(Refusal(reason="go away")), b"\xc1", encode(unauthenticated), encode(welcome)]
     ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
     assert join(SimpleNamespace(query=lambda *_: answers), ticket) == welcome
     with pytest.raises(RunError, match="go away"):

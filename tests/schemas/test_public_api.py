@@ -47,11 +47,11 @@ def test_all_is_complete(name: str) -> None:
 
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
-        "ENVELOPE_TYPES GREETING_STEP MESSAGE_TYPES PROTOCOL_VERSION BaseCommand BaseState Call "
-        "CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description Detections "
+        "ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION BaseCommand BaseState Call "
+        "CallDescription CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description Detections "
         "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello Image InputConfig "
         "JointCommand JointReference JointState Log Message MessageError OutputConfig Outputs "
-        "Plan PlanRequest Poses Ready Refusal RunError Spiral Start StepbusError Stop Trigger Verb Waiting Welcome "
+        "Plan PlanRequest Poses Ready Refusal RunError Spiral Start StepbusError Stop Trigger Waiting Welcome "
         "WiringError encode encoding_of json_schema message_class type_name"
     )
 

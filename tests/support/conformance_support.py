@@ -16,7 +16,7 @@ PROGRAMS = Path(__file__).parents[1] / "programs"
 # Mistake of wrong_controller.py → the checks that find it; all others pass or are skipped.
 FOUND_BY = {
     "AnyStop": ["control-noise"],
-    "AnyToken": ["foreign"],
+    "AnyToken": ["unauthenticated"],
     "AnyWelcome": ["welcome-protocol", "welcome-name", "welcome-token"],
     "AsksForever": ["nobody-answers"],
     "BigBatches": ["batch"],
@@ -31,7 +31,7 @@ FOUND_BY = {
     "ForgetsInputs": ["rarer-source", "held"],
     "ForgivesDuplicates": ["changed-duplicate"],
     "FreezesAtLarge": ["oversize"],
-    "GreetsOnce": ["greeting"],
+    "HandshakesOnce": ["handshake"],
     "HangsAtGarbage": ["garbage"],
     "IgnoresDelay": ["delayed"],
     "IgnoresStop": [
@@ -45,7 +45,7 @@ FOUND_BY = {
     "LaterStart": ["start-again"],
     "Mistyped": ["content", "replayed-log"],
     "NoDuplicates": ["duplicate", "stale"],
-    "NoGreetings": ["peers-last"],
+    "NoHandshakes": ["peers-last"],
     "NoLog": [
         "log", "batch", "windows", "replayed-log", "changed-duplicate", "skipped-step",
         "malformed-outputs", "wrong-message", "stop-at-end", "stop-overtakes",

@@ -43,9 +43,9 @@ def envelopes(token: str = TOKEN) -> dict[str, Any]:
         "join": Hello(protocol=1, name="controller", token=token, pid=7, outputs={"command": "JointCommand/1"}),
         "ready/controller": Ready(name="controller", token=token, versions={"numpy": "2"}),
         "log/controller": Log(name="controller", token=token, outputs=[raw], timing=[(0, 1, 2)], waiting=waiting),
-        "fault/controller": Fault(name="controller", token=token, step=0, kind="raised", message="no"),
+        "fault/controller": Fault(name="controller", token=token, step=0, type="raised", message="no"),
         "start": Start(token=token, inputs={"controller": {}}),
-        "trigger": Trigger(token=token, upto=1000),
+        "trigger": Trigger(token=token, step_limit=1000),
         "stop": Stop(token=token, reason="no more", at_step=-1),
         "out/controller": outputs(token=token),
     }  # fmt: skip

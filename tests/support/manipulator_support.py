@@ -61,7 +61,7 @@ def pose_goal(kind: str, position: Any, rotation: Any = DOWN.rotation, **fields:
     turn = pin.Quaternion(np.array(rotation))
     return Goal(
         id=0,
-        kind=kind,  # type: ignore[arg-type]
+        type=kind,  # type: ignore[arg-type]
         position=tuple(float(x) for x in position),  # type: ignore[arg-type]
         orientation=(turn.x, turn.y, turn.z, turn.w),
         **{"tip": "tool0", **fields},

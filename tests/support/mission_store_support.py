@@ -154,7 +154,7 @@ class FakeStore:
         names = ["chassis", *self.things, "outlet_top"]
         kinds = ["", *(thing.kind for thing in self.things.values()), ""]
         shapes = ["", *(SHAPES[thing.kind] for thing in self.things.values()), "box 0.5 0.2 0.35"]
-        return Description(names=names, details={"kind": kinds, "shape": shapes})
+        return Description(names=names, details={"type": kinds, "shape": shapes})
 
     def poses(self) -> Poses:
         rows = list(self.things.values())
@@ -188,7 +188,7 @@ class FakeStore:
         half = [(thing.yaw - yaw) / 2 for *_, thing in seen]
         return Detections(
             frame=self.frame,
-            kinds=[kind for kind, *_ in seen],
+            types=[kind for kind, *_ in seen],
             position=[(c * x + s * y, c * y - s * x, t.z) for _, x, y, t in seen],
             orientation=[(0.0, 0.0, math.sin(h), math.cos(h)) for h in half],
             confidence=[1.0] * len(seen),
@@ -229,14 +229,14 @@ class FakeStore:
         self.is_dark |= which == self.dark
 
     def _do(self, goal: Goal) -> None:
-        if goal.kind == "go_to":
+        if goal.type == "go_to":
             self._drive(*goal.base)
-        elif goal.kind == "drive":
+        elif goal.type == "drive":
             x, y, yaw = self.base
             self._drive(x + goal.by * math.cos(yaw), y + goal.by * math.sin(yaw), yaw)
-        elif goal.kind in {"move_to_pose", "move_linear"}:
+        elif goal.type in {"move_to_pose", "move_linear"}:
             self._move(goal.position)
-        elif goal.kind == "grip":
+        elif goal.type == "grip":
             self._grip(goal.width)
 
     def _drive(self, x, y, yaw):

@@ -105,7 +105,7 @@ class Store:
         return Description(
             names=["chassis", *(item.name for item in self.items), *self.rest],
             details={
-                "kind": ["", *(item.kind for item in self.items), *("" for _ in self.rest)],
+                "type": ["", *(item.kind for item in self.items), *("" for _ in self.rest)],
                 "shape": [
                     "",
                     *(SHAPES[item.kind] for item in self.items),

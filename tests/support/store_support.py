@@ -52,5 +52,5 @@ def moves(recording):
     poses = [message for _, message in recording.messages("plant/poses")]
     before, after = np.array(poses[0].position), np.array(poses[-1].position)
     ways = np.linalg.norm(after - before, axis=1)
-    rows = zip(described.names, described.details["kind"], ways, strict=True)
+    rows = zip(described.names, described.details["type"], ways, strict=True)
     return {name: way for name, kind, way in rows if kind}

@@ -179,7 +179,7 @@ impl<T: Field> Field for BTreeMap<String, T> {
     }
 }
 
-/// Declares a map with its fields: `message! { "Trigger/1", struct Trigger { upto: u64 } }`.
+/// Declares a map with its fields: `message! { "Trigger/1", struct Trigger { step_limit: u64 } }`.
 ///
 /// `= default` behind a field gives its default. Fields that hold it are left out when writing.
 #[macro_export]

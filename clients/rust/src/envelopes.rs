@@ -168,14 +168,14 @@ message! {
         /// Versions of the libraries that shape the result.
         versions: Map<String> = Map::new(),
         /// Name → what the participant can be asked; this crate answers nothing.
-        calls: Map<Verb> = Map::new(),
+        calls: Map<CallDescription> = Map::new(),
     }
 }
 
 message! {
     /// Something a participant can be asked between two steps.
-    "Verb",
-    struct Verb {
+    "CallDescription",
+    struct CallDescription {
         /// Arguments and answer in one line.
         help: String,
         /// Whether it changes the result.
@@ -195,13 +195,13 @@ message! {
 }
 
 message! {
-    /// Permission to work on every step below `upto`.
+    /// Permission to work on every step below `step_limit`.
     "Trigger/1",
     struct Trigger {
         /// The run's secret.
         token: String,
         /// First step that is not yet allowed.
-        upto: u64,
+        step_limit: u64,
     }
 }
 
@@ -224,7 +224,7 @@ message! {
     struct Outputs {
         /// The run's secret.
         token: String,
-        /// Number of the step; -1: a greeting.
+        /// Number of the step; -1: a handshake.
         step: i64,
         /// Simulation time [ns].
         t_ns: i64,
@@ -259,7 +259,7 @@ message! {
         /// The step it was at; negative: before the first.
         step: i64,
         /// `raised`, `message`, `wiring` or `bus`.
-        kind: String,
+        r#type: String,
         /// One sentence for the user.
         message: String,
         /// Where in the program it happened.

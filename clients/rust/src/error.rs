@@ -35,7 +35,7 @@ impl Error {
     }
 
     /// The word of the protocol.
-    pub fn kind(&self) -> &'static str {
+    pub fn fault_type(&self) -> &'static str {
         match self {
             Self::Message { .. } => "message",
             Self::Wiring(_) => "wiring",

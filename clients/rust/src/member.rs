@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::participant::Answer;
 use crate::source::{count, Drops, Source};
 
-/// Time after which a waiting participant says so, and greets again (P4.6, P9.2.4).
+/// Time after which a waiting participant says so, and sends its handshake again (P4.6, P9.2.4).
 const PATIENCE: Duration = Duration::from_millis(20);
 /// How often a longer wait looks whether the process shall end.
 const LOOK: Duration = Duration::from_millis(100);
@@ -44,7 +44,7 @@ pub struct Member {
     /// The step to end at.
     pub stop_at: i64,
     bus: Bus,
-    upto: u64,
+    step_limit: u64,
     published: i64,
     batch: Batch,
     drops: Drops,
@@ -60,7 +60,7 @@ impl Member {
             step: -1,
             stop_at: i64::MAX,
             bus,
-            upto: 0,
+            step_limit: 0,
             published: -1,
             batch: Batch::default(),
             drops: Drops::new(),
@@ -74,15 +74,15 @@ impl Member {
         Ok(self.bus.subscribe(self.sources.iter().map(|source| source.name.as_str()))?)
     }
 
-    /// Greets until the clock starts, or the run is over before (P4.6).
-    pub fn greet(&mut self, ready: &Ready) -> Result<(), Leave> {
+    /// Sends handshakes until the clock starts, or the run is over before (P4.6).
+    pub fn send_handshake(&mut self, ready: &Ready) -> Result<(), Leave> {
         let token = self.welcome.token.clone();
-        let greeting =
+        let handshake =
             Outputs { token, step: -1, t_ns: 0, ports: [].into(), bulk: [].into(), end: None };
-        let (greeting, ready) = (encode(&greeting), encode(ready));
+        let (handshake, ready) = (encode(&handshake), encode(ready));
         self.check_size("Ready", &ready)?;
         while self.start.is_none() && self.stop_at >= 0 {
-            self.bus.publish_out(greeting.clone())?;
+            self.bus.publish_out(handshake.clone())?;
             let deaf = self.sources.iter().filter(|source| !source.heard);
             let sources: Vec<_> = deaf.map(|source| source.name.clone()).collect();
             if sources.is_empty() {
@@ -102,7 +102,7 @@ impl Member {
     /// Waits for the trigger of a step; returns false where the run ends before it.
     pub fn triggered(&mut self, step: i64) -> Result<bool, Leave> {
         self.step = step;
-        self.wait(|member| step < member.upto as i64, &[])
+        self.wait(|member| step < member.step_limit as i64, &[])
     }
 
     /// Waits for the source with this index; returns false where the run ends before.
@@ -148,15 +148,15 @@ impl Member {
             }
             Some(Event::Start(bytes)) => match decode::<Start>(&bytes) {
                 Ok(start) if start.token == *token => drop(self.start.get_or_insert(start)),
-                _ => count(&mut self.drops, "foreign")?,
+                _ => count(&mut self.drops, "unauthenticated")?,
             },
             Some(Event::Trigger(bytes)) => match decode::<Trigger>(&bytes) {
-                Ok(trigger) if trigger.token == *token => self.upto = self.upto.max(trigger.upto),
-                _ => count(&mut self.drops, "foreign")?,
+                Ok(trigger) if trigger.token == *token => self.step_limit = self.step_limit.max(trigger.step_limit),
+                _ => count(&mut self.drops, "unauthenticated")?,
             },
             Some(Event::Stop(bytes)) => match decode::<Stop>(&bytes) {
                 Ok(stop) if stop.token == *token => self.stop_at = stop.at_step.max(-1),
-                _ => count(&mut self.drops, "foreign")?,
+                _ => count(&mut self.drops, "unauthenticated")?,
             },
         }
         Ok(())
@@ -226,7 +226,7 @@ impl Member {
             name: self.welcome.name.clone(),
             token: self.welcome.token.clone(),
             step: self.step,
-            kind: error.kind().to_owned(),
+            r#type: error.fault_type().to_owned(),
             message: cut(&error.to_string(), 2_000),
             traceback,
             blames,

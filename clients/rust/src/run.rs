@@ -142,7 +142,7 @@ fn live<P: Participant>(member: &mut Member) -> Result<(), Leave> {
     let mut model = guard(|| P::load(&member.welcome))?;
     let outputs = guard(|| Ok(model.describe()))?;
     let Welcome { name, token, .. } = member.welcome.clone();
-    member.greet(&Ready {
+    member.send_handshake(&Ready {
         name: name.clone(),
         token,
         outputs,

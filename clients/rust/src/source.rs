@@ -86,7 +86,7 @@ impl Source {
             return count(drops, "malformed");
         };
         match Outputs::read(&value) {
-            Ok(outputs) if outputs.token != token => count(drops, "foreign"),
+            Ok(outputs) if outputs.token != token => count(drops, "unauthenticated"),
             Ok(outputs) => self.order(outputs, bytes, drops),
             Err(error) if carries(&value, token) => {
                 Err(self.blamed(format!("a malformed Outputs: {error}")))

@@ -71,7 +71,7 @@ fn a_port_that_is_left_out_is_held() {
 }
 
 #[test]
-fn what_is_foreign_malformed_double_or_stale_is_dropped_and_counted() {
+fn what_is_unauthenticated_malformed_duplicate_or_stale_is_dropped_and_counted() {
     let (mut source, mut drops) = (source(0, 1), Drops::new());
     for step in [-1, 0, 1, 1, 0] {
         source.accept(&outputs(step, &[]), TOKEN, &mut drops).unwrap();
@@ -80,7 +80,7 @@ fn what_is_foreign_malformed_double_or_stale_is_dropped_and_counted() {
     source.accept(b"\xc1", TOKEN, &mut drops).unwrap();
     source.accept(&pack(&number(1)), TOKEN, &mut drops).unwrap();
     let counts: Vec<_> = drops.iter().map(|(cause, n)| format!("{cause} {n}")).collect();
-    assert_eq!(counts.join(", "), "duplicate 1, foreign 1, malformed 2, stale 1");
+    assert_eq!(counts.join(", "), "duplicate 1, malformed 2, stale 1, unauthenticated 1");
 }
 
 #[test]

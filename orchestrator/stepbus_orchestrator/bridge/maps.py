@@ -111,7 +111,7 @@ class MapBridge(Bridge):
         self._versions: Mapping[str, str] = {}
 
     def describe(self) -> Mapping[str, Description]:
-        """Greet the program, wait until it is ready, and return what it says of its outputs."""
+        """Describe the run to the program, and return how it describes its outputs."""
         self._link.send(self._codec.encode({"welcome": _welcome(self.config)}))
         said: _Ready = self._read(self._codec.decoder(_Ready), self._link.receive())
         self._versions = said.ready.versions

@@ -1,4 +1,4 @@
-"""Checks of the time before the start: ticket, joining, greetings, descriptions."""
+"""Checks of the time before the start: ticket, joining, handshakes, descriptions."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _not_let_in(kit: Kit, setup: Setup, when: str) -> str:
         stage.open_bus()
         stage.start_program()
         stage.let_join()
-        code = stage.await_end(when, kit.spec.deadlines.join_s, stage.greet)
+        code = stage.await_end(when, kit.spec.deadlines.join_s, stage.send_handshake)
         if stage.seen.readies:
             raise Failed(f"it got ready {when}")
     return _refused(code, f"after {when}")

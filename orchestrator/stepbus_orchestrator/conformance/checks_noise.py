@@ -16,7 +16,7 @@ from .kit import Kit
 from .outcome import Skipped
 from .stage import Stage
 
-_FOREIGN = "1234567890abcdef"
+_OTHER_RUN = "1234567890abcdef"
 _LAST_LOG_S = 0.05
 Noise = Callable[[Stage, int], None]
 
@@ -132,19 +132,19 @@ def _garbage() -> list[bytes]:
     ]
 
 
-def foreign(kit: Kit) -> str:
+def unauthenticated(kit: Kit) -> str:
     """Send right outputs with another run's token, with other content."""
     kit.need_inputs()
-    noise = _to_all(lambda stage, source, step: _outputs(stage, source, step, _FOREIGN))
+    noise = _to_all(lambda stage, source, step: _outputs(stage, source, step, _OTHER_RUN))
     return _undisturbed(kit, noise, "with messages of another run")
 
 
 def control_noise(kit: Kit) -> str:
     """Send Stop, Start and Trigger with another token, and garbage on their keys."""
     messages: list[tuple[str, bytes]] = [
-        ("stop", encode(Stop(token=_FOREIGN, reason="a stranger", at_step=-1))),
-        ("trigger", encode(Trigger(token=_FOREIGN, upto=1 << 40))),
-        ("start", encode(Start(token=_FOREIGN, inputs={}))),
+        ("stop", encode(Stop(token=_OTHER_RUN, reason="a stranger", at_step=-1))),
+        ("trigger", encode(Trigger(token=_OTHER_RUN, step_limit=1 << 40))),
+        ("start", encode(Start(token=_OTHER_RUN, inputs={}))),
         *((key, data) for data in _garbage() for key in ("stop", "trigger", "start")),
     ]
 
@@ -210,10 +210,10 @@ CHECKS = (
         run=garbage,
     ),
     Check(
-        name="foreign",
+        name="unauthenticated",
         clause="P8.1",
         summary="messages with another token change nothing",
-        run=foreign,
+        run=unauthenticated,
     ),
     Check(
         name="control-noise",

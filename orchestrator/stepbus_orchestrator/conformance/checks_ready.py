@@ -1,4 +1,4 @@
-"""Checks of greetings, descriptions and the start."""
+"""Checks of handshakes, descriptions and the start."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .setup import Setup
 from .stage import Stage
 
 
-def greeting(kit: Kit) -> str:
-    """Listen to its greetings, and to what comes before Ready."""
+def handshake(kit: Kit) -> str:
+    """Listen to its handshakes, and to what comes before Ready."""
     with kit.stage() as stage:
         stage.meet()
         seen = stage.seen
-        count, readies = seen.greetings + 2, len(seen.readies) + 2
+        count, readies = seen.handshakes + 2, len(seen.readies) + 2
         stage.until(
-            lambda: seen.greetings >= count and len(seen.readies) >= readies,
-            "another greeting and Ready before the Start",
+            lambda: seen.handshakes >= count and len(seen.readies) >= readies,
+            "another handshake and Ready before the Start",
             kit.spec.deadlines.step_s,
-            stage.greet,
+            stage.send_handshake,
         )
         if "P4.6" in seen.problems:
             raise Failed(seen.problems["P4.6"])
@@ -33,7 +33,7 @@ def greeting(kit: Kit) -> str:
             raise Failed("its first Ready came without a Log before it")
         if seen.outputs:
             raise Failed(f"it published step {seen.newest} before the Start")
-    return "empty greetings and Ready, each repeated"
+    return "empty handshakes and Ready, each repeated"
 
 
 def peers_first(kit: Kit) -> str:
@@ -59,7 +59,7 @@ def peers_last(kit: Kit) -> str:
             kit.spec.deadlines.ready_s,
         )
         if seen.readies:
-            raise Failed(f"it got ready without a greeting of {sorted(sources)}")
+            raise Failed(f"it got ready without a handshake of {sorted(sources)}")
         stage.open_peers()
         stage.let_ready()
         stage.start()
@@ -119,15 +119,15 @@ def start_again(kit: Kit) -> str:
 
 
 def early(kit: Kit) -> str:
-    """Send trigger and outputs before the Start, and greetings behind it."""
+    """Send trigger and outputs before the Start, and handshakes behind it."""
 
     def play(stage: Stage) -> None:
         stage.release(1)
         stage.feed(kit.material.feed, 0)
-        stage.greet()
+        stage.send_handshake()
         stage.start()
         stage.await_output(0)
-        stage.greet()
+        stage.send_handshake()
         stage.walk(kit.material.feed, 1, kit.steps)
 
     reference = kit.reference()
@@ -135,15 +135,15 @@ def early(kit: Kit) -> str:
         stage.meet()
         play(stage)
         kit.same(Trace(ports=stage.seen.ports(), seen=stage.seen), "in this order", reference)
-    return "kept the trigger and step 0, ignored the greetings"
+    return "kept the trigger and step 0, ignored the handshakes"
 
 
 CHECKS = (
     Check(
-        name="greeting",
+        name="handshake",
         clause="P4.6",
-        summary="it greets, logs and says `Ready` until the `Start`, and publishes no step before",
-        run=greeting,
+        summary="it sends handshakes, `Log` and `Ready` until `Start`, and no step before",
+        run=handshake,
     ),
     Check(
         name="peers-first",

@@ -103,7 +103,7 @@ def waits_for_trigger(kit: Kit) -> str:
             kit.spec.deadlines.step_s,
         )
         if seen.newest >= held:
-            raise Failed(f"it published step {held} before a Trigger with upto > {held}")
+            raise Failed(f"it published step {held} before a Trigger with step_limit > {held}")
         stage.release(held + 1)
         stage.await_output(held)
         stage.walk(kit.material.feed, held + 1, kit.steps)

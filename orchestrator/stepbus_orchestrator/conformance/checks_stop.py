@@ -42,7 +42,7 @@ def stop_before_ready(kit: Kit) -> str:
         stage.start_program()
         stage.let_join()
         limit_s = kit.spec.deadlines.ready_s
-        stage.until(lambda: stage.seen.greetings, "a greeting", limit_s)
+        stage.until(lambda: stage.seen.handshakes, "a handshake", limit_s)
         _ends(stage, -1, "before it was ready")
     return "exit code 0"
 

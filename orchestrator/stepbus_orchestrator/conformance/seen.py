@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
-    GREETING_STEP,
+    HANDSHAKE_STEP,
     Decoder,
     Fault,
     Hello,
@@ -30,7 +30,7 @@ class Seen:
     """All that a participant has said.
 
     alive, was_alive: whether its liveliness token is there, and ever was. asked: how often it
-    asked to join. hello: its newest `Hello`. outputs: the published ones by step, greetings
+    asked to join. hello: its newest `Hello`. outputs: the published ones by step, handshakes
     excepted; packed: their bytes in the order they came. logged: bytes of the logged ones, in
     their order. encodings: of what came, by kind of key. problems: clause → what broke it.
     """
@@ -40,7 +40,7 @@ class Seen:
     alive_before_hello: bool = False
     asked: int = 0
     hello: Hello | None = None
-    greetings: int = 0
+    handshakes: int = 0
     outputs: dict[int, Outputs] = field(default_factory=dict)
     packed: list[bytes] = field(default_factory=list)
     logs: list[Log] = field(default_factory=list)
@@ -124,18 +124,18 @@ class Ear:
         outputs = _decode_outputs(data)
         if not self._is_ours("out", outputs.token, self._spec.name):
             return
-        if outputs.step == GREETING_STEP:
-            self._take_greeting(outputs)
+        if outputs.step == HANDSHAKE_STEP:
+            self._take_handshake(outputs)
             return
         self._check_order(outputs)
         self._check_ports(outputs)
         self.seen.outputs.setdefault(outputs.step, outputs)
         self.seen.packed.append(data)
 
-    def _take_greeting(self, outputs: Outputs) -> None:
-        self.seen.greetings += 1
+    def _take_handshake(self, outputs: Outputs) -> None:
+        self.seen.handshakes += 1
         if outputs.t_ns or outputs.ports or outputs.bulk:
-            self._note("P4.6", f"its greeting is not empty, or has t_ns {outputs.t_ns}, not 0")
+            self._note("P4.6", f"its handshake is not empty, or has t_ns {outputs.t_ns}, not 0")
 
     def _check_order(self, outputs: Outputs) -> None:
         seen, every, step = self.seen, self._spec.every, outputs.step

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from stepbus_orchestrator.replay.recorded import envelope
-from stepbus_schemas import GREETING_STEP, Description, Outputs, Start, Stop, Trigger, encode
+from stepbus_schemas import HANDSHAKE_STEP, Description, Outputs, Start, Stop, Trigger, encode
 
 from .feeds import Feed, Ports
 from .outcome import Failed
@@ -20,14 +20,14 @@ class Stage(Wire):
     """
 
     _start: bytes | None = None
-    _upto = 0
+    _step_limit = 0
 
     # --- talking -----------------------------------------------------------------------------
 
-    def greet(self) -> None:
+    def send_handshake(self) -> None:
         """Let every peer prove its link."""
         for put in self._peers.values():
-            self._send(put, encode(Outputs(token=self.token, step=GREETING_STEP, t_ns=0)))
+            self._send(put, encode(Outputs(token=self.token, step=HANDSHAKE_STEP, t_ns=0)))
 
     def meet(self) -> None:
         """Start the program and play along until it is ready."""
@@ -44,10 +44,10 @@ class Stage(Wire):
         self.until(lambda: self.seen.asked, "a request to join", limits.spawn_s + limits.join_s)
 
     def let_ready(self) -> None:
-        """Greet it until it is ready."""
-        self.greet()
+        """Exchange handshakes with it until it is ready."""
+        self.send_handshake()
         limit_s = self.spec.deadlines.ready_s
-        self.until(lambda: self.seen.readies, "Ready", limit_s, self.greet)
+        self.until(lambda: self.seen.readies, "Ready", limit_s, self.send_handshake)
 
     def start(self, descriptions: Mapping[str, Description] | None = None) -> None:
         """Say that the run starts, with the descriptions of the participant's inputs."""
@@ -55,17 +55,17 @@ class Stage(Wire):
         self._start = encode(Start(token=self.token, inputs={self.spec.name: own}))
         self.say("start", self._start)
 
-    def release(self, upto: int) -> None:
-        """Allow all steps below `upto`."""
-        self._upto = max(self._upto, upto)
-        self.say("trigger", encode(Trigger(token=self.token, upto=upto)))
+    def release(self, step_limit: int) -> None:
+        """Allow all steps below `step_limit`."""
+        self._step_limit = max(self._step_limit, step_limit)
+        self.say("trigger", encode(Trigger(token=self.token, step_limit=step_limit)))
 
     def repeat(self) -> None:
         """Say the newest word again, in case it has not been heard."""
         if self._start is not None and not self.seen.outputs:
             self.say("start", self._start)
-        if self._upto:
-            self.release(self._upto)
+        if self._step_limit:
+            self.release(self._step_limit)
 
     def stop(self, at_step: int) -> None:
         """Say that the run is over."""
@@ -133,11 +133,11 @@ class Stage(Wire):
         """Do all steps as a run does: as far ahead of what is logged as the window allows."""
         fed, steps = 0, self.material.steps
         while (done := self._logged_steps()) < steps:
-            upto = min(steps, done + self.scenario.window)
-            for step in range(fed, upto):
+            step_limit = min(steps, done + self.scenario.window)
+            for step in range(fed, step_limit):
                 self.feed(feed, step)
-            fed = max(fed, upto)
-            self.release(upto)
+            fed = max(fed, step_limit)
+            self.release(step_limit)
             self.until(
                 partial(self._has_logged, done),
                 f"the log of step {done}",

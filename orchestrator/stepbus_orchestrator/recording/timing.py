@@ -23,7 +23,7 @@ _encode = msgspec.msgpack.Encoder().encode
 class TimingEvent(msgspec.Struct, frozen=True, kw_only=True):
     """Something that happened once: a join, the start, a drop, the end."""
 
-    kind: str
+    event: str
     participant: str
     text: str
 
@@ -42,7 +42,7 @@ class TriggerTiming(msgspec.Struct, frozen=True, kw_only=True):
     """When triggers were sent."""
 
     rows: list[tuple[int, int]]
-    """(upto, time since the epoch [ns])."""
+    """(step_limit, time since the epoch [ns])."""
 
 
 _TYPES: Mapping[str, type[msgspec.Struct]] = {
@@ -80,9 +80,9 @@ class TimingRecorder:
         self._arrivals: dict[str, list[tuple[int, int]]] = {}
         self._triggers: list[tuple[int, int]] = []
 
-    def event(self, kind: str, participant: str = "", text: str = "") -> None:
+    def event(self, event: str, participant: str = "", text: str = "") -> None:
         """Note that something happened now."""
-        self._add("TimingEvent/1", TimingEvent(kind=kind, participant=participant, text=text))
+        self._add("TimingEvent/1", TimingEvent(event=event, participant=participant, text=text))
 
     def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
         """Note that a log batch arrived now, and how long its steps took."""
@@ -92,9 +92,9 @@ class TimingRecorder:
         if len(held) >= _ROWS:
             self._write_steps(participant)
 
-    def trigger(self, upto: int) -> None:
+    def trigger(self, step_limit: int) -> None:
         """Note that a trigger was sent now."""
-        self._triggers.append((upto, time.time_ns()))
+        self._triggers.append((step_limit, time.time_ns()))
         if len(self._triggers) >= _ROWS:
             self._write_triggers()
 

@@ -82,9 +82,9 @@ class Replayer(Conductor):
             return -1
 
     def _meet(self) -> None:
-        """Greet the participant until it is ready."""
+        """Exchange handshakes with the participant until it is ready."""
         while any(member.phase != Phase.READY for member in self.state.roster.values()):
-            self._peers.greet()
+            self._peers.send_handshake()
             self._turn(lambda elapsed_s: check_start(self.state.roster, elapsed_s))
 
     def _descriptions(self) -> Descriptions:
@@ -95,7 +95,7 @@ class Replayer(Conductor):
         """Play the peers ahead of the participant, then let it follow."""
         barrier = self.state.barrier
         with self._watchdog.watching():
-            self._peers.publish_below(barrier.upto, barrier.reported)
+            self._peers.publish_below(barrier.step_limit, barrier.reported)
         if self._watchdog.fired:
             (member,) = self.state.roster.values()
             raise took_nothing(member, self.state.roster, barrier, self._scenario.step_ns)

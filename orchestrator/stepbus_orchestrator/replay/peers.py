@@ -9,7 +9,7 @@ import msgspec
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import Bus
 from stepbus_participant.outbox import stamp
-from stepbus_schemas import GREETING_STEP, Outputs, encode, encoding_of
+from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode, encoding_of
 
 from .recorded import Recorded, envelope
 
@@ -35,12 +35,12 @@ class Peer:
                 if output.bulk
             }
 
-    def greet(self, token: str) -> None:
+    def send_handshake(self, token: str) -> None:
         """Prove the connection, before the first step."""
         if self._put is not None:
-            self._put(encode(Outputs(token=token, step=GREETING_STEP, t_ns=0)))
+            self._put(encode(Outputs(token=token, step=HANDSHAKE_STEP, t_ns=0)))
             for put in self._put_bulk.values():
-                put(b"", attachment=stamp(GREETING_STEP, token))
+                put(b"", attachment=stamp(HANDSHAKE_STEP, token))
 
     def publish(self, outputs: Outputs) -> None:
         """Publish the outputs of a step, bulk content first."""
@@ -83,10 +83,10 @@ class Peers:
         self._step_ns = step_ns
         self._take = take
 
-    def greet(self) -> None:
+    def send_handshake(self) -> None:
         """Let every peer prove its connection."""
         for peer in self._peers:
-            peer.greet(self._token)
+            peer.send_handshake(self._token)
 
     def publish_below(self, step: int, reported: dict[str, int]) -> None:
         """Publish all outputs of steps below `step`; note in `reported` how far each peer is."""

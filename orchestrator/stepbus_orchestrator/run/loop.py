@@ -249,13 +249,13 @@ class Conductor:
 
     def _release(self) -> None:
         """Send the trigger on when the barrier has moved, then record what is complete."""
-        upto = self.state.barrier.upto
+        step_limit = self.state.barrier.step_limit
         for gate in self._gates:
-            upto = min(upto, gate.limit(self._released))
-        if upto > self._released:
-            self._released = upto
-            self._announcer.trigger(upto)
-            self._timing.trigger(upto)
+            step_limit = min(step_limit, gate.limit(self._released))
+        if step_limit > self._released:
+            self._released = step_limit
+            self._announcer.trigger(step_limit)
+            self._timing.trigger(step_limit)
         self._emergency.follow(self._released)
         self._recorder.write_below(min(self.state.barrier.completed, self._last_step()))
 

@@ -25,9 +25,9 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     it ended, in one sentence. participant, at_step: who is to blame and when, where it failed.
     steps: complete ones. wall_s: from the first trigger to the end [s]. start_s: from the call
     to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
-    foreign: messages of strangers that were not let in. drops: messages each participant dropped.
-    faults: those that were injected on purpose. warning_count: warnings and errors that
-    participants told of. warnings: the first fifty of each output.
+    unauthenticated: messages without the run's token; they changed nothing. drops: messages each
+    participant dropped. faults: those that were injected on purpose. warning_count: warnings and
+    errors that participants reported. warnings: the first fifty of each output.
     """
 
     scenario: str
@@ -46,7 +46,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     real_time_factor: float
     sha256: str
     folder: str
-    foreign: int = 0
+    unauthenticated: int = 0
     drops: Mapping[str, int] = {}
     faults: Sequence[str] = ()
     warning_count: int = 0

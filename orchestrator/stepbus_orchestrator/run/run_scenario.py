@@ -269,7 +269,7 @@ class _Run:
             real_time_factor=simulated_s / wall_s if wall_s else 0.0,
             sha256=file_sha256(self._options.out / layout.RUN_FILE),
             folder=str(self._options.out),
-            foreign=conductor.state.foreign if conductor else 0,
+            unauthenticated=conductor.state.unauthenticated if conductor else 0,
             drops=conductor.progress().drops if conductor else {},
             faults=self._injected,
             warning_count=self._events.count,
@@ -296,7 +296,7 @@ def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
 
 def _message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
     return [
-        MessageFault(kind=fault.kind, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
+        MessageFault(type=fault.kind, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
         for fault in scenario.faults
         if fault.participant == name and fault.kind in MESSAGE_KINDS
     ]

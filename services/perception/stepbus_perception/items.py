@@ -90,8 +90,8 @@ def read_goods(port: str, described: Description) -> Goods:
     kinds at all, or shapes or colours that cannot be read.
     """
     details = described.details
-    kinds, count = details.get("kind", []), len(described.names)
-    missing = [key for key in ("kind", "color", "shape") if len(details.get(key, [])) != count]
+    kinds, count = details.get("type", []), len(described.names)
+    missing = [key for key in ("type", "color", "shape") if len(details.get(key, [])) != count]
     if missing or not kinds:
         raise WiringError(
             f"input {port!r} describes no items: its details {', '.join(missing) or 'kind'} are "

@@ -53,7 +53,7 @@ class Eye:
         found = self._detector.find(view, self._mount.pose(self._reader.read(state)))
         return Detections(
             frame=self._frame,
-            kinds=[item.kind for item in found],
+            types=[item.kind for item in found],
             position=[item.position for item in found],
             orientation=[turn_about_z(item.yaw) for item in found],
             confidence=[item.confidence for item in found],

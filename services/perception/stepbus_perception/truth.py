@@ -47,7 +47,7 @@ class Truth:
         centres = [self._centre(poses, number, kind) - origin for number, kind in self._items]
         return Detections(
             frame=self._name,
-            kinds=[kind for _, kind in self._items],
+            types=[kind for _, kind in self._items],
             position=[tuple((centre @ axes).tolist()) for centre in centres],
             orientation=[inverse_times(turned, poses.orientation[n]) for n in places],
             confidence=[1.0] * len(places),

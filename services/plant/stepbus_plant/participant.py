@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant.calls import Verb
+from stepbus_participant import Method
 from stepbus_participant.config import Config
 from stepbus_participant.durations import format_duration, parse_duration
 from stepbus_participant.participant import Participant
@@ -153,9 +153,9 @@ class PlantParticipant(Participant):
         for text in new:
             _log.log(level, text)
 
-    def calls(self) -> Mapping[str, Verb]:
+    def calls(self) -> Mapping[str, Method]:
         """Return the calls that query joints between two steps, or teleport one."""
-        return self.plant.joint_calls().verbs()
+        return self.plant.joint_calls().methods()
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that the physics depend on."""

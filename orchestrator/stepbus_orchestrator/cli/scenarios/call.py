@@ -28,17 +28,17 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         default="",
         help="whom to ask; without it, lists what can be asked",
     )
-    parser.add_argument("verb", nargs="?", default="", help="what to ask")
+    parser.add_argument("method", nargs="?", default="", help="what to ask")
     parser.add_argument("args", nargs="*", metavar="ARG", help="arguments, as YAML values")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON only")
 
 
 def _execute(args: argparse.Namespace) -> int:
-    if not args.verb:
+    if not args.method:
         _list(call(args.run).value, args.participant, as_json=args.json)
         return 0
     values = [parse_yaml(text, text) for text in args.args]
-    reply = call(args.run, args.participant, args.verb, values)
+    reply = call(args.run, args.participant, args.method, values)
     if args.json:
         say_json({"step": reply.step, "value": reply.value})
     else:
@@ -50,16 +50,16 @@ def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json
     if participant and participant not in offered:
         who = nearest(participant, offered) if offered else "nobody in this run does"
         raise WiringError(f"{participant!r} answers no calls; {who}")
-    rows = {name: verbs for name, verbs in offered.items() if participant in {"", name}}
+    rows = {name: methods for name, methods in offered.items() if participant in {"", name}}
     if as_json:
         say_json(rows)
         return
     table = Table(box=None, pad_edge=False)
     for column in ("participant", "call", "arguments and answer", "changes the run"):
         table.add_column(column, overflow="fold")
-    for name, verbs in rows.items():
-        for verb, item in verbs.items():
-            table.add_row(name, verb, escape(item["help"]), "yes" if item["changes"] else "")
+    for name, methods in rows.items():
+        for method, item in methods.items():
+            table.add_row(name, method, escape(item["help"]), "yes" if item["changes"] else "")
     Console().print(table)
 
 

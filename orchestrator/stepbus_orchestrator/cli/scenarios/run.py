@@ -117,8 +117,8 @@ def _summarise(result: Result, lines: list[str]) -> None:
     for line in lines:
         say(line)
     dropped = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
-    if dropped or result.foreign:
-        say(f"messages dropped: {dropped or 'none'}; from strangers: {result.foreign}")
+    if dropped or result.unauthenticated:
+        say(f"messages dropped: {dropped or 'none'}; from strangers: {result.unauthenticated}")
     for line in _warnings(result):
         say(line)
     if result.faults:

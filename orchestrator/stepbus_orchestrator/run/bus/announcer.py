@@ -32,7 +32,7 @@ class Announcer:
         self._watchdog = Watchdog(limit_s, free)
         self._start = b""
         self._stop = b""
-        self._upto = 0
+        self._step_limit = 0
         self._pause_s = _FIRST_S
         self._due_s = 0.0
 
@@ -41,9 +41,9 @@ class Announcer:
         self._start = message
         self._send(self._put_start, message)
 
-    def trigger(self, upto: int) -> None:
-        """Let everybody work on the steps below `upto`."""
-        self._upto = upto
+    def trigger(self, step_limit: int) -> None:
+        """Let everybody work on the steps below `step_limit`."""
+        self._step_limit = step_limit
         self._pause_s = _FIRST_S
         self._due_s = time.monotonic() + _FIRST_S
         self._send(self._put_trigger, self._trigger())
@@ -72,7 +72,7 @@ class Announcer:
         self._watchdog.close()
 
     def _trigger(self) -> bytes:
-        return encode(Trigger(token=self._token, upto=self._upto))
+        return encode(Trigger(token=self._token, step_limit=self._step_limit))
 
     def _is_time(self) -> bool:
         now = time.monotonic()

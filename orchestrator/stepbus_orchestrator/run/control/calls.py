@@ -39,7 +39,7 @@ class _Asked:
     """A call that waits for its turn. step: when; None: as soon as possible. reply: to whom."""
 
     participant: str
-    verb: str
+    method: str
     args: list[Any]
     step: int | None
     reply: Callable[[CallReply], None]
@@ -82,7 +82,7 @@ class Calls:
         self._waiting: deque[_Asked] = deque(
             _Asked(
                 participant=call.participant,
-                verb=call.verb,
+                method=call.method,
                 args=call.args,
                 step=call.step,
                 reply=_nobody,
@@ -122,7 +122,7 @@ class Calls:
 
     def _send(self, asked: _Asked, step: int) -> None:
         self._number += 1
-        call = Call(token=self._token, id=self._number, verb=asked.verb, args=asked.args)
+        call = Call(token=self._token, id=self._number, method=asked.method, args=asked.args)
         now = time.monotonic()
         self._open = _Open(asked=asked, message=call, step=step, sent_at=now, began_at=now)
         self._puts[asked.participant](encode(call))
@@ -134,7 +134,7 @@ class Calls:
         if now - call.began_at > deadline_s:
             raise StepTimeout(
                 f"{at(call.step, self._state.scenario.step_ns)}: {member.who()} has not answered "
-                f"the call {call.asked.verb} for {now - call.began_at:.1f} s; deadline "
+                f"the call {call.asked.method} for {now - call.began_at:.1f} s; deadline "
                 f"{deadline_s:g} s (participants.{member.name}.step_timeout)",
                 participant=member.name,
                 step=call.step,
@@ -148,10 +148,10 @@ class Calls:
         try:
             request = _decode_request(query.payload)
         except MessageError:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
         if request.token != self._token:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
 
         def reply(answer: CallReply) -> None:
@@ -167,7 +167,7 @@ class Calls:
         self._waiting.append(
             _Asked(
                 participant=request.participant,
-                verb=request.verb,
+                method=request.method,
                 args=request.args,
                 step=None,
                 reply=reply,
@@ -175,16 +175,16 @@ class Calls:
         )
 
     def _offered(self) -> dict[str, dict[str, Any]]:
-        """Return what everybody can be asked: participant → verb → its help."""
+        """Return what everybody can be asked: participant → method → its help."""
         return {
             name: {
-                verb: {"help": item.help, "changes": item.changes}
-                for verb, item in self._verbs(member).items()
+                method: {"help": item.help, "changes": item.changes}
+                for method, item in self._methods(member).items()
             }
             for name, member in self._state.roster.items()
         }
 
-    def _verbs(self, member: Member) -> dict[str, Any]:
+    def _methods(self, member: Member) -> dict[str, Any]:
         return dict(member.ready.calls) if member.ready is not None else {}
 
     def _mistake(self, request: CallRequest) -> str | None:
@@ -195,11 +195,11 @@ class Calls:
         if member is None:
             name = request.participant
             return f"no participant {name!r}{suggest(name, self._state.roster)}"
-        verbs = self._verbs(member)
-        if request.verb not in verbs:
-            if not verbs:
+        methods = self._methods(member)
+        if request.method not in methods:
+            if not methods:
                 return f"{member.name} offers no calls"
-            return f"{member.name} has no call {request.verb!r}{suggest(request.verb, verbs)}"
+            return f"{member.name} has no call {request.method!r}{suggest(request.method, methods)}"
         return None
 
     def take_called(self, sample: Any) -> None:
@@ -207,12 +207,12 @@ class Calls:
         try:
             called = _decode_called(self._bus.payload(sample))
         except MessageError:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
         call = self._open
         key_name = self._bus.key(sample).rpartition("/")[2]
         if called.token != self._token or called.name != key_name:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
         elif (
             call is not None
             and called.id == call.message.id
@@ -223,13 +223,13 @@ class Calls:
 
     def _finish(self, call: _Open, called: Called) -> None:
         asked = call.asked
-        verbs = self._verbs(self._state.roster[asked.participant])
-        if asked.verb in verbs and verbs[asked.verb].changes:
+        methods = self._methods(self._state.roster[asked.participant])
+        if asked.method in methods and methods[asked.method].changes:
             self._recorder.add_call(
                 CallRecord(
                     step=call.step,
                     participant=asked.participant,
-                    verb=asked.verb,
+                    method=asked.method,
                     args=asked.args,
                     value=called.value,
                     error=called.error,

@@ -58,12 +58,12 @@ def forget(folder: Path) -> None:
 
 
 def call(
-    folder: Path, participant: str = "", verb: str = "", args: Sequence[Any] = ()
+    folder: Path, participant: str = "", method: str = "", args: Sequence[Any] = ()
 ) -> CallReply:
     """Ask a participant of a run that goes on; it answers between two steps.
 
     folder: of the run. participant: whom; empty: the answer's value lists what all can be asked.
-    verb, args: what; numbers, texts, lists, maps.
+    method, args: what; numbers, texts, lists, maps.
 
     Raises WiringError when no run goes on there or the call was refused, BusFailed when nobody
     answers.
@@ -74,7 +74,9 @@ def call(
     except BusError as exc:
         raise BusFailed(f"{folder}: {exc}; was the run killed?") from exc
     try:
-        request = CallRequest(token=live.token, participant=participant, verb=verb, args=list(args))
+        request = CallRequest(
+            token=live.token, participant=participant, method=method, args=list(args)
+        )
         for answer in bus.query(CALL_KEY, encode(request), encoding_of("CallRequest/1"), _ANSWER_S):
             reply = _decode_reply(answer)
             if reply.error is not None:

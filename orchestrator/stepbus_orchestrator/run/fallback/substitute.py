@@ -114,9 +114,9 @@ class StandIn:
         self._until = self._keep_until + -(-self._hold.hold_ns // self._step_ns)
         return self._next, self._until
 
-    def publish_below(self, upto: int) -> None:
-        """Publish what is due at all steps below `upto`."""
-        while self._next < min(upto, self._until):
+    def publish_below(self, step_limit: int) -> None:
+        """Publish what is due at all steps below `step_limit`."""
+        while self._next < min(step_limit, self._until):
             ports = self._last if self._next < self._keep_until else self._safe
             outputs = Outputs(
                 token=self._token,
@@ -150,7 +150,7 @@ def _safer(last: Message) -> Message:
     """Return what comes to rest after the last message of a port."""
     if isinstance(last, Goal):
         # Ids of goals are the sender's own; the next one ends the goal under way.
-        return Goal(id=last.id + 1, kind="stop")
+        return Goal(id=last.id + 1, type="stop")
     if isinstance(last, JointReference):
         still = [0.0] * len(last.position)
         return JointReference(position=last.position, velocity=still, acceleration=still)

@@ -48,7 +48,7 @@ class Barrier:
         return done if self._steps is None else min(done, self._steps)
 
     @property
-    def upto(self) -> int:
+    def step_limit(self) -> int:
         """Return the newest trigger: steps below it may be worked on."""
         ahead = self.completed + self._window
         return ahead if self._steps is None else min(ahead, self._steps)

@@ -41,7 +41,7 @@ def check_start(roster: Roster, elapsed_s: float) -> None:
 
 
 def _waits_for_others(member: Member, roster: Roster) -> bool:
-    """Return whether it waits for a greeting of somebody who is not that far yet."""
+    """Return whether it waits for a handshake of somebody who is not that far yet."""
     if member.phase != Phase.JOINED or member.waiting is None:
         return False
     sources = [roster[name] for name in member.waiting.sources if name in roster]

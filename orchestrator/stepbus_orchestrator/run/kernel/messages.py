@@ -41,17 +41,17 @@ _decode_fault = Decoder(Fault)
 class RunState:
     """How far a run is.
 
-    phase: `starting`, `stepping` or `stopping`. foreign: messages that were not taken. end: the
-    step before which the run ends, and why, once somebody has asked for it. compute: participant
-    → total computing time [ns] and number of steps. started_at: when the first trigger was sent,
-    by the monotonic clock [s]. replaced: who has failed and is stood in for.
+    phase: `starting`, `stepping` or `stopping`. unauthenticated: messages that were not taken.
+    end: the step before which the run ends, and why, once somebody has asked for it. compute:
+    participant → total computing time [ns] and number of steps. started_at: when the first trigger
+    was sent, by the monotonic clock [s]. replaced: who has failed and is stood in for.
     """
 
     scenario: Scenario
     barrier: Barrier
     roster: Roster = field(default_factory=dict)
     phase: str = "starting"
-    foreign: int = 0
+    unauthenticated: int = 0
     end: tuple[int, str] | None = None
     compute: dict[str, tuple[int, int]] = field(default_factory=dict)
     started_at: float = 0.0
@@ -106,7 +106,7 @@ class Intake:
         state = self._state
         member = state.roster.get(name)
         if member is None:
-            state.foreign += alive and name != ORCHESTRATOR
+            state.unauthenticated += alive and name != ORCHESTRATOR
             return
         if alive and member.advance(Phase.ALIVE):
             self._timing.event("alive", member.name)
@@ -123,7 +123,7 @@ class Intake:
         try:
             hello = _decode_hello(request.payload)
         except MessageError as exc:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             request.reply(encode(Refusal(reason=str(exc))), encoding_of("Refusal/1"))
             return
         # Nobody of ours can ask before its process is started.
@@ -145,7 +145,7 @@ class Intake:
         """End the run when one of ours cannot join; a stranger is only counted."""
         roster = self._state.roster
         if hello.token != self._token or hello.name not in roster:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
         raise StartFailed(
             f"before the first step: {roster[hello.name].who()} was refused: {refusal.reason}",
@@ -156,7 +156,7 @@ class Intake:
         """Return whom a message is from; None, and counted, when it is a stranger's."""
         member = self._state.roster.get(name)
         if token != self._token or member is None or name != key_name:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return None
         # What comes late from one that is stood in for is published already.
         return None if name == self._state.replaced else member
@@ -169,7 +169,7 @@ class Intake:
         try:
             ready = _decode_ready(self._bus.payload(sample))
         except MessageError:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
         member = self._member(ready.token, ready.name, self._name_in_key(sample))
         if member is not None and member.advance(Phase.READY):
@@ -181,7 +181,7 @@ class Intake:
         try:
             log = _decode_log(self._bus.payload(sample))
         except MessageError:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
         member = self._member(log.token, log.name, key_name)
         if member is None:
@@ -246,7 +246,7 @@ class Intake:
         member = self._state.roster.get(name)
         output = member.spec.outputs.get(port) if member is not None else None
         if step is None or output is None or not output.bulk:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
         elif step >= 0:
             self._recorder.offer_bulk(name, port, step, self._bus.payload(sample))
 
@@ -255,7 +255,7 @@ class Intake:
         try:
             fault = _decode_fault(self._bus.payload(sample))
         except MessageError:
-            self._state.foreign += 1
+            self._state.unauthenticated += 1
             return
         member = self._member(fault.token, fault.name, self._name_in_key(sample))
         if member is None:

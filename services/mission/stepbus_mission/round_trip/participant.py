@@ -174,7 +174,7 @@ class RoundTrip(Participant):
         self._named = ""
         self._goal = Goal(
             id=self._next_id(),
-            kind="move_to_pose",
+            type="move_to_pose",
             tip=self._arms[self._arm],
             frame=self._frame,
             position=(x, y, z),
@@ -187,7 +187,7 @@ class RoundTrip(Participant):
         self._has_to_go_home = False
         self._goal = Goal(
             id=self._next_id(),
-            kind="move_joints",
+            type="move_joints",
             joints=list(home),
             values=[float(value) for value in home.values()],
         )
@@ -206,7 +206,7 @@ class RoundTrip(Participant):
             told.append((False, f"{self._label()}: {status.text}"))
         if status.state not in _OVER:
             return False
-        if self._goal.kind == "move_joints":
+        if self._goal.type == "move_joints":
             if status.state != "succeeded":
                 told.append((False, f"{self._arm} did not come home: {status.text}"))
         elif status.cause in {"", "not_settled"}:

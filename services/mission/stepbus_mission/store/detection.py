@@ -78,7 +78,7 @@ def _nearest(shop: Shop, found: Detections) -> Spot | None:
     _, item = shop.now
     expected = shop.expected()
     _check(found)
-    rows = zip(found.kinds, found.position, found.orientation, strict=True)
+    rows = zip(found.types, found.position, found.orientation, strict=True)
     spots = [
         _in_odometry(shop, found.frame, position, yaw_of(turn))
         for kind, position, turn in rows
@@ -92,11 +92,11 @@ def _nearest(shop: Shop, found: Detections) -> Spot | None:
 
 def _check(found: Detections) -> None:
     """Raise RunError for detections that are none."""
-    counts = (len(found.kinds), len(found.position), len(found.orientation))
+    counts = (len(found.types), len(found.position), len(found.orientation))
     if len(set(counts)) > 1:
         kinds, places, turns = counts
         raise RunError(f"detections have {kinds} kinds, {places} positions, {turns} orientations")
-    for kind, position, turn in zip(found.kinds, found.position, found.orientation, strict=True):
+    for kind, position, turn in zip(found.types, found.position, found.orientation, strict=True):
         if not math.isfinite(sum(position) + sum(turn)):
             raise RunError(f"{kind} was detected at {position}, turned by {turn}: that is no pose")
 
@@ -120,7 +120,7 @@ def _in_odometry(shop: Shop, frame: str, position: Point, yaw: float) -> Spot:
 def _missing(shop: Shop, found: Detections) -> str:
     _, item = shop.now
     near = shop.settings.tolerances.found * 1e3
-    kinds = ", ".join(dict.fromkeys(found.kinds)) or "nothing"
+    kinds = ", ".join(dict.fromkeys(found.types)) or "nothing"
     return (
         f"missing, no {item.kind} within {near:g} mm of the place of {item.name} in "
         f"{shop.visit.looks} looks; seen: {kinds}"

@@ -20,7 +20,7 @@ Maker = Callable[[Shop], Goal]
 def tuck(shop: Shop) -> Goal:
     """Pull the arm in, so that the base may move."""
     joints = shop.settings.tuck
-    return Goal(id=0, kind="move_joints", joints=list(joints), values=list(joints.values()))
+    return Goal(id=0, type="move_joints", joints=list(joints), values=list(joints.values()))
 
 
 def drive(shop: Shop) -> Goal:
@@ -86,7 +86,7 @@ def lower(shop: Shop) -> Goal:
 def reverse(shop: Shop) -> Goal:
     """Drive back from the shelf, so that the base can turn."""
     way = -shop.settings.reverse
-    return Goal(id=0, kind="drive", by=way, touches=_touches(shop))
+    return Goal(id=0, type="drive", by=way, touches=_touches(shop))
 
 
 def home(shop: Shop) -> Goal:
@@ -121,7 +121,7 @@ def back_off(shop: Shop) -> Goal:
 
 def stop(_: Shop) -> Goal:
     """Bring base and arm to rest; the hand keeps what it holds."""
-    return Goal(id=0, kind="stop")
+    return Goal(id=0, type="stop")
 
 
 GOALS: Mapping[str, Maker] = {
@@ -168,7 +168,7 @@ def _pose(
     position: Point = (spot.x, spot.y, height)
     return Goal(
         id=0,
-        kind=kind,
+        type=kind,
         tip=shop.settings.grasp.tip,
         frame=ODOMETRY,
         position=position,
@@ -179,12 +179,12 @@ def _pose(
 
 
 def _go_to(shop: Shop, spot: Spot) -> Goal:
-    return Goal(id=0, kind="go_to", base=(spot.x, spot.y, spot.yaw), touches=_touches(shop))
+    return Goal(id=0, type="go_to", base=(spot.x, spot.y, spot.yaw), touches=_touches(shop))
 
 
 def _grip(shop: Shop, width: float) -> Goal:
     force = shop.settings.grasp.force
-    return Goal(id=0, kind="grip", width=width, force=force, touches=_touches(shop))
+    return Goal(id=0, type="grip", width=width, force=force, touches=_touches(shop))
 
 
 _TOUCHING = (

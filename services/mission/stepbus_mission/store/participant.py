@@ -139,7 +139,7 @@ class StoreMission(Participant):
             return None
         goal = msgspec.structs.replace(maker(shop), id=self._goals)
         self._goals += 1
-        shop.visit.goal, shop.visit.kind = goal.id, goal.kind
+        shop.visit.goal, shop.visit.kind = goal.id, goal.type
         return goal
 
     def _end(self, step: Step, shop: Shop) -> None:

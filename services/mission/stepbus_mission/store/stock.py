@@ -73,7 +73,7 @@ class Stock:
 
     def __init__(self, description: Description, shelves: Sequence[str]) -> None:
         names, details = description.names, description.details
-        kinds = details.get("kind", [""] * len(names))
+        kinds = details.get("type", [""] * len(names))
         shapes = details.get("shape", [""] * len(names))
         if {len(kinds), len(shapes)} != {len(names)}:
             counts = f"{len(kinds)} kinds and {len(shapes)} shapes for {len(names)} links"

@@ -140,17 +140,17 @@ class BaseMotion:
         return text
 
     def _plans(self, goal: Goal, state: BaseState) -> tuple[deque[PlannedLeg], str]:
-        if goal.kind == "drive":
+        if goal.type == "drive":
             _refuse_odd("by", goal.by)
             self._target = None
             return deque([straight(goal.by)]), f"drive {goal.by:.3f} m"
-        if goal.kind == "turn":
+        if goal.type == "turn":
             _refuse_odd("by", goal.by)
             self._target = None
             text = f"turn by {math.degrees(goal.by):.1f}°"
             return deque([turn_by(goal.by)]), text
-        if goal.kind != "go_to" or goal.base is None:
-            raise Refused("invalid", f"kind {goal.kind} needs base: x, y, yaw")
+        if goal.type != "go_to" or goal.base is None:
+            raise Refused("invalid", f"type {goal.type} needs base: x, y, yaw")
         for name, value in zip(("x", "y", "yaw"), goal.base, strict=True):
             _refuse_odd(name, value)
         self._target = goal.base

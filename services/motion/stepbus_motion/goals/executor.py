@@ -13,13 +13,13 @@ from stepbus_motion.collisions.monitor import Collision, CollisionMonitor, Moves
 from stepbus_motion.gripper.gripper import Grip
 from stepbus_motion.manipulator.manipulator import Manipulator
 from stepbus_schemas import BaseState, Contacts, Goal, GoalStatus, GripperState, RunError
-from stepbus_schemas.messages import GoalKind, GoalState
+from stepbus_schemas.messages import GoalState, GoalType
 
 from .outcome import Outcome, Refused
 
 Part = Literal["arm", "base", "hand", "all"]
 
-_PARTS: dict[GoalKind, Part] = {
+_PARTS: dict[GoalType, Part] = {
     "move_joints": "arm",
     "move_to_pose": "arm",
     "move_linear": "arm",
@@ -172,11 +172,11 @@ class Dispatcher:
         if self._task is not None:
             text = f"goal {goal.id} came before it was done"
             self._tell(self._task.goal.id, "cancelled", text=text)
-        part = _PARTS[goal.kind]
+        part = _PARTS[goal.type]
         self._touched, self._is_slow = None, False
         self._rest_all(t, but=part)
         if self._monitor is not None:
-            self._monitor.begin(goal.touches, grips=goal.kind == "grip", moves=_MOVES[part])
+            self._monitor.begin(goal.touches, grips=goal.type == "grip", moves=_MOVES[part])
         try:
             text = self._begin(goal, part, t)
         except RunError as exc:

@@ -110,12 +110,12 @@ class GoalRunner:
         return _Task(id=number, route=route, began=t, moved=moved)
 
     def _route(self, goal: Goal, now: JointMotion) -> Route:
-        if goal.kind == "stop":
+        if goal.type == "stop":
             self._tell(goal.id, "accepted", text="stop")
             return Route([stop_from(now, self._limits)])
         if not (math.isfinite(goal.duration) and goal.duration >= 0):
             raise Refused("invalid", f"duration {goal.duration:g} s is no length of time")
-        solution = self._kinds[goal.kind](goal, now.position)
+        solution = self._kinds[goal.type](goal, now.position)
         overloaded = solution.verdict == "not_holdable"
         if solution.verdict != "reached" and not (overloaded and self._tries_unholdable):
             raise Refused(solution.verdict, str(solution))
@@ -134,7 +134,7 @@ class GoalRunner:
         robot, target = self._robot, q.copy()
         if len(goal.joints) != len(goal.values) or not goal.joints:
             counts = f"{len(goal.values)} values for {len(goal.joints)} joints"
-            raise Refused("invalid", f"kind move_joints has {counts}")
+            raise Refused("invalid", f"type move_joints has {counts}")
         for name, value in zip(goal.joints, goal.values, strict=True):
             if name not in robot.joints:
                 raise Refused("invalid", f"joint {name!r}: {nearest(name, robot.joints)}")
@@ -201,7 +201,7 @@ def _pose(goal: Goal) -> Any:
     Raises Refused where it is none.
     """
     if goal.position is None or goal.orientation is None:
-        raise Refused("invalid", "kind move_to_pose needs position and orientation")
+        raise Refused("invalid", "type move_to_pose needs position and orientation")
     length = math.hypot(*goal.orientation)
     if not math.isfinite(sum(goal.position)) or not abs(length - 1.0) <= 1e-3:
         text = f"position {goal.position} or orientation {goal.orientation} is no pose"

@@ -48,7 +48,7 @@ def target_pose(goal: Goal) -> Any:
     Raises Refused where it is none.
     """
     if goal.position is None or goal.orientation is None:
-        raise Refused("invalid", f"kind {goal.kind} needs position and orientation")
+        raise Refused("invalid", f"type {goal.type} needs position and orientation")
     length = math.hypot(*goal.orientation)
     if not math.isfinite(sum(goal.position)) or not abs(length - 1.0) <= 1e-3:
         text = f"position {goal.position} or orientation {goal.orientation} is no pose"
@@ -67,7 +67,7 @@ def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> Vector:
     """
     if len(goal.joints) != len(goal.values) or not goal.joints:
         counts = f"{len(goal.values)} values for {len(goal.joints)} joints"
-        raise Refused("invalid", f"kind move_joints has {counts}")
+        raise Refused("invalid", f"type move_joints has {counts}")
     target = q.copy()
     for name, value in zip(goal.joints, goal.values, strict=True):
         place = _place(robot.joints, name)

@@ -28,7 +28,7 @@ class GripSettings:
 
 
 class Grip:
-    """Carries out goals of kind `grip`, one at a time.
+    """Carries out goals of type `grip`, one at a time.
 
     A goal is done when the width is reached, or when the fingers stand because they hold
     something between them.

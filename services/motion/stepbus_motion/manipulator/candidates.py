@@ -24,7 +24,7 @@ class Leg:
 
 
 class LegFinder:
-    """Turns goals of kinds move_joints, move_to_pose and spiral into legs, the nearest first."""
+    """Turns goals of types move_joints, move_to_pose and spiral into legs, the nearest first."""
 
     def __init__(self, robot: RobotModel, solver: BranchSolver, spirals: SpiralMaker) -> None:
         self._robot = robot
@@ -42,9 +42,9 @@ class LegFinder:
         Raises Refused for another kind and, at the first leg, where nothing can be gone to;
         RunError for an unknown frame.
         """
-        if goal.kind not in self._kinds:
-            raise Refused("invalid", f"an arm has no goals of kind {goal.kind}")
-        return self._kinds[goal.kind](goal, rest, q, base)
+        if goal.type not in self._kinds:
+            raise Refused("invalid", f"an arm has no goals of type {goal.type}")
+        return self._kinds[goal.type](goal, rest, q, base)
 
     def _joints(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> Iterator[Leg]:
         target = target_joints(goal, self._robot, rest)

@@ -312,11 +312,11 @@ class Manipulator:
     # Goals to motions
 
     def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
-        if goal.kind == "stop":
+        if goal.type == "stop":
             self._brake(now)
             self._settle = self._watch()
             return "stop"
-        if goal.kind == "move_linear":
+        if goal.type == "move_linear":
             return self._begin_line(goal, self._brake(now), q, base)
         rest = now.position
         if self._options.uses_planner:

@@ -1,4 +1,4 @@
-"""Goals of kind `spiral`: points out of reach are raised, then the joints follow on one branch."""
+"""Goals of type `spiral`: points out of reach are raised, then the joints follow on one branch."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class SpiralMaker:
     def _read(self, goal: Goal, frame: Any, target: Any, q: Vector) -> SpiralCurve:
         wanted = goal.spiral
         if wanted is None:
-            raise Refused("invalid", "kind spiral needs spiral: centre, radius, turns")
+            raise Refused("invalid", "type spiral needs spiral: centre, radius, turns")
         numbers = (*wanted.centre, *wanted.radius, wanted.turns, wanted.rise)
         if not all(map(math.isfinite, numbers)) or min(wanted.radius) <= 0 or wanted.turns == 0:
             raise Refused(

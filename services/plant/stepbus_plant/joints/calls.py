@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stepbus_participant.calls import CallError, Verb
+from stepbus_participant import CallError, Method
 from stepbus_participant.settings import nearest
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
@@ -26,17 +26,17 @@ class JointCalls:
         self._joints = {joint.name: joint for joint in physics.joints}
         self._drives = locate_joints(drives)
 
-    def verbs(self) -> Mapping[str, Verb]:
+    def methods(self) -> Mapping[str, Method]:
         """Return every call by its name."""
         return {
-            "joint_names": Verb(self.names, "names of all movable joints"),
-            "joint_position": Verb(self.position, "NAME: true position of a joint [rad]"),
-            "joint_velocity": Verb(self.velocity, "NAME: true velocity of a joint [rad/s]"),
-            "joint_target": Verb(self.target, "NAME: target of a joint in mode position [rad]"),
-            "joint_limits": Verb(
+            "joint_names": Method(self.names, "names of all movable joints"),
+            "joint_position": Method(self.position, "NAME: true position of a joint [rad]"),
+            "joint_velocity": Method(self.velocity, "NAME: true velocity of a joint [rad/s]"),
+            "joint_target": Method(self.target, "NAME: target of a joint in mode position [rad]"),
+            "joint_limits": Method(
                 self.limits, "NAME: lower, upper [rad], velocity [rad/s], effort [N·m]"
             ),
-            "set_joint_position": Verb(
+            "set_joint_position": Method(
                 self.teleport, "NAME RAD: teleports a joint, which is then at rest", changes=True
             ),
         }
