@@ -10,6 +10,8 @@ from typing import Any
 
 from stepbus_schemas import WiringError
 
+from .config import Config
+from .parameters import read
 from .settings import Noted, Settings, nearest
 
 
@@ -52,13 +54,35 @@ def construct(settings: Settings, param: str, wanted: type[Any], *args: Any) -> 
         return None
 
 
-def _make(wanted: type[Any], *args: Any) -> Any:
+def _make(wanted: Any, *args: Any) -> Any:
     try:
         return wanted(*args)
     except WiringError:
         raise
     except Exception as exc:
         raise WiringError(f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}") from exc
+
+
+def make_plugin(
+    config: Config, key: str, name: str, own: Mapping[str, Any], method: str, *args: Any
+) -> Any:
+    """Return an instance of a class of the user's own, made from `args` and its parameters.
+
+    key: the parameter that names the class, `module:Class`. own: its parameters: it gets them as
+    the settings that its attribute `Params` declares, or else as a map. method: what it has to
+    have. Raises SettingsError that lists every problem.
+    """
+    problems = config.problems().below(("params",))
+    found = problems.attempt((key,), lambda: load_class(name, config.folder))
+    if found is not None and not callable(getattr(found, method, None)):
+        problems.add((key,), f"class {name} has no method {method!r}")
+    problems.refuse()
+    declared = getattr(found, "Params", None)
+    params = own if declared is None else read(declared, own, problems, folder=config.folder)
+    problems.refuse()
+    made = problems.attempt((key,), lambda: _make(found, *args, params))
+    problems.refuse()
+    return made
 
 
 def load_class(name: str, folder: Path) -> type[Any]:

@@ -6,6 +6,7 @@ from stepbus_orchestrator.bridge.formats import raw_mistake
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
 
+from .declared import check_params
 from .files.search import search_files
 from .model import InputSpec, ParticipantSpec, Scenario
 from .program import check_command
@@ -29,6 +30,7 @@ def check(scenario: Scenario, problems: Problems) -> None:
         mistake = _bridge_mistake(spec, specs)
         if mistake:
             problems.add(("participants", spec.name, "bridge"), mistake)
+    check_params(scenario, problems)
     for keys, message in search_files(scenario).mistakes:
         problems.add(keys, message)
 

@@ -125,6 +125,12 @@ def _check_module(name: str, folder: Path) -> None:
         )
 
 
+def module_file(name: str, folder: Path) -> Path | None:
+    """Return the file of a module, of a package its `__init__.py`; imports nothing."""
+    spec = _module_spec(name, folder)
+    return None if spec is None or spec.origin is None else Path(spec.origin)
+
+
 def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts) or parts[0] == "__main__":

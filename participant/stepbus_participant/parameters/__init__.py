@@ -6,7 +6,7 @@ What reads YAML is imported when it is first used: a participant does not need i
 from typing import TYPE_CHECKING, Any
 
 from .problems import Keys, Place, Problem, Problems, dotted, show, suggest
-from .read import read, read_value
+from .read import find_problems, read, read_value
 from .settings import (
     Count,
     Duration,
@@ -68,6 +68,7 @@ __all__ = [
     "dotted",
     "each",
     "fatal",
+    "find_problems",
     "parse_yaml",
     "read",
     "read_value",

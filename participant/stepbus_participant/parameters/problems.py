@@ -7,14 +7,16 @@ WiringError
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from stepbus_schemas import WiringError
 
 Keys = tuple[str | int, ...]
 """Where a value stands: the keys and list indices that lead to it."""
 
+T = TypeVar("T")
 _SHOWN_CHARACTERS = 60
 
 
@@ -70,13 +72,15 @@ class Problems:
         self._places = places or {}
         self._found = list(found)
         self._above = above
+        self.plain: list[tuple[Keys, str]] = []
+        """Keys and message of what `add` got, without places."""
 
     def __len__(self) -> int:
         return len(self._found)
 
     def has(self, keys: Keys) -> bool:
         """Return whether something at or below `keys` is wrong."""
-        path = dotted((*self._above, *keys))
+        path = dotted(self.path(keys))
         return any(
             found.path == path or found.path.startswith((f"{path}.", f"{path}["))
             for found in self._found
@@ -84,7 +88,8 @@ class Problems:
 
     def add(self, keys: Keys, message: str) -> None:
         """Add that the value at `keys` is wrong."""
-        keys = (*self._above, *keys)
+        self.plain.append((keys, message))
+        keys = self.path(keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._whole)
         self._found.append(
@@ -92,9 +97,24 @@ class Problems:
         )
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
-        """Add every line of an error at `keys`."""
+        """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
+        if isinstance(error, SettingsError):
+            self._found += error.problems
+            return
         for line in str(error).splitlines():
             self.add(keys, line)
+
+    def attempt(self, keys: Keys, make: Callable[[], T]) -> T | None:
+        """Return what is made, or None where that raises WiringError, which is added at `keys`."""
+        try:
+            return make()
+        except WiringError as exc:
+            self.add_error(keys, exc)
+            return None
+
+    def path(self, keys: Keys) -> Keys:
+        """Return the whole path of `keys`."""
+        return (*self._above, *keys)
 
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; what it finds counts here too."""

@@ -64,6 +64,15 @@ def read_value(
     return _Reader(problems, folder).value(inspect.type_info(wanted), data, keys)
 
 
+def find_problems(
+    settings: type[Settings], data: object, folder: Path | None = None
+) -> list[tuple[Keys, str]]:
+    """Return what is wrong with plain data: keys and a sentence each."""
+    problems = Problems()
+    read(settings, data, problems, folder=folder)
+    return problems.plain
+
+
 @dataclass(frozen=True)
 class _Reader:
     problems: Problems
@@ -255,12 +264,12 @@ class _Reader:
 
     def _per_name(self, node: Any, data: Any, keys: Keys) -> PerName:
         item = inspect.type_info(node.extra["item"])
+        wanted: inspect.Type = item
         if isinstance(data, Mapping):
-            rows = self.dict_(inspect.DictType(inspect.StrType(), item), data, keys)
-            return PerName(rows, keys)
-        if isinstance(data, list | tuple):
-            return PerName(self.tuple_(inspect.VarTupleType(item), data, keys), keys)
-        return PerName(self.value(item, data, keys), keys)
+            wanted = inspect.DictType(inspect.StrType(), item)
+        elif isinstance(data, list | tuple):
+            wanted = inspect.VarTupleType(item)
+        return PerName(self.value(wanted, data, keys), self.problems.path(keys))
 
 
 @dataclass(frozen=True)
