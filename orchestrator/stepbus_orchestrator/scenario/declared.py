@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_participant import Problems
+from stepbus_participant import Problems, Settings
 from stepbus_participant.parameters import find_problems
 
 from .files.paths import is_file
@@ -51,8 +51,8 @@ def check_params(scenario: Scenario, problems: Problems) -> None:
             own.append((spec, declaration))
             continue
         declared = getattr(importlib.import_module(declaration.module), declaration.name)
-        found = find_problems(declared, spec.params, scenario.folder)
-        _add(problems, spec.name, found)
+        if isinstance(declared, type) and issubclass(declared, Settings):
+            _add(problems, spec.name, find_problems(declared, spec.params, scenario.folder))
     if own:
         _check_apart(own, scenario.folder, problems)
 

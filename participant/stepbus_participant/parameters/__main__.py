@@ -20,6 +20,7 @@ from stepbus_schemas import WiringError
 
 from .problems import Keys
 from .read import find_problems
+from .settings import Settings
 
 
 def main() -> int:
@@ -34,7 +35,8 @@ def main() -> int:
 def _check(request: Mapping[str, Any]) -> list[tuple[Keys, str]]:
     try:
         declared = getattr(_module(request), request["name"])
-        return find_problems(declared, request["params"], Path.cwd())
+        is_declared = isinstance(declared, type) and issubclass(declared, Settings)
+        return find_problems(declared, request["params"], Path.cwd()) if is_declared else []
     except (Exception, SystemExit) as exc:  # noqa: BLE001  code of the user's
         text = f"{request['file']} cannot be imported to check them: {type(exc).__name__}: {exc}"
         return [((), text)]
