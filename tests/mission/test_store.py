@@ -135,7 +135,7 @@ def test_an_item_that_slips_once_is_fetched_at_the_second_attempt():
 
 def test_a_missing_item_is_told_and_the_next_of_its_kind_is_taken():
     result = sell(FakeStore(shelf_a(*GOODS), hidden=("cola_a1_2",)))
-    assert "missing, no cola within 60 mm of the place of cola_a1_2 in 3 looks" in result.text
+    assert "missing, no cola within 60 mm of where cola_a1_2 should be in 3 views" in result.text
     assert "cola_a1_3" in result.summary
     assert result.end
 
@@ -201,11 +201,11 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
     [
         (
             {"orders": [{"item": "cola_a1_8"}]},
-            "there is no item 'cola_a1_8'; did you mean 'cola_a1_",
+            "item 'cola_a1_8' is unknown; did you mean 'cola_a1_",
         ),
         (
             {"outlet": {"position": [0, 0, 0], "link": "outlt_top"}},
-            "no link 'outlt_top'; did you mean 'outlet_top'?",
+            "link 'outlt_top' is unknown; did you mean 'outlet_top'?",
         ),
     ],
 )

@@ -11,7 +11,7 @@ from mission_store_support import FakeStore, sell, shelf_a
 from stepbus_schemas import GripperState
 
 GOODS = (("cola", 2), ("cola", 3), ("water", 4))
-REST = "; everything stands still"
+REST = "; everything is at rest"
 DARK = ("order", 0)
 
 
@@ -40,13 +40,13 @@ def failed(store, **params):
         (
             {"fails": {("down", 1): "unreachable"}},
             {},
-            "sale 1 (cola_a1_2) failed while going down: unreachable, as the test wants it",
+            "sale 1 (cola_a1_2) failed while moving down: unreachable, as the test wants it",
         ),
         (
             {"fails": {("down", 1): "collision", ("down", 2): "collision"}},
             {},
             (
-                "sale 1 (cola_a1_2) failed while going down: collision, as the test wants it, "
+                "sale 1 (cola_a1_2) failed while moving down: collision, as the test wants it, "
                 "after 2 attempts"
             ),
         ),
@@ -64,7 +64,7 @@ def failed(store, **params):
             {"hidden": ("cola_a1_2", "cola_a1_3")},
             {},
             (
-                "sale 1 (cola) failed while choosing an item: shelf empty, nothing of kind cola is "
+                "sale 1 (cola) failed while choosing an item: shelf empty, no cola is "
                 "left; 0 sold, 2 missing"
             ),
         ),
@@ -80,7 +80,7 @@ def failed(store, **params):
             {},
             {"orders": ["cole"]},
             (
-                "sale 1 (cole) failed while choosing an item: shelf empty, nothing of kind cole is "
+                "sale 1 (cole) failed while choosing an item: shelf empty, no cole is "
                 "left; 0 sold, 0 missing; did you mean 'cola'?"
             ),
         ),
@@ -88,7 +88,7 @@ def failed(store, **params):
             {},
             {"opening": 0.06},
             (
-                "sale 1 (cola_a1_2) failed while choosing an item: too wide, 0.066 m, and the hand "
+                "sale 1 (cola_a1_2) failed while choosing an item: too wide, 0.066 m, and the gripper "
                 "opens to 0.060 m"
             ),
         ),
@@ -96,7 +96,7 @@ def failed(store, **params):
             {"dark": DARK},
             {},
             (
-                "sale 1 (cola_a1_2) failed while looking for it: the camera shows nothing: no "
+                "sale 1 (cola_a1_2) failed while searching for it: the camera shows nothing: no "
                 "detections for 3 s above the shelf"
             ),
         ),
@@ -104,7 +104,7 @@ def failed(store, **params):
             {"dark": ("approach", 1)},
             {},
             (
-                "sale 1 (cola_a1_2) failed while looking at it from near: the camera shows nothing: "
+                "sale 1 (cola_a1_2) failed while locating it from close up: the camera shows nothing: "
                 "no detections for 3 s above the shelf"
             ),
         ),
@@ -120,7 +120,7 @@ def failed(store, **params):
             {"endless": (("look", 1),)},
             {"waits": {"motion": 5}},
             (
-                "sale 1 (cola_a1_2) failed while moving above its place: not done, goal 3 "
+                "sale 1 (cola_a1_2) failed while moving above its position: not done, goal 3 "
                 "(move_to_pose) is still running after 5 s"
             ),
         ),
@@ -128,22 +128,19 @@ def failed(store, **params):
             {"place_shift": 0.0142},
             {},
             (
-                "sale 1 (cola_a1_2) failed while checking where it stands: misplaced, 14.2 mm from "
+                "sale 1 (cola_a1_2) failed while verifying its pose: misplaced, 14.2 mm from "
                 "its spot"
             ),
         ),
         (
             {"tips": True},
             {},
-            "sale 1 (cola_a1_2) failed while checking where it stands: not upright, tilted by 86°",
+            "sale 1 (cola_a1_2) failed while verifying its pose: not upright, tilted by 86°",
         ),
         (
             {"pushes": {("down", 1): ("water_a1_4", 0.0031)}},
             {},
-            (
-                "sale 1 (cola_a1_2) failed while checking where it stands: water_a1_4 was moved by "
-                "3.1 mm"
-            ),
+            ("sale 1 (cola_a1_2) failed while verifying its pose: water_a1_4 was moved by 3.1 mm"),
         ),
         (
             {"seen_width": 0.03},
@@ -156,7 +153,7 @@ def failed(store, **params):
         (
             {"fails": {("look", 1): "as_the_test"}},
             {},
-            "sale 1 (cola_a1_2) failed while moving above its place: as the test wants it",
+            "sale 1 (cola_a1_2) failed while moving above its position: as the test wants it",
         ),
         (
             {"fails": {("park", 1): "no_plan"}},
@@ -181,7 +178,7 @@ def test_what_is_held_is_kept_in_an_emergency_stop():
 
 def test_a_base_that_does_not_come_to_rest_is_named():
     store = FakeStore(shelf_a(*GOODS), fails={("drive", 1): "jammed"}, drifts=True)
-    end = "; not at rest after 10 s, the base moves with 0.050 m/s and 0.000 rad/s"
+    end = "; not at rest after 10 s, the base moves at 0.050 m/s and 0.000 rad/s"
     assert failed(store).endswith(end)
 
 
@@ -192,7 +189,7 @@ def test_a_controller_that_does_not_answer_the_stop_is_named():
 
 def test_a_stop_that_fails_is_named():
     store = FakeStore(shelf_a(*GOODS), fails={("drive", 1): "jammed", ("stop", 1): "not_settled"})
-    end = "; not at rest after 10 s, the controller says failed, as the test wants it"
+    end = "; not at rest after 10 s, the controller reports failed, as the test wants it"
     assert failed(store).endswith(end)
 
 
@@ -226,16 +223,16 @@ def test_a_short_loss_of_the_grip_is_no_failure():
 
 def test_detections_in_an_unknown_frame_are_refused():
     result = sell(FakeStore(shelf_a(*GOODS), frame="chasis"))
-    assert result.error == "detections are given in 'chasis'; did you mean 'chassis'?"
+    assert result.error == "detections are given in frame 'chasis'; did you mean 'chassis'?"
 
 
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"orientation": []}, r"detections have 3 kinds, 3 positions, 0 orientations"),
+        ({"orientation": []}, r"detections have 3 types, 3 positions, 0 orientations"),
         (
             {"position": [(0.5, 0.0, math.nan)] * 3},
-            r"cola was detected at \(0.5, 0.0, nan\), turned by .*: that is no pose",
+            r"cola has an invalid pose: position \(0.5, 0.0, nan\), orientation .*",
         ),
     ],
 )

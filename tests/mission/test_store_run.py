@@ -72,7 +72,7 @@ def test_the_sentence_of_a_failed_sale_is_the_reason_and_the_last_event(tmp_path
     result = sales(tmp_path / "one", slips=9)
     sentence = (
         "sale 1 (cola_a1_2) failed while lifting: slipped, width 0.000 m, after 2 attempts; "
-        "everything stands still"
+        "everything is at rest"
     )
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission")
     assert sentence in result.reason

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from stepbus_mission.store.geometry import Spot, nearest_quarter, tilt_of, yaw_of
-from stepbus_mission.store.report import Row, summary
+from stepbus_mission.store.report import SaleResult, summary
 from stepbus_mission.store.stock import Stock, measures
 from stepbus_schemas import Description, Poses, RunError, WiringError
 
@@ -39,7 +39,7 @@ def test_a_shape_that_is_turned_in_its_link_is_measured_as_it_stands():
 
 def test_items_know_their_shelf_by_their_name():
     goods = stock("cola_a1_3", "floor", "cola_b2_1")
-    goods.take(poses((0, 0, 0.2), (0, 0, 0), (1, 0, 0.2)))
+    goods.take_inventory(poses((0, 0, 0.2), (0, 0, 0), (1, 0, 0.2)))
     assert [(item.name, item.shelf) for item in goods.items.values()] == [
         ("cola_a1_3", "a"),
         ("cola_b2_1", "b"),
@@ -48,22 +48,22 @@ def test_items_know_their_shelf_by_their_name():
 
 def test_the_largest_move_leaves_out_the_item_that_is_sold():
     goods = stock("cola_a1_1", "cola_a1_2", "cola_a1_3")
-    goods.take(poses((0, 0, 0), (1, 0, 0), (2, 0, 0)))
+    goods.take_inventory(poses((0, 0, 0), (1, 0, 0), (2, 0, 0)))
     now = poses((0, 0.5, 0), (1, 0, 0.003), (2, 0.001, 0))
     assert goods.largest_move(now, besides="cola_a1_1") == (pytest.approx(0.003), "cola_a1_2")
 
 
 def test_an_item_that_was_put_elsewhere_has_moved_from_there():
     goods = stock("cola_a1_1")
-    goods.take(poses((0, 0, 0)))
-    goods.put("cola_a1_1", poses((5, 0, 0)))
+    goods.take_inventory(poses((0, 0, 0)))
+    goods.update("cola_a1_1", poses((5, 0, 0)))
     assert goods.largest_move(poses((5, 0.001, 0)))[0] == pytest.approx(0.001)
 
 
 def test_the_width_of_a_box_depends_on_the_side_that_is_gripped():
     details = {"type": ["juice"], "shape": ["box 0.07 0.04 0.12"]}
     goods = Stock(Description(names=["juice_a1_1"], details=details), ["a"])
-    goods.take(poses((0, 0, 0)))
+    goods.take_inventory(poses((0, 0, 0)))
     item = goods.items["juice_a1_1"]
     assert [item.width_along(yaw) for yaw in (0.1, math.pi / 2 - 0.1, math.pi)] == [
         0.07,
@@ -89,7 +89,7 @@ def test_a_spot_is_left_of_the_heading():
 
 def test_the_columns_of_the_summary_are_aligned():
     rows = [
-        Row(number=n, item=item, attempts=1, detection_error=1e-3, place_error=6e-4, moved=0.0, duration=31.2)
+        SaleResult(number=n, item=item, attempts=1, detection_error=1e-3, place_error=6e-4, moved=0.0, duration=31.2)
         for n, item in ((1, "cola_a1_3"), (2, "juice_b2_12"))
     ]  # fmt: skip
     assert summary(rows, 3, 80.0, "sale 3 failed").splitlines() == [
@@ -104,8 +104,11 @@ def test_the_columns_of_the_summary_are_aligned():
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        (poses((0.0, 0.0, 0.0)), "2 poses expected, 1 came"),
-        (poses((0.0, 0.0, 0.0), (1.0, math.nan, 0.0)), r"cola_a1_1 is at \(1.0, nan, 0.0\)"),
+        (poses((0.0, 0.0, 0.0)), "2 poses expected, 1 received"),
+        (
+            poses((0.0, 0.0, 0.0), (1.0, math.nan, 0.0)),
+            r"cola_a1_1 has an invalid pose: position \(1.0, nan, 0.0\)",
+        ),
     ],
 )
 def test_poses_that_are_none_are_refused(given, sentence):
@@ -117,7 +120,7 @@ def test_poses_that_are_none_are_refused(given, sentence):
 
 def test_a_description_with_too_few_kinds_is_refused():
     details = {"type": ["cola"], "shape": [CAN]}
-    with pytest.raises(WiringError, match="1 kinds and 1 shapes for 2 links"):
+    with pytest.raises(WiringError, match="1 types and 1 shapes for 2 links"):
         Stock(Description(names=["cola_a1_1", "chassis"], details=details), ["a"])
 
 

@@ -16,7 +16,7 @@ ITEM = "cola_a1_1"
 """What is gone for when a cola is ordered."""
 
 FAILED = f"sale 1 ({ITEM}) failed while "
-STILL = "; everything stands still"
+STILL = "; everything is at rest"
 NO_OTHER_MOVED = 2e-3
 """[m]"""
 
@@ -72,22 +72,22 @@ FAILURES = {
     ),
     "out of reach": Failure(
         overrides=("mission.params.orders=[{item: water_a1_4}]", "mission.params.stand=1.05"),
-        told=("sale 1 (water_a1_4) failed while moving above its place: unreachable", STILL),
+        told=("sale 1 (water_a1_4) failed while moving above its position: unreachable", STILL),
     ),
     "nothing of a kind": Failure(
         overrides=("plant.params.stock.missing=[cola]",),
         told=(
-            "sale 1 (cola) failed while choosing an item: shelf empty, nothing of kind cola is",
+            "sale 1 (cola) failed while choosing an item: shelf empty, no cola is",
             STILL,
         ),
     ),
     "shelf empty": Failure(
         overrides=("plant.params.stock.fill=0",),
-        told=("sale 1 (cola) failed while choosing an item: shelf empty, nothing of kind", STILL),
+        told=("sale 1 (cola) failed while choosing an item: shelf empty, no cola", STILL),
     ),
     "gripper without force": Failure(
         overrides=("plant.params.effort.left_finger=0", "plant.params.effort.right_finger=0"),
-        told=(f"{FAILED}opening the hand: stuck, the fingers have not moved: ", STILL),
+        told=(f"{FAILED}opening the gripper: stuck, the fingers have not moved: ", STILL),
     ),
     "jammed wheel": Failure(
         overrides=(script("at: 3s, jam: left_wheel"),),
@@ -96,7 +96,7 @@ FAILURES = {
     "dead camera": Failure(
         scenario="store",
         overrides=(script("at: 3s, camera: camera"),),
-        told=(f"{FAILED}looking for it: the camera shows nothing: no detections for 3 s", STILL),
+        told=(f"{FAILED}searching for it: the camera shows nothing: no detections for 3 s", STILL),
     ),
 }
 
@@ -119,7 +119,7 @@ def test_a_grip_without_force_is_refused_before_anything_moves(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("seconds", "doing"), [(4.8, "driving to the shelf"), (8.6, "moving above its place")]
+    ("seconds", "doing"), [(4.8, "driving to the shelf"), (8.6, "moving above its position")]
 )
 def test_without_a_planner_the_mission_says_so_and_everything_comes_to_rest(
     seconds, doing, tmp_path
@@ -188,7 +188,7 @@ def test_where_there_is_no_way_the_run_fails_with_everything_at_rest(tmp_path):
     result = store(tmp_path, script(f"at: 8.6s, {POST_ON_ITEM}"))
     recording = Recording.open(result.recording)
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission"), result.reason
-    assert f"{FAILED}moving above its place: no way, " in result.reason
+    assert f"{FAILED}moving above its position: no way, " in result.reason
     assert "pillar_post" in result.reason
     assert result.reason.count(STILL) == 1
     assert_at_rest(recording)

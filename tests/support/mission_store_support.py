@@ -351,10 +351,10 @@ def _watch(mission: StoreMission) -> list:
     walked = []
     enter = mission._enter
 
-    def watched(shop, outcome):
-        before = shop.visit.state
-        goal = enter(shop, outcome)
-        walked.append((before, outcome.word, shop.visit.state))
+    def watched(store, outcome):
+        before = store.visit.state
+        goal = enter(store, outcome)
+        walked.append((before, outcome.name, store.visit.state))
         return goal
 
     mission._enter = watched

@@ -1,4 +1,4 @@
-"""Finds the item with the camera: from above the shelf, then from near."""
+"""Locates the item with the camera: from above the shelf, then from close up."""
 
 from __future__ import annotations
 
@@ -10,118 +10,121 @@ from stepbus_schemas.messages import Point
 
 from .geometry import Spot, spot_of, yaw_of
 from .goals import ODOMETRY
-from .sale import Outcome, Shop
+from .state import Outcome, StoreState
 
 
-def find(shop: Shop) -> Outcome | None:
-    """Find the item near the place where it should be."""
-    sale, item = shop.now
-    spot = _looked(shop)
+def find(store: StoreState) -> Outcome | None:
+    """Locate the item near its expected position."""
+    sale, item = store.now
+    spot = _locate(store)
     if isinstance(spot, Outcome):
-        if spot.word == "missing":
-            shop.missing.append(item.name)
-            shop.tell(spot.why, "warning")
+        if spot.name == "missing":
+            store.missing.append(item.name)
+            store.report(spot.text, "warning")
         return spot
     if spot is not None:
-        expected = shop.expected()
-        off = math.hypot(spot.x - expected.x, spot.y - expected.y)
-        shop.tell(f"found {item.name}, {off * 1e3:.1f} mm from where it was expected")
-        sale.place, sale.corrections = spot, 0
+        off = _distance(spot, store.expected())
+        store.report(f"found {item.name}, {off * 1e3:.1f} mm from where it was expected")
+        sale.detected, sale.corrections = spot, 0
         sale.attempts += 1
-        return Outcome(word="found")
+        return Outcome(name="found")
     return None
 
 
-def correct(shop: Shop) -> Outcome | None:
-    """Look again from near, and go on once the item is where the hand is."""
-    sale, item = shop.now
-    spot = _looked(shop)
+def correct(store: StoreState) -> Outcome | None:
+    """Locate the item again from close up, until it is below the gripper."""
+    sale, item = store.now
+    spot = _locate(store)
     if spot is None or isinstance(spot, Outcome):
         return spot
-    before = shop.expected()
-    off = math.hypot(spot.x - before.x, spot.y - before.y)
-    truth = shop.stock.pose(item.name, shop.seen.poses)[0]
-    sale.found_off = math.hypot(spot.x - truth[0], spot.y - truth[1])
-    sale.place = spot
-    if off < shop.settings.tolerances.steady:
-        return Outcome(word="steady")
-    if sale.corrections == shop.settings.corrections:
+    off = _distance(spot, store.expected())
+    truth = store.stock.pose(item.name, store.inputs.poses)[0]
+    sale.detection_error = math.hypot(spot.x - truth[0], spot.y - truth[1])
+    sale.detected = spot
+    if off < store.settings.tolerances.steady:
+        return Outcome(name="steady")
+    if sale.corrections == store.settings.corrections:
         text = f"still seen {off * 1e3:.1f} mm away after {sale.corrections} corrections"
-        shop.tell(text, "warning")
-        return Outcome(word="steady")
+        store.report(text, "warning")
+        return Outcome(name="steady")
     sale.corrections += 1
-    return Outcome(word="moved")
+    return Outcome(name="moved")
 
 
-def _looked(shop: Shop) -> Spot | Outcome | None:
-    """Return where the item was seen, with the heading along which the hand opens.
+def _locate(store: StoreState) -> Spot | Outcome | None:
+    """Return the item's detected position, with the heading along which the gripper opens.
 
-    An outcome: it is missing, or there was no picture; None: wait for the next one.
+    An outcome: it is missing, or there was no image; None: wait for the next image.
     """
-    visit, waits = shop.visit, shop.settings.waits
-    if shop.lasts < waits.still:
+    visit, waits = store.visit, store.settings.waits
+    if store.elapsed < waits.still:
         return None
-    if shop.seen.detections is None:
-        if shop.lasts < waits.camera or visit.looks:
+    if store.inputs.detections is None:
+        if store.elapsed < waits.camera or visit.views:
             return None
-        why = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
-        return Outcome(word="blind", cause="blind", why=why)
-    visit.looks += 1
-    spot = _nearest(shop, shop.seen.detections)
-    if spot is None and visit.looks == shop.settings.looks:
-        return Outcome(word="missing", cause="missing", why=_missing(shop, shop.seen.detections))
+        text = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
+        return Outcome(name="blind", cause="blind", text=text)
+    visit.views += 1
+    spot = _nearest(store, store.inputs.detections)
+    if spot is None and visit.views == store.settings.looks:
+        return Outcome(
+            name="missing", cause="missing", text=_missing(store, store.inputs.detections)
+        )
     return spot
 
 
-def _nearest(shop: Shop, found: Detections) -> Spot | None:
-    """Return the nearest item of the kind, where it is near enough."""
-    _, item = shop.now
-    expected = shop.expected()
+def _nearest(store: StoreState, found: Detections) -> Spot | None:
+    """Return the nearest detection of the item's type, if it is near enough."""
+    _, item = store.now
+    expected = store.expected()
     _check(found)
-    rows = zip(found.types, found.position, found.orientation, strict=True)
     spots = [
-        _in_odometry(shop, found.frame, position, yaw_of(turn))
-        for kind, position, turn in rows
-        if kind == item.kind
+        _in_odometry(store, found.frame, position, yaw_of(orientation))
+        for item_type, position, orientation in zip(
+            found.types, found.position, found.orientation, strict=True
+        )
+        if item_type == item.type
     ]
-    spot = min(spots, key=lambda spot: _gap(spot, expected), default=None)
-    if spot is None or _gap(spot, expected) > shop.settings.tolerances.found:
+    spot = min(spots, key=lambda spot: _distance(spot, expected), default=None)
+    if spot is None or _distance(spot, expected) > store.settings.tolerances.found:
         return None
-    return Spot(x=spot.x, y=spot.y, yaw=shop.opening_yaw(spot.yaw))
+    return Spot(x=spot.x, y=spot.y, yaw=store.opening_yaw(spot.yaw))
 
 
 def _check(found: Detections) -> None:
-    """Raise RunError for detections that are none."""
+    """Raise RunError for inconsistent detections and for poses that are not finite."""
     counts = (len(found.types), len(found.position), len(found.orientation))
     if len(set(counts)) > 1:
-        kinds, places, turns = counts
-        raise RunError(f"detections have {kinds} kinds, {places} positions, {turns} orientations")
-    for kind, position, turn in zip(found.types, found.position, found.orientation, strict=True):
+        types, positions, orientations = counts
+        raise RunError(
+            f"detections have {types} types, {positions} positions, {orientations} orientations"
+        )
+    for name, position, turn in zip(found.types, found.position, found.orientation, strict=True):
         if not math.isfinite(sum(position) + sum(turn)):
-            raise RunError(f"{kind} was detected at {position}, turned by {turn}: that is no pose")
+            raise RunError(f"{name} has an invalid pose: position {position}, orientation {turn}")
 
 
-def _gap(a: Spot, b: Spot) -> float:
+def _distance(a: Spot, b: Spot) -> float:
     return math.hypot(a.x - b.x, a.y - b.y)
 
 
-def _in_odometry(shop: Shop, frame: str, position: Point, yaw: float) -> Spot:
-    """Return a detection in the frame of odometry; raises RunError for a frame nobody knows."""
+def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> Spot:
+    """Return a detection in the odometry frame; raises RunError for an unknown frame."""
     if frame in {ODOMETRY, "world"}:
         return Spot(x=position[0], y=position[1], yaw=yaw)
-    if frame != shop.settings.base_frame:
-        known = [shop.settings.base_frame, ODOMETRY]
-        raise RunError(f"detections are given in {frame!r}; {nearest(frame, known)}")
-    base = spot_of(shop.seen.odometry)
-    there = base.ahead(position[0], left=position[1])
-    return Spot(x=there.x, y=there.y, yaw=base.yaw + yaw)
+    if frame != store.settings.base_frame:
+        known = [store.settings.base_frame, ODOMETRY]
+        raise RunError(f"detections are given in frame {frame!r}; {nearest(frame, known)}")
+    base = spot_of(store.inputs.odometry)
+    spot = base.ahead(position[0], left=position[1])
+    return Spot(x=spot.x, y=spot.y, yaw=base.yaw + yaw)
 
 
-def _missing(shop: Shop, found: Detections) -> str:
-    _, item = shop.now
-    near = shop.settings.tolerances.found * 1e3
-    kinds = ", ".join(dict.fromkeys(found.types)) or "nothing"
+def _missing(store: StoreState, found: Detections) -> str:
+    _, item = store.now
+    near = store.settings.tolerances.found * 1e3
+    types = ", ".join(dict.fromkeys(found.types)) or "nothing"
     return (
-        f"missing, no {item.kind} within {near:g} mm of the place of {item.name} in "
-        f"{shop.visit.looks} looks; seen: {kinds}"
+        f"missing, no {item.type} within {near:g} mm of where {item.name} should be in "
+        f"{store.visit.views} views; seen: {types}"
     )

@@ -1,4 +1,4 @@
-"""A little geometry of things that stand on level ground."""
+"""Planar geometry of objects on level ground."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Spot:
     yaw: float
 
     def ahead(self, distance: float, left: float = 0.0) -> Spot:
-        """Return the spot so far ahead and to the left [m], with the same heading."""
+        """Return the spot this far ahead and to the left [m], with the same heading."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return Spot(
             x=self.x + c * distance - s * left, y=self.y + s * distance + c * left, yaw=self.yaw
@@ -33,14 +33,14 @@ class Spot:
 
 
 def spot_of(base: BaseState) -> Spot:
-    """Return where a base believes to be."""
+    """Return the pose of a base according to its odometry."""
     return Spot(x=base.x, y=base.y, yaw=base.yaw)
 
 
-def hand_down(yaw: float) -> Quaternion:
-    """Return the orientation of a hand that points down and opens along a heading [rad].
+def gripper_down(yaw: float) -> Quaternion:
+    """Return the orientation of a gripper that points down and opens along a heading [rad].
 
-    Its z looks down, its y along the heading; quaternion x, y, z, w.
+    Its z axis points down, its y axis along the heading; quaternion x, y, z, w.
     """
     c, s = math.cos(yaw / 2), math.sin(yaw / 2)
     half = math.sqrt(0.5)
@@ -48,20 +48,20 @@ def hand_down(yaw: float) -> Quaternion:
 
 
 def yaw_of(q: Quaternion) -> float:
-    """Return how far a thing is turned about the vertical [rad]; 0 for a quaternion of zeros."""
+    """Return the yaw of an orientation [rad]; 0 for a quaternion of zeros."""
     x, y, z, w = q
     return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def tilt_of(q: Quaternion) -> float:
-    """Return the angle between a thing's z and the vertical [rad]."""
+    """Return the angle between the z axis of an orientation and the vertical [rad]."""
     x, y, z, w = q
     length = x * x + y * y + z * z + w * w
     return math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y) / length)))
 
 
 def nearest_quarter(yaw: float, towards: float) -> float:
-    """Return the yaw of the same box, turned by whole quarters, nearest to another one [rad]."""
+    """Return the yaw of a box turned by quarter turns, nearest to another one [rad]."""
     return yaw - _QUARTER * round((yaw - towards) / _QUARTER)
 
 
@@ -71,7 +71,7 @@ def distance(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def extents(size: Point, q: Quaternion) -> Point:
-    """Return how far a turned box reaches along x, y and z [m], from end to end."""
+    """Return the extents of a rotated box along x, y and z [m]."""
     rows = _rotation(q)
     x, y, z = (sum(abs(cell) * side for cell, side in zip(row, size, strict=True)) for row in rows)
     return (x, y, z)

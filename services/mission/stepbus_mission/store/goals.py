@@ -1,4 +1,4 @@
-"""What each state asks of the controller: one function per state."""
+"""The goal that each state sends to the controller: one function per state."""
 
 from __future__ import annotations
 
@@ -8,126 +8,125 @@ from typing import Literal
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Point
 
-from .geometry import Spot, hand_down, spot_of
-from .sale import Shop
+from .geometry import Spot, gripper_down, spot_of
+from .state import StoreState
 
 ODOMETRY = "odometry"
-"""The frame of the poses: where the base was at the start."""
+"""The frame of the goals: the pose of the base at the start."""
 
-Maker = Callable[[Shop], Goal]
+MakeGoal = Callable[[StoreState], Goal]
 
 
-def tuck(shop: Shop) -> Goal:
-    """Pull the arm in, so that the base may move."""
-    joints = shop.settings.tuck
+def tuck(store: StoreState) -> Goal:
+    """Tuck the arm in, so that the base may move."""
+    joints = store.settings.tuck
     return Goal(id=0, type="move_joints", joints=list(joints), values=list(joints.values()))
 
 
-def drive(shop: Shop) -> Goal:
+def drive(store: StoreState) -> Goal:
     """Drive in front of the item's column."""
-    _, item = shop.now
-    shelf = shop.shelf(item)
+    _, item = store.now
+    shelf = store.shelf(item)
     column = shelf.left_of(item.position[0], item.position[1])
-    return _go_to(shop, shelf.ahead(-shop.settings.stand, left=column))
+    return _go_to(store, shelf.ahead(-store.settings.stand, left=column))
 
 
-def open_hand(shop: Shop) -> Goal:
-    """Open the hand; the fingers leave the camera's view then."""
-    return _grip(shop, shop.settings.grasp.opening)
+def open_gripper(store: StoreState) -> Goal:
+    """Open the gripper; its fingers then leave the camera's view."""
+    return _grip(store, store.settings.grasp.opening)
 
 
-def look(shop: Shop) -> Goal:
-    """Move the open hand above the place where the item should be."""
-    _, item = shop.now
-    return _above(shop, item.top + shop.settings.heights.look)
+def look(store: StoreState) -> Goal:
+    """Move the open gripper above the item's expected position."""
+    _, item = store.now
+    return _above(store, item.top + store.settings.heights.look)
 
 
-def approach(shop: Shop) -> Goal:
+def approach(store: StoreState) -> Goal:
     """Move above the item that was found."""
-    return _above(shop, shop.grip_height() + shop.settings.heights.approach)
+    return _above(store, store.grip_height() + store.settings.heights.approach)
 
 
-def shift(shop: Shop) -> Goal:
+def shift(store: StoreState) -> Goal:
     """Follow the item at the same height."""
-    height = shop.grip_height() + shop.settings.heights.approach
-    return _pose(shop, "move_linear", shop.expected(), height)
+    height = store.grip_height() + store.settings.heights.approach
+    return _pose(store, "move_linear", store.expected(), height)
 
 
-def down(shop: Shop) -> Goal:
-    """Go straight down, with the item between the open fingers."""
-    return _pose(shop, "move_linear", shop.expected(), shop.grip_height(), slow=True)
+def down(store: StoreState) -> Goal:
+    """Move straight down, with the item between the open fingers."""
+    return _pose(store, "move_linear", store.expected(), store.grip_height(), slow=True)
 
 
-def close(shop: Shop) -> Goal:
-    """Close the hand on the item."""
-    return _grip(shop, 0.0)
+def close(store: StoreState) -> Goal:
+    """Close the gripper on the item."""
+    return _grip(store, 0.0)
 
 
-def lift(shop: Shop) -> Goal:
+def lift(store: StoreState) -> Goal:
     """Lift the item straight up."""
-    height = shop.grip_height() + shop.settings.heights.lift
-    return _pose(shop, "move_linear", shop.expected(), height, slow=True)
+    height = store.grip_height() + store.settings.heights.lift
+    return _pose(store, "move_linear", store.expected(), height, slow=True)
 
 
-def retreat(shop: Shop) -> Goal:
+def retreat(store: StoreState) -> Goal:
     """Take the item off the shelf, over the base, without lowering it."""
-    sale, _ = shop.now
-    return _pose(shop, "move_to_pose", _carried(shop), sale.tip)
+    sale, _ = store.now
+    return _pose(store, "move_to_pose", _carried(store), sale.tip)
 
 
-def lower(shop: Shop) -> Goal:
+def lower(store: StoreState) -> Goal:
     """Lower the item by one step."""
-    sale, _ = shop.now
-    heights = shop.settings.heights
+    sale, _ = store.now
+    heights = store.settings.heights
     height = min(sale.tip, max(sale.tip - heights.step, heights.safe))
-    return _pose(shop, "move_linear", _carried(shop), height)
+    return _pose(store, "move_linear", _carried(store), height)
 
 
-def reverse(shop: Shop) -> Goal:
+def reverse(store: StoreState) -> Goal:
     """Drive back from the shelf, so that the base can turn."""
-    way = -shop.settings.reverse
-    return Goal(id=0, type="drive", by=way, touches=_touches(shop))
+    return Goal(id=0, type="drive", by=-store.settings.reverse, touches=_touches(store))
 
 
-def home(shop: Shop) -> Goal:
+def home(store: StoreState) -> Goal:
     """Drive home with the item."""
-    return _go_to(shop, shop.settings.home)
+    return _go_to(store, store.settings.home)
 
 
-def above(shop: Shop) -> Goal:
+def above(store: StoreState) -> Goal:
     """Move the item above its spot in the outlet."""
-    height = _placed_height(shop) + shop.settings.heights.approach
-    return _pose(shop, "move_to_pose", _spot(shop), height)
+    height = _placed_height(store) + store.settings.heights.approach
+    return _pose(store, "move_to_pose", _spot(store), height)
 
 
-def place(shop: Shop) -> Goal:
+def place(store: StoreState) -> Goal:
     """Put the item down on its spot."""
-    return _pose(shop, "move_linear", _spot(shop), _placed_height(shop), slow=True)
+    return _pose(store, "move_linear", _spot(store), _placed_height(store), slow=True)
 
 
-def up(shop: Shop) -> Goal:
-    """Leave the item where it is: straight up with the open hand."""
-    _, item = shop.now
-    # The fingers have to pass the neck of what they held.
-    height = _placed_height(shop) + max(shop.settings.heights.approach, item.top - item.bottom)
-    return _pose(shop, "move_linear", _spot(shop), height, slow=True)
+def up(store: StoreState) -> Goal:
+    """Move straight up with the open gripper, away from the item."""
+    _, item = store.now
+    # The fingers have to clear the neck of the item.
+    height = _placed_height(store) + max(store.settings.heights.approach, item.top - item.bottom)
+    return _pose(store, "move_linear", _spot(store), height, slow=True)
 
 
-def back_off(shop: Shop) -> Goal:
+def back_off(store: StoreState) -> Goal:
     """Move straight up from a failed attempt."""
-    height = shop.grip_height() + shop.settings.heights.approach
-    return _pose(shop, "move_linear", shop.expected(), height, slow=True)
+    height = store.grip_height() + store.settings.heights.approach
+    return _pose(store, "move_linear", store.expected(), height, slow=True)
 
 
-def stop(_: Shop) -> Goal:
-    """Bring base and arm to rest; the hand keeps what it holds."""
+def stop(_: StoreState) -> Goal:
+    """Bring base and arm to rest; the gripper keeps holding."""
     return Goal(id=0, type="stop")
 
 
-GOALS: Mapping[str, Maker] = {
+GOALS: Mapping[str, MakeGoal] = {
     "tuck": tuck,
     "drive": drive,
-    "open": open_hand,
+    "open": open_gripper,
     "look": look,
     "approach": approach,
     "shift": shift,
@@ -140,51 +139,51 @@ GOALS: Mapping[str, Maker] = {
     "home": home,
     "above": above,
     "place": place,
-    "let_go": open_hand,
+    "let_go": open_gripper,
     "up": up,
     "park": tuck,
-    "release": open_hand,
+    "release": open_gripper,
     "back_off": back_off,
     "stop": stop,
 }
-"""State → what it asks for; a state that is not here only looks."""
+"""State → its goal; the other states send none."""
 
 
-def _above(shop: Shop, height: float) -> Goal:
-    return _pose(shop, "move_to_pose", shop.expected(), height)
+def _above(store: StoreState, height: float) -> Goal:
+    return _pose(store, "move_to_pose", store.expected(), height)
 
 
 def _pose(
-    shop: Shop,
-    kind: Literal["move_to_pose", "move_linear"],
+    store: StoreState,
+    goal_type: Literal["move_to_pose", "move_linear"],
     spot: Spot,
     height: float,
     *,
     slow: bool = False,
 ) -> Goal:
-    """Return a goal for the hand that points down and opens along the spot's heading."""
-    sale, _ = shop.now
+    """Return a goal with the gripper pointing down and opening along the spot's heading."""
+    sale, _ = store.now
     sale.tip = height
     position: Point = (spot.x, spot.y, height)
     return Goal(
         id=0,
-        type=kind,
-        tip=shop.settings.grasp.tip,
+        type=goal_type,
+        tip=store.settings.grasp.tip,
         frame=ODOMETRY,
         position=position,
-        orientation=hand_down(spot.yaw),
-        duration=shop.settings.grasp.down if slow else 0.0,
-        touches=_touches(shop),
+        orientation=gripper_down(spot.yaw),
+        duration=store.settings.grasp.down if slow else 0.0,
+        touches=_touches(store),
     )
 
 
-def _go_to(shop: Shop, spot: Spot) -> Goal:
-    return Goal(id=0, type="go_to", base=(spot.x, spot.y, spot.yaw), touches=_touches(shop))
+def _go_to(store: StoreState, spot: Spot) -> Goal:
+    return Goal(id=0, type="go_to", base=(spot.x, spot.y, spot.yaw), touches=_touches(store))
 
 
-def _grip(shop: Shop, width: float) -> Goal:
-    force = shop.settings.grasp.force
-    return Goal(id=0, type="grip", width=width, force=force, touches=_touches(shop))
+def _grip(store: StoreState, width: float) -> Goal:
+    force = store.settings.grasp.force
+    return Goal(id=0, type="grip", width=width, force=force, touches=_touches(store))
 
 
 _TOUCHING = (
@@ -193,34 +192,34 @@ _TOUCHING = (
 _PLACING = ("place", "let_go", "up")
 
 
-def _touches(shop: Shop) -> list[str]:
-    """Return what may be touched: the item while it is gripped, the outlet while it is put down."""
-    state = shop.visit.state
+def _touches(store: StoreState) -> list[str]:
+    """Return the links the gripper may touch: the item, and the outlet while it puts it down."""
+    state = store.visit.state
     if state not in _TOUCHING + _PLACING:
         return []
-    _, item = shop.now
-    return [item.name, shop.settings.outlet.link] if state in _PLACING else [item.name]
+    _, item = store.now
+    return [item.name, store.settings.outlet.link] if state in _PLACING else [item.name]
 
 
-def _carried(shop: Shop) -> Spot:
-    """Return where an item is carried: over the base, with the hand turned as the base is."""
-    ahead, left = shop.settings.carry
-    spot = spot_of(shop.seen.odometry).ahead(ahead, left)
-    return _turned(shop, spot)
+def _carried(store: StoreState) -> Spot:
+    """Return where an item is carried: above the base, with the gripper aligned to it."""
+    ahead, left = store.settings.carry
+    return _aligned(store, spot_of(store.inputs.odometry).ahead(ahead, left))
 
 
-def _spot(shop: Shop) -> Spot:
+def _spot(store: StoreState) -> Spot:
     """Return the sale's spot in the outlet."""
-    sale, _ = shop.now
-    return _turned(shop, shop.settings.outlet.spot(sale.number - 1))
+    sale, _ = store.now
+    return _aligned(store, store.settings.outlet.spot(sale.number - 1))
 
 
-def _turned(shop: Shop, spot: Spot) -> Spot:
-    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + shop.settings.grasp.yaw)
+def _aligned(store: StoreState, spot: Spot) -> Spot:
+    """Return a spot with the heading of the gripper."""
+    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + store.settings.grasp.yaw)
 
 
-def _placed_height(shop: Shop) -> float:
-    """Return the height of the tip where the item is let go of, just above the outlet [m]."""
-    _, item = shop.now
-    top = shop.settings.outlet.height + shop.settings.heights.drop
-    return top + shop.grip_height() - item.bottom
+def _placed_height(store: StoreState) -> float:
+    """Return the height of the tip when it releases the item, just above the outlet [m]."""
+    _, item = store.now
+    top = store.settings.outlet.height + store.settings.heights.drop
+    return top + store.grip_height() - item.bottom

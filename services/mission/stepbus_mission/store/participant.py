@@ -1,8 +1,7 @@
-"""Sell goods: fetch what was ordered from the shelves and put it into the outlet.
+"""Sells items: fetches each order from the shelves and puts it into the outlet.
 
-Run as `python -m stepbus_mission.store`. What follows on what stands in `store_table.py`, what a
-state asks of the controller in `store_goals.py`, when it is over in `store_checks.py` and
-`store_looking.py`.
+Run as `python -m stepbus_mission.store`. `states.py` has the table of states, `goals.py` the goal
+of each state, `checks.py` and `detection.py` decide when a state ends.
 """
 
 from __future__ import annotations
@@ -33,24 +32,23 @@ from .checks import check_of
 from .goals import GOALS
 from .reading import read_ports, read_settings
 from .report import summary
-from .sale import Level, Outcome, Seen, Shop, Told, Visit
 from .settings import StoreSettings
+from .state import Inputs, Level, LogEntry, Outcome, StoreState, Visit
+from .states import FIRST, LAST, STATES
 from .stock import Stock
-from .table import FIRST, LAST, TABLE
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 
 
 class StoreMission(Participant):
-    """Carries out one order after the other; any failure is an emergency stop and fails the run.
+    """Fulfils one order after the other; any failure triggers an emergency stop and fails the run.
 
-    Inputs: Poses/1, the truth of the plant, for the stock-taking at the first step and for the
-    checks at the end of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1.
-    Outputs: Goal/1, and Event/1 with what happens; an output of type Event/1 with the name
-    `summary` gets the report. The parameters are those of `store_settings.StoreSettings`, as
-    `docs/store_mission.md` lists them.
+    Inputs: Poses/1, the true poses from the plant, for the inventory at the first step and for the
+    verification of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1. Outputs:
+    Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the report.
+    `StoreSettings` has the parameters; `docs/store_mission.md` lists them.
 
-    Raises RunError, at the step after the last event, where a sale has failed.
+    Raises RunError after a failed sale, at the step after the last event.
     """
 
     def __init__(self, config: Config) -> None:
@@ -62,15 +60,18 @@ class StoreMission(Participant):
         self._goals = 0
         self._failure = ""
         self._is_done = False
-        self._shop: Shop | None = None
+        self._store: StoreState | None = None
 
     def describe(self) -> Mapping[str, Description]:
-        """Return that nothing here has names."""
+        """Return empty descriptions: no output has named elements."""
         ports = (self._ports.goal, self._ports.events, self._ports.summary)
         return dict.fromkeys(ports, Description())
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Learn what there is to sell; refuse orders of items that are not there."""
+        """Read the stock from the plant's description.
+
+        Raises WiringError for orders of unknown items, and for an unknown outlet.
+        """
         description = inputs[self._ports.poses]
         stock = Stock(description, list(self._settings.shelves))
         problems = _unknown(self._settings, stock, description.names)
@@ -80,108 +81,109 @@ class StoreMission(Participant):
         self._stock = stock
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Return the next goal, where the state has changed, and what there is to say."""
+        """Return the goal of a new state, and the log entries of this step."""
         if self._failure:
             raise RunError(self._failure)
         if self._is_done:
             return {}
-        shop = self._look(step)
-        goal = self._go_on(shop)
+        store = self._observe(step)
+        goal = self._advance(store)
         messages: dict[str, Message] = {} if goal is None else {self._ports.goal: goal}
-        if shop.visit.state in LAST:
-            self._end(step, shop)
-        return messages | self._events(shop)
+        if store.visit.state in LAST:
+            self._end(step, store)
+        return messages | self._events(store)
 
-    def _look(self, step: Step) -> Shop:
-        """Return all that is known at this step; at the first one, take stock."""
-        seen = self._see(step)
-        self._stock.check(seen.poses)
-        if self._shop is None:
-            self._stock.take(seen.poses)
-            visit = Visit(state=FIRST, began_ns=step.t_ns)
-            self._shop = Shop(settings=self._settings, stock=self._stock, visit=visit, seen=seen)
-        self._shop.seen = seen
-        return self._shop
+    def _observe(self, step: Step) -> StoreState:
+        """Update the state with the inputs of this step; take inventory at the first one."""
+        inputs = self._read(step)
+        self._stock.check(inputs.poses)
+        if self._store is None:
+            self._stock.take_inventory(inputs.poses)
+            visit = Visit(state=FIRST, start_ns=step.t_ns)
+            self._store = StoreState(
+                settings=self._settings, stock=self._stock, visit=visit, inputs=inputs
+            )
+        self._store.inputs = inputs
+        return self._store
 
-    def _see(self, step: Step) -> Seen:
-        """Return what there is to be seen at this step."""
+    def _read(self, step: Step) -> Inputs:
         ports = self._ports
         status = step.get(ports.status, GoalStatus)
         is_newest = status is not None and status.id == self._goals - 1
         fresh = step.is_new(ports.detections)
-        return Seen(
+        return Inputs(
             t_ns=step.t_ns,
             poses=step.read(ports.poses, Poses),
             odometry=step.read(ports.odometry, BaseState),
-            hand=step.read(ports.hand, GripperState),
+            gripper=step.read(ports.gripper, GripperState),
             status=status if is_newest else None,
             detections=step.get(ports.detections, Detections) if fresh else None,
         )
 
-    def _go_on(self, shop: Shop) -> Goal | None:
-        """Pass from state to state until one has to wait; return the goal that it sends."""
+    def _advance(self, store: StoreState) -> Goal | None:
+        """Change states until one has to wait; return its goal, if it sends one."""
         while True:
-            outcome = check_of(shop.visit.state)(shop)
+            outcome = check_of(store.visit.state)(store)
             if outcome is None:
                 return None
-            goal = self._enter(shop, outcome)
-            if goal is not None or shop.visit.state in LAST:
+            goal = self._enter(store, outcome)
+            if goal is not None or store.visit.state in LAST:
                 return goal
 
-    def _enter(self, shop: Shop, outcome: Outcome) -> Goal | None:
-        """Pass to the next state; return its goal, if it has one."""
-        state = TABLE[shop.visit.state].then[outcome.word]
+    def _enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
+        """Enter the next state; return its goal, if it has one."""
+        state = STATES[store.visit.state].then[outcome.name]
         if state in {"retry", "stop"}:
-            shop.note(outcome)
-        maker = GOALS.get(state)
-        shop.visit = Visit(state=state, began_ns=shop.seen.t_ns)
-        if maker is None:
+            store.record_problem(outcome)
+        make_goal = GOALS.get(state)
+        store.visit = Visit(state=state, start_ns=store.inputs.t_ns)
+        if make_goal is None:
             return None
-        goal = msgspec.structs.replace(maker(shop), id=self._goals)
+        goal = msgspec.structs.replace(make_goal(store), id=self._goals)
         self._goals += 1
-        shop.visit.goal, shop.visit.kind = goal.id, goal.type
+        store.visit.goal, store.visit.goal_type = goal.id, goal.type
         return goal
 
-    def _end(self, step: Step, shop: Shop) -> None:
-        """End the run: now, or by an error once the last event is out."""
+    def _end(self, step: Step, store: StoreState) -> None:
+        """End the run: now, or with an error after the last event."""
         self._is_done = True
-        if shop.visit.state == "failed":
-            self._failure = shop.failure()
-            shop.told.append(("error", self._failure))
+        if store.visit.state == "failed":
+            self._failure = store.failure()
+            store.log.append(("error", self._failure))
         else:
-            count = len(shop.rows)
+            count = len(store.results)
             step.end(f"{self.config.name}: {count} of {count} sales are done")
 
-    def _events(self, shop: Shop) -> dict[str, Message]:
-        """Return what there is to say at this step, and at the end the report."""
-        told, shop.told = shop.told, []
+    def _events(self, store: StoreState) -> dict[str, Message]:
+        """Return the log of this step, and at the end the report."""
+        log, store.log = store.log, []
         ports = self._ports
-        report = self._report(shop) if self._is_done else []
+        report = self._report(store) if self._is_done else []
         if ports.summary == ports.events:
-            return _event(ports.events, [*told, *report])
-        return _event(ports.events, told) | _event(ports.summary, report)
+            return _event(ports.events, [*log, *report])
+        return _event(ports.events, log) | _event(ports.summary, report)
 
-    def _report(self, shop: Shop) -> list[Told]:
-        text = summary(shop.rows, len(self._settings.orders), shop.since(0), failure=self._failure)
-        return [("info", text)]
+    def _report(self, store: StoreState) -> list[LogEntry]:
+        orders, duration = len(self._settings.orders), store.since(0)
+        return [("info", summary(store.results, orders, duration, failure=self._failure))]
 
 
-def _event(port: str, told: Sequence[Told]) -> dict[str, Message]:
-    """Return what is told as one message, a line each, as serious as its worst line."""
-    if not told:
+def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
+    """Return the entries as one message, a line each, with the highest level among them."""
+    if not log:
         return {}
-    level = max((level for level, _ in told), key=_LEVELS.index)
-    return {port: Event(level=level, text="\n".join(text for _, text in told))}
+    level = max((level for level, _ in log), key=_LEVELS.index)
+    return {port: Event(level=level, text="\n".join(text for _, text in log))}
 
 
 def _unknown(settings: StoreSettings, stock: Stock, links: Sequence[str]) -> list[str]:
-    """Return what the scenario names and the plant does not have."""
+    """Return a sentence for each item or link of the scenario that the plant does not have."""
     problems = [
-        f"orders: there is no item {order.item!r}; {nearest(order.item, stock.names)}"
+        f"orders: item {order.item!r} is unknown; {nearest(order.item, stock.names)}"
         for order in settings.orders
         if order.item and order.item not in stock.names
     ]
     link = settings.outlet.link
     if link not in links:
-        problems.append(f"outlet.link: the plant has no link {link!r}; {nearest(link, links)}")
+        problems.append(f"outlet.link: link {link!r} is unknown; {nearest(link, links)}")
     return problems

@@ -34,7 +34,7 @@ def read_ports(settings: Settings, config: Config) -> Ports:
     ports = Ports(
         poses=settings.input_of("Poses/1"),
         detections=settings.input_of("Detections/1"),
-        hand=settings.input_of("GripperState/1"),
+        gripper=settings.input_of("GripperState/1"),
         odometry=settings.input_of("BaseState/1"),
         status=settings.input_of("GoalStatus/1"),
         goal=settings.output_of("Goal/1"),

@@ -1,4 +1,4 @@
-"""What became of the sales, for people."""
+"""The report about all sales, as a table."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ _HEADER = ("sale", "item", "attempts", "detection", "place", "others", "duration
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
-    """One sale: how often the item was grasped for, and how far things were off.
+class SaleResult:
+    """The result of a sale.
 
-    detection_error: of the last detection from the truth [m]; place_error: of the item from its
-    spot in the outlet [m]; moved: largest displacement of another item [m]; duration [s].
+    attempts: to grasp the item. detection_error: of the last detection [m]. place_error: of the
+    item's position in the outlet [m]. moved: largest displacement of another item [m]. duration:
+    of the sale [s].
     """
 
     number: int
@@ -25,7 +26,7 @@ class Row:
     duration: float
 
     def cells(self) -> tuple[str, ...]:
-        """Return the row as text, in the order of the table's header."""
+        """Return the values as text, in the order of the table's header."""
         return (
             str(self.number),
             self.item,
@@ -37,25 +38,25 @@ class Row:
         )
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Return the sales as lines of aligned columns, under a header."""
-    lines = [_HEADER, *(row.cells() for row in rows)]
-    widths = [max(len(line[at]) for line in lines) for at in range(len(_HEADER))]
+def table(results: Sequence[SaleResult]) -> str:
+    """Return the sales as lines of aligned columns below a header."""
+    lines = [_HEADER, *(result.cells() for result in results)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
     )
 
 
-def summary(rows: Sequence[Row], orders: int, duration: float, failure: str = "") -> str:
-    """Return the table and a last line.
+def summary(results: Sequence[SaleResult], orders: int, duration: float, failure: str = "") -> str:
+    """Return the table and a summary line.
 
-    orders: how many there were. duration: of all of it [s]. failure: why it ended early.
+    orders: number of orders. duration: of the mission [s]. failure: why it ended early.
     """
-    last = f"{len(rows)} of {orders} sales in {duration:.1f} s"
-    if rows:
-        place = max(row.place_error for row in rows) * 1e3
-        moved = max(row.moved for row in rows) * 1e3
+    last = f"{len(results)} of {orders} sales in {duration:.1f} s"
+    if results:
+        place = max(result.place_error for result in results) * 1e3
+        moved = max(result.moved for result in results) * 1e3
         last += f"; placed within {place:.1f} mm, other items moved up to {moved:.1f} mm"
-    parts = [table(rows), last] if rows else [last]
+    parts = [table(results), last] if results else [last]
     return "\n".join([*parts, failure] if failure else parts)

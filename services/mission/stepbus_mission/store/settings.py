@@ -14,7 +14,7 @@ class Ports:
 
     poses: str
     detections: str
-    hand: str
+    gripper: str
     odometry: str
     status: str
     goal: str

@@ -9,12 +9,12 @@ from mission_store_support import FakeStore, config, sell, shelf_a
 from stepbus_mission.store.checks import CHECKS
 from stepbus_mission.store.goals import GOALS
 from stepbus_mission.store.participant import StoreMission
-from stepbus_mission.store.table import LAST, TABLE, diagram
+from stepbus_mission.store.states import LAST, STATES, diagram
 from stepbus_schemas import WiringError
 
 GOODS = (("cola", 2), ("cola", 3))
 DOCS = Path(__file__).parents[2] / "docs" / "store_mission.md"
-PASSAGES = {(state, word, to) for state, row in TABLE.items() for word, to in row.then.items()}
+PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}
 
 
 def walked(params=None, **faults):
@@ -22,18 +22,18 @@ def walked(params=None, **faults):
 
 
 def test_every_way_leads_to_a_state_of_the_table():
-    assert {to for _, _, to in PASSAGES} == set(TABLE)
+    assert {to for _, _, to in PASSAGES} == set(STATES)
 
 
 def test_every_state_but_the_last_ones_leads_on():
-    assert [state for state, row in TABLE.items() if not row.then] == list(LAST)
+    assert [state for state, row in STATES.items() if not row.then] == list(LAST)
 
 
 def test_every_state_asks_for_something_or_looks_at_something():
-    assert set(GOALS) | set(CHECKS) == set(TABLE) - set(LAST)
+    assert set(GOALS) | set(CHECKS) == set(STATES) - set(LAST)
 
 
-@pytest.mark.parametrize("state", [state for state in TABLE if state not in {*LAST, "stop"}])
+@pytest.mark.parametrize("state", [state for state in STATES if state not in {*LAST, "stop"}])
 def test_the_stop_can_be_reached_from_every_state(state):
     assert "stop" in _reachable(state)
 
@@ -41,7 +41,7 @@ def test_the_stop_can_be_reached_from_every_state(state):
 def _reachable(state):
     found, left = set(), [state]
     while left:
-        for to in TABLE[left.pop()].then.values():
+        for to in STATES[left.pop()].then.values():
             if to not in found:
                 found.add(to)
                 left.append(to)
@@ -51,13 +51,13 @@ def _reachable(state):
 def test_every_passage_of_the_table_is_walked():
     found = walked({"safe_height": 0.25})
     for state in GOALS:
-        if "failed" in TABLE[state].then:
+        if "failed" in STATES[state].then:
             more = {"slips": 1} if state in {"release", "back_off"} else {}
             if state == "shift":
                 more = {"noise": 0.006}
             params = {"attempts": 2, "safe_height": 0.25}
             found |= walked(params, fails={(state, 1): "no_way"}, **more)
-        if "dropped" in TABLE[state].then:
+        if "dropped" in STATES[state].then:
             found |= walked({"safe_height": 0.25}, drops=((state, 1),))
     found |= walked(empty_grips=1) | walked(slips=9)
     found |= walked(hidden=("cola_a1_2", "cola_a1_3")) | walked({"opening": 0.05})
@@ -68,9 +68,9 @@ def test_every_passage_of_the_table_is_walked():
     assert found - PASSAGES == set()
 
 
-@pytest.mark.parametrize("state", [state for state in TABLE if state not in LAST])
+@pytest.mark.parametrize("state", [state for state in STATES if state not in LAST])
 def test_every_state_says_what_is_being_done(state):
-    assert TABLE[state].doing
+    assert STATES[state].doing
 
 
 def test_the_documentation_shows_the_table():

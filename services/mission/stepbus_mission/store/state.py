@@ -1,0 +1,180 @@
+"""The state of the mission: the sale in progress, and the inputs of the current step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from stepbus_schemas import BaseState, Detections, GoalStatus, GripperState, Poses
+
+from .geometry import Spot, nearest_quarter
+from .report import SaleResult
+from .settings import Order, StoreSettings
+from .states import STATES
+from .stock import Item, Stock
+
+Level = Literal["info", "warning", "error"]
+LogEntry = tuple[Level, str]
+"""Severity and text."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a state ended.
+
+    name: of the outcome in the table of states. cause: one word for programs; text: a phrase with
+    numbers; both are empty unless something went wrong.
+    """
+
+    name: str
+    cause: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """The inputs at one step.
+
+    status: of the latest goal; None: none yet. detections: None unless new at this step.
+    """
+
+    t_ns: int
+    poses: Poses
+    odometry: BaseState
+    gripper: GripperState
+    status: GoalStatus | None = None
+    detections: Detections | None = None
+
+
+@dataclass(kw_only=True)
+class Visit:
+    """One visit to a state.
+
+    start_ns: when it started [ns]. goal: id of the goal sent, -1: none. views: detections
+    received. last_text: latest text of the running goal's status. since_ns: since when the
+    condition holds that the state waits for [ns].
+    """
+
+    state: str
+    start_ns: int
+    goal: int = -1
+    goal_type: str = ""
+    views: int = 0
+    last_text: str = ""
+    since_ns: int | None = None
+
+
+@dataclass(kw_only=True)
+class Sale:
+    """One order in progress.
+
+    number: counted from 1. start_ns: when it started [ns]. item: None: not chosen yet. detected:
+    latest detected position, with the heading along which the gripper opens. tip: height of the
+    gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
+    latest detection [m]. lost_ns: since when a carried item is not held [ns].
+    """
+
+    number: int
+    order: Order
+    start_ns: int
+    item: Item | None = None
+    detected: Spot | None = None
+    tip: float = 0.0
+    attempts: int = 0
+    corrections: int = 0
+    detection_error: float = 0.0
+    lost_ns: int | None = None
+
+    def __str__(self) -> str:
+        return f"sale {self.number} ({self.item.name if self.item else self.order})"
+
+
+@dataclass(kw_only=True)
+class StoreState:
+    """All that the states read and write.
+
+    settings: of the scenario. started: number of orders started. missing: names of items not
+    found. log: entries of this step. problem: the latest failure; doing: the activity that failed;
+    attempts_text: how many attempts failed. rest: how the emergency stop went.
+    """
+
+    settings: StoreSettings
+    stock: Stock
+    visit: Visit
+    inputs: Inputs
+    sale: Sale | None = None
+    started: int = 0
+    missing: list[str] = field(default_factory=list)
+    sold: list[str] = field(default_factory=list)
+    results: list[SaleResult] = field(default_factory=list)
+    log: list[LogEntry] = field(default_factory=list)
+    problem: Outcome | None = None
+    doing: str = ""
+    attempts_text: str = ""
+    rest: str = ""
+
+    @property
+    def now(self) -> tuple[Sale, Item]:
+        """Return the sale in progress and its item."""
+        if self.sale is None or self.sale.item is None:
+            raise LookupError(f"state {self.visit.state!r} needs an item")
+        return self.sale, self.sale.item
+
+    def report(self, text: str, level: Level = "info") -> None:
+        """Log a sentence about the sale in progress."""
+        self.log.append((level, f"{self.sale}: {text}"))
+
+    @property
+    def carries(self) -> bool:
+        """Return whether the gripper carries an item, which may be lost."""
+        return STATES[self.visit.state].carries
+
+    @property
+    def elapsed(self) -> float:
+        """Return the time since the state was entered [s]."""
+        return self.since(self.visit.start_ns)
+
+    def since(self, t_ns: int) -> float:
+        """Return the time since `t_ns` [ns] in seconds."""
+        return (self.inputs.t_ns - t_ns) * 1e-9
+
+    def record_problem(self, outcome: Outcome) -> None:
+        """Record the failure of the state that ends."""
+        if self.visit.state == "retry":
+            self.attempts_text = outcome.text
+        else:
+            self.problem, self.doing = outcome, STATES[self.visit.state].doing
+            self.attempts_text = ""
+
+    def failure(self) -> str:
+        """Return a sentence about the failure, and how the stop went."""
+        subject = self.sale or "the mission"
+        text = self.problem.text if self.problem else ""
+        attempts = f", {self.attempts_text}" if self.attempts_text else ""
+        return f"{subject} failed while {self.doing}: {text}{attempts}; {self.rest}"
+
+    def shelf(self, item: Item) -> Spot:
+        """Return a point on the front line of an item's shelf, with the heading towards it."""
+        return self.settings.shelves[item.shelf]
+
+    def expected(self) -> Spot:
+        """Return the item's expected position, with the heading along which the gripper opens."""
+        sale, item = self.now
+        if sale.detected is not None:
+            return sale.detected
+        return Spot(x=item.position[0], y=item.position[1], yaw=self.opening_yaw(item.yaw))
+
+    def opening_yaw(self, yaw: float) -> float:
+        """Return the heading along which the gripper opens, for an item with this yaw [rad].
+
+        It points into the shelf, between the item's neighbours; a box is gripped at its sides.
+        """
+        _, item = self.now
+        along = self.shelf(item).yaw + self.settings.grasp.yaw
+        return nearest_quarter(yaw, along) if item.measures.is_box else along
+
+    def grip_height(self) -> float:
+        """Return the height of the tip when it grips the item [m]."""
+        _, item = self.now
+        grasp = self.settings.grasp
+        return max(item.body_top - grasp.depth, item.top - grasp.reach)
