@@ -23,7 +23,6 @@ from .recording.reader import Recording
 from .recording.recover import Recovery, recover
 from .replay import ReplayResult
 from .replay import replay as replay_participant
-from .replay.asserted import assert_equal
 from .replay.rerun import Preparation, Rerun
 from .run.control.live_file import call
 from .run.control.pace import Pace
@@ -62,7 +61,6 @@ __all__ = [
     "StopTimeout",
     "Tolerance",
     "Verification",
-    "assert_equal",
     "builtin_names",
     "call",
     "default_folder",

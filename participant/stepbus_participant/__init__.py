@@ -26,9 +26,11 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .bus import Bus, BusError
+from .bus import Bus, BusError, Request
 from .calls import CallError, Method
 from .config import Config
+from .durations import format_duration, parse_duration
+from .inputs import Input
 from .main import main, take_part
 from .outbox import OutputError
 from .parameters import (
@@ -57,7 +59,7 @@ from .parameters import (
     suggest,
     when,
 )
-from .participant import Participant
+from .participant import Participant, PortType
 from .ports import Ports
 from .step import InputAbsent, Step
 from .ticket import Endpoint, Ticket, load_ticket
@@ -84,6 +86,7 @@ __all__ = [
     "GripperCommand",
     "GripperState",
     "Image",
+    "Input",
     "InputAbsent",
     "JointCommand",
     "JointReference",
@@ -103,11 +106,13 @@ __all__ = [
     "Plan",
     "PlanRequest",
     "Plugin",
+    "PortType",
     "Ports",
     "Poses",
     "Positive",
     "PositivePerJoint",
     "Problems",
+    "Request",
     "RunError",
     "Settings",
     "SettingsError",
@@ -120,8 +125,10 @@ __all__ = [
     "Whole",
     "WiringError",
     "each",
+    "format_duration",
     "load_ticket",
     "main",
+    "parse_duration",
     "suggest",
     "take_part",
     "when",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FrameType
 
 from stepbus_schemas import (
@@ -17,6 +17,7 @@ from stepbus_schemas import (
     WiringError,
     encode,
     encoding_of,
+    type_name,
 )
 
 from .bus import Bus, BusError
@@ -28,7 +29,7 @@ from .inputs import PeerFault, make_inputs, make_sources
 from .joining import become_ready, join
 from .loop import StepLoop
 from .outbox import Outbox, OutputError
-from .participant import Participant
+from .participant import Participant, PortType
 from .ticket import Ticket, load_ticket
 from .zenoh_bus import ZenohBus
 
@@ -77,9 +78,19 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     Raises StepbusError when this participant cannot go on; the orchestrator has been told why.
     """
     bus.declare_alive(f"alive/{ticket.name}")
-    ports = (getattr(factory, "inputs", None), getattr(factory, "outputs", None))
-    welcome = join(bus, ticket, *ports)
+    inputs, outputs = (_declared(factory, side) for side in ("inputs", "outputs"))
+    welcome = join(bus, ticket, inputs, outputs)
     Session(factory, welcome, bus).work()
+
+
+def _declared(factory: Factory, side: str) -> dict[str, str] | None:
+    """Return the ports that a participant's class wants, by type name; None: any."""
+    ports: Mapping[str, PortType] | None = getattr(factory, side, None)
+    if ports is None:
+        return None
+    return {
+        port: type_name(item) if isinstance(item, type) else item for port, item in ports.items()
+    }
 
 
 class Session:

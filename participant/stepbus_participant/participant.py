@@ -11,6 +11,9 @@ from .calls import Method
 from .config import Config
 from .step import Step
 
+PortType = str | type[Message]
+"""A message type: its class, or its name such as `JointState/1`."""
+
 
 class Participant:
     """Base of everything that takes part in a run; override what you need.
@@ -18,12 +21,13 @@ class Participant:
     Called in this order: `__init__`, `describe`, `start`, then at every step `output` (only where
     the scenario says `publishes: first`) and `update`, and `close` on every path at the end.
 
-    inputs, outputs: port → message type, for a program that only works with certain ports; the
-    orchestrator refuses it where the scenario differs. None: it takes what the scenario says.
+    inputs, outputs: port → message type, as a class or a name such as `JointState/1`, for a
+    program that only works with certain ports; the orchestrator refuses it where the scenario
+    differs. None: it takes what the scenario says.
     """
 
-    inputs: ClassVar[Mapping[str, str] | None] = None
-    outputs: ClassVar[Mapping[str, str] | None] = None
+    inputs: ClassVar[Mapping[str, PortType] | None] = None
+    outputs: ClassVar[Mapping[str, PortType] | None] = None
 
     def __init__(self, config: Config) -> None:
         self.config = config

@@ -22,7 +22,7 @@ OTHER_GAIN = """
 
     @pytest.mark.stepbus_logs("logs/a.mcap", participant="controller")
     def test_controller(stepbus_replay):
-        stepbus_replay(overrides=["controller.params.kp=101"])
+        stepbus_replay(set={"controller.params.kp": 101})
 """
 
 
@@ -57,7 +57,7 @@ def test_a_failure_shows_the_first_divergence_with_its_inputs(logs):
 
 def test_a_tolerance_file_stands_beside_the_test(logs):
     (logs.path / "slack.yaml").write_text("controller/command: {values: {abs: 10}}")
-    text = OTHER_GAIN.replace('kp=101"]', 'kp=101"], tolerance="slack.yaml"')
+    text = OTHER_GAIN.replace('kp": 101}', 'kp": 101}, tolerance="slack.yaml"')
     logs.makepyfile(text)
     logs.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
@@ -80,6 +80,6 @@ def test_a_marker_that_cannot_work_is_an_error_and_no_silent_pass(logs, text, se
 
 
 def test_loading_the_plugin_loads_nothing_of_stepbus():
-    code = "import stepbus_pytest, sys; print([m for m in sys.modules if m[:8] in ('stepbus_', 'zenoh')])"
+    code = "import stepbus_pytest, sys; print([m for m in sys.modules if m.split('.')[0] in ('stepbus', 'stepbus_pytest', 'stepbus_orchestrator', 'zenoh')])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "['stepbus_pytest']"

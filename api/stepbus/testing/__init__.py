@@ -1,1 +1,27 @@
-"""What tests of your own participants need."""
+"""What tests of your own participants need: no processes, no bus, no orchestrator.
+
+```python
+from stepbus import JointCommand, JointState
+from stepbus.testing import Bench, make_config
+
+def test_it_pushes_back():
+    config = make_config(inputs={"joint_state": JointState}, outputs={"command": JointCommand})
+    bench = Bench(MyController, config)
+    command = bench.step(joint_state=JointState(position=[0.1]))["command"]
+    assert command.values[0] < 0
+```
+"""
+
+from .bench import Bench, feed
+from .configs import make_config, scenario_config
+from .golden import assert_replays
+from .loopback import LoopbackBus
+
+__all__ = [
+    "Bench",
+    "LoopbackBus",
+    "assert_replays",
+    "feed",
+    "make_config",
+    "scenario_config",
+]

@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.replay import ReplayResult
+    from stepbus import ReplayResult
+    from stepbus.overrides import Overrides
+    from stepbus.recordings import AnyTolerance
 
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
@@ -88,9 +91,9 @@ def _arguments(test: str, *args: Any, **kwargs: Any) -> tuple[str, str]:
 def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult]:
     """Return a function that replays the log of this test and fails where it is not equal.
 
-    It takes `program`: another program than the recorded one; `overrides`: settings such as
-    `controller.params.kp=101`; `tolerance`: a YAML file, relative to the test's file. It returns
-    the result.
+    It takes `program`: another program than the recorded one; `set`: overrides such as
+    `{"controller.params.kp": 101}`; `tolerance`: a number, or a YAML file, relative to the test's
+    file. It returns the result.
     """
     log: _Log = request.param
     folder = request.path.parent
@@ -98,17 +101,17 @@ def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult
     def replay_log(
         *,
         program: Sequence[str] | None = None,
-        overrides: Sequence[str] = (),
-        tolerance: str | Path | None = None,
+        set: Overrides = (),  # noqa: A002  as --set on the command line
+        tolerance: AnyTolerance = None,
     ) -> ReplayResult:
         __tracebackhide__ = True
-        replaying: Any = import_module("stepbus_orchestrator.replay.asserted")
-        result: ReplayResult = replaying.assert_equal(
+        testing: Any = import_module("stepbus.testing")
+        result: ReplayResult = testing.assert_replays(
             log.recording,
             log.participant,
             program=program,
-            overrides=overrides,
-            tolerance=None if tolerance is None else folder / tolerance,
+            set=set,
+            tolerance=folder / tolerance if isinstance(tolerance, str | PathLike) else tolerance,
         )
         return result
 

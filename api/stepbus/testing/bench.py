@@ -1,0 +1,137 @@
+"""A participant on a test bench: feed it, step it, read what it publishes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Self
+
+import msgspec
+
+from stepbus_participant import Config, Input, OutputError, Participant, Step, parse_duration
+from stepbus_schemas import (
+    Decoder,
+    Description,
+    InputConfig,
+    Message,
+    WiringError,
+    encode,
+    message_class,
+    type_name,
+)
+
+_AT_ONCE = -1
+"""What a source has published before any step is due at every step."""
+
+
+def feed(index: int = 0, /, *, step: str = "5ms", **messages: Message) -> Step:
+    """Return a step whose inputs hold these messages, each of them new.
+
+    index: number of the step. step: its length. messages: by input port.
+    """
+    inputs = {
+        port: Input(port, InputConfig(source="test", port=port, type=type_name(type(message))))
+        for port, message in messages.items()
+    }
+    fed = Step(inputs, parse_duration(step))
+    fed.index = index
+    _deliver(inputs, messages, index)
+    return fed
+
+
+def _deliver(inputs: Mapping[str, Input], messages: Mapping[str, Message], step: int) -> None:
+    """Give inputs their messages as the bus delivers them; the others keep what they have."""
+    for name, message in messages.items():
+        if name not in inputs:
+            raise WiringError(f"no input {name!r}; there is {', '.join(inputs) or 'none'}")
+        wanted, got = inputs[name].config.type, type_name(type(message))
+        if got != wanted:
+            raise WiringError(f"input {name!r} takes {wanted}, got {got}")
+        inputs[name].offer(_AT_ONCE, encode(message))
+    for port in inputs.values():
+        port.settle(step)
+
+
+class Bench:
+    """One participant without processes and bus: made, described and started as in a run.
+
+    factory: makes the participant, usually its class; or a participant that is made already.
+    config: see `make_config` and `scenario_config`. descriptions: of its inputs; default: an
+    empty one each.
+
+    participant: what the factory made. descriptions: what it reports of its outputs. index: number
+    of the step that comes next.
+    """
+
+    def __init__(
+        self,
+        factory: Callable[[Config], Participant] | Participant,
+        config: Config,
+        descriptions: Mapping[str, Description] | None = None,
+    ) -> None:
+        self.config = config
+        self.participant = factory if isinstance(factory, Participant) else factory(config)
+        self.descriptions = dict(self.participant.describe())
+        self.index = 0
+        self._inputs = {name: Input(name, item) for name, item in config.inputs.items()}
+        self._decoders = {
+            port: Decoder(message_class(output.type)) for port, output in config.outputs.items()
+        }
+        self._step = Step(self._inputs, config.step_ns)
+        given = descriptions or {}
+        self.participant.start({port: given.get(port, Description()) for port in config.inputs})
+
+    def step(self, index: int | None = None, /, **messages: Message) -> dict[str, Any]:
+        """Make one step and return what the participant publishes in it, by output port.
+
+        index: number of the step; default: the one after the last. messages: by input port; an
+        input that is not named keeps its message and is not new.
+
+        Raises OutputError for a message that could not be sent: on a port that the configuration
+        does not have, of another type, or with a field out of its type; and whatever the
+        participant raises.
+        """
+        step = self._step
+        step.index = self.index if index is None else index
+        self.index = step.index + self.config.every
+        is_first = self.config.publishes == "first"
+        published = dict(self.participant.output(step)) if is_first else {}
+        _deliver(self._inputs, messages, step.index)
+        updated = self.participant.update(step)
+        if not is_first:
+            published = dict(updated or {})
+        for port, message in published.items():
+            self._check(port, message)
+        return published
+
+    def _check(self, port: str, message: Message) -> None:
+        """Refuse what the readers of an output could not take."""
+        where = f"step {self._step.index}: output {port!r}"
+        output = self.config.outputs.get(port)
+        if output is None:
+            known = ", ".join(self.config.outputs) or "none"
+            raise OutputError(f"{where} is not in the configuration; there is {known}")
+        if type_name(type(message)) != output.type:
+            raise OutputError(f"{where} takes {output.type}, got {type_name(type(message))}")
+        try:
+            self._decoders[port](encode(message))
+        except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
+            raise OutputError(f"{where} cannot be sent: {exc}") from exc
+
+    def call(self, verb: str, *args: Any) -> Any:
+        """Return the answer to a call, which is made between two steps."""
+        return self.participant.calls()[verb].function(*args)
+
+    @property
+    def end_reason(self) -> str | None:
+        """Return why the participant asks for the end of the run; None while it does not."""
+        return self._step.end_reason
+
+    def close(self) -> None:
+        """Close the participant."""
+        self.participant.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.close()

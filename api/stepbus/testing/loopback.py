@@ -1,0 +1,131 @@
+"""A bus in memory, for tests of what talks over a `Bus`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from time import monotonic
+from typing import Any, Literal
+
+from stepbus_participant import BusError, Request
+
+
+@dataclass(frozen=True)
+class _Sample:
+    key: str
+    payload: bytes
+    encoding: str
+    attachment: bytes
+
+
+@dataclass(frozen=True)
+class _LoopbackRequest:
+    payload: bytes
+    replies: SimpleQueue[bytes]
+
+    def reply(self, data: bytes, encoding: str) -> None:
+        self.replies.put(data)
+
+
+@dataclass(frozen=True, eq=False)
+class _Declared:
+    """What one bus has declared on its network; sink: what to call, where there is anything."""
+
+    bus: LoopbackBus
+    role: Literal["subscriber", "answerer", "watcher", "alive"]
+    key: str
+    sink: Callable[..., None] | None = None
+
+
+class LoopbackBus:
+    """A `Bus` without a network: samples reach their subscribers in the publisher's own thread.
+
+    peer: any bus of the network to join; default: a new network.
+    """
+
+    def __init__(self, peer: LoopbackBus | None = None) -> None:
+        self.declared: list[_Declared] = [] if peer is None else peer.declared
+        self._closed = False
+
+    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+        """Return a function that publishes bytes; it raises BusError once the bus is closed."""
+
+        def put(data: bytes, attachment: bytes = b"") -> None:
+            if self._closed:
+                raise BusError(f"{key}: the bus is closed")
+            self._call("subscriber", key, _Sample(key, bytes(data), encoding, attachment))
+
+        return put
+
+    def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
+        """Call `sink` with each sample on a key; `*` stands for one part of it."""
+        self.declared.append(_Declared(self, "subscriber", key, sink))
+
+    def payload(self, sample: Any) -> bytes:
+        """Return the content of a sample."""
+        data: bytes = sample.payload
+        return data
+
+    def key(self, sample: Any) -> str:
+        """Return the key of a sample."""
+        return str(sample.key)
+
+    def encoding(self, sample: Any) -> str:
+        """Return the encoding of a sample."""
+        return str(sample.encoding)
+
+    def attachment(self, sample: Any) -> bytes:
+        """Return the attachment of a sample, empty where it has none."""
+        data: bytes = sample.attachment
+        return data
+
+    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
+        """Yield the answers to a query as they come, of everybody who answers in time."""
+        replies: SimpleQueue[bytes] = SimpleQueue()
+        deadline = monotonic() + timeout_s
+        for _ in range(self._call("answerer", key, _LoopbackRequest(data, replies))):
+            try:
+                yield replies.get(timeout=max(0.0, deadline - monotonic()))
+            except Empty:
+                return
+
+    def answer(self, key: str, sink: Callable[[Request], None]) -> None:
+        """Call `sink` with each query on a key."""
+        self.declared.append(_Declared(self, "answerer", key, sink))
+
+    def declare_alive(self, key: str) -> None:
+        """Be seen alive under a key until the bus closes."""
+        self.declared.append(_Declared(self, "alive", key))
+        self._call("watcher", key, key, True)
+
+    def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
+        """Call `sink` with (key, alive) now and whenever somebody comes or goes."""
+        self.declared.append(_Declared(self, "watcher", key, sink))
+        for row in tuple(self.declared):
+            if row.role == "alive" and _matches(key, row.key):
+                sink(row.key, True)
+
+    def close(self) -> None:
+        """Leave the bus; harmless when repeated."""
+        self._closed = True
+        left = [row for row in self.declared if row.bus is self]
+        for row in left:
+            self.declared.remove(row)
+        for row in left:
+            if row.role == "alive":
+                self._call("watcher", row.key, row.key, False)
+
+    def _call(self, role: str, key: str, *arguments: Any) -> int:
+        """Call everybody of a role who has declared a key, and return how many they were."""
+        # A copy: whoever is called may declare something.
+        sinks = [d.sink for d in tuple(self.declared) if d.role == role and _matches(d.key, key)]
+        for sink in sinks:
+            if sink is not None:
+                sink(*arguments)
+        return len(sinks)
+
+
+def _matches(wanted: str, key: str) -> bool:
+    return re.fullmatch(re.escape(wanted).replace(r"\*", "[^/]+"), key) is not None

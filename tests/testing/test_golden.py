@@ -1,0 +1,24 @@
+import pytest
+
+from stepbus import testing
+
+
+def test_an_equal_replay_returns_its_result(two_link_recording):
+    assert testing.assert_replays(two_link_recording.parent, "controller").steps == 60
+
+
+def test_a_difference_is_an_assertion_error_with_the_first_divergence(two_link_recording):
+    with pytest.raises(
+        AssertionError, match=r"run\.mcap: controller differs from the recording\nfir"
+    ):
+        testing.assert_replays(two_link_recording, "controller", set={"controller.params.kp": 101})
+
+
+def test_a_tolerance_may_be_a_number(two_link_recording):
+    override = {"controller.params.kp": 101}
+    testing.assert_replays(two_link_recording, "controller", set=override, tolerance=10.0)
+
+
+def test_what_cannot_be_replayed_is_an_assertion_error(two_link_recording):
+    with pytest.raises(AssertionError, match=r"run\.mcap: .*'controlle'"):
+        testing.assert_replays(two_link_recording, "controlle")
