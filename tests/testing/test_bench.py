@@ -8,9 +8,9 @@ from stepbus import (
     JointCommand,
     JointReference,
     JointState,
+    Method,
     OutputError,
     Participant,
-    Verb,
     WiringError,
 )
 from stepbus.testing import Bench, feed, make_config, scenario_config
@@ -30,7 +30,7 @@ class Spring(Participant):
         self.steps = []
 
     def calls(self):
-        return {"names": Verb(lambda: self.names, "the joints")}
+        return {"names": Method(lambda: self.names, "the joints")}
 
     def update(self, step):
         state = step.read("joint_state", JointState)
