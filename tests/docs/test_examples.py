@@ -88,6 +88,10 @@ def name_of(path):
 )
 def test_the_examples_of_a_page_work_one_after_the_other(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    for name, content in re.findall(
+        r"<!-- (\w+\.\w+) -->\n```\w+\n(.*?)```", page.read_text(), re.DOTALL
+    ):
+        (tmp_path / name).write_text(content)
     for example in BLOCKS.parse(page).examples():
         example.evaluate()
 
