@@ -37,7 +37,7 @@ check: setup
 
 docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
-	@$(PYTHON) -m sphinx -q -W --keep-going -j auto -c docs -d build/doctrees . build/docs
+	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs -d build/doctrees . build/docs
 	@echo "build/docs/index.html"
 
 bench: setup

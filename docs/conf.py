@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,6 @@ from sphinx.util.docutils import SphinxDirective
 import stepbus
 
 project = "stepbus"
-author = "the authors of stepbus"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "docs/index"
 include_patterns = [
@@ -49,12 +49,18 @@ html_theme = "furo"
 html_title = "stepbus"
 html_copy_source = False
 html_show_sphinx = False
+html_show_copyright = False
 html_additional_pages = {"index": "to_start.html"}
 templates_path = ["templates"]
 html_static_path: list[str] = []
 html_theme_options = {"top_of_page_buttons": []}
 
-GROUPS = ("Functions", "Classes", "Messages", "Errors", "Modules", "Types and constants")
+GROUPS = ("Functions", "Classes", "Messages", "Errors", "Types and constants", "Modules")
+ERRORS = {
+    name
+    for name in stepbus.__all__
+    if isinstance(value := getattr(stepbus, name), type) and issubclass(value, BaseException)
+}
 
 
 def _group(value: Any) -> str:
@@ -85,21 +91,56 @@ def reference(module: str) -> str:
     """Return the reference of a module in reStructuredText: every name of its `__all__`."""
     public = import_module(module)
     groups: dict[str, list[str]] = {group: [] for group in GROUPS}
-    for name in public.__all__:
+    for name in getattr(public, "__all__", ()):
         groups[_group(getattr(public, name))].append(name)
-    groups.pop("Modules")  # these have a section of their own
-    parts = [
-        f"{group}\n{'-' * len(group)}\n\n"
-        + "".join(_directive(module, name, group) for name in names)
-        for group, names in groups.items()
-        if names
-    ]
+    parts = []
+    for group, names in groups.items():
+        if group == "Modules":
+            parts += [
+                _section(f"{module}.{name}") + reference(f"{module}.{name}") for name in names
+            ]
+        elif names:
+            parts += [_section(group) if module == "stepbus" else ""]
+            parts += [_directive(module, name, group) for name in names]
     return "\n".join(parts)
+
+
+def _section(title: str) -> str:
+    return f"\n{title}\n{'-' * len(title)}\n\n"
 
 
 def _add_reference(_app: Sphinx, page: str, source: list[str]) -> None:
     if page == "docs/api":
         source[0] += "\n" + reference("stepbus")
+
+
+def _format(
+    _app: Sphinx, what: str, _name: str, value: Any, _options: Any, lines: list[str]
+) -> None:
+    """Make a list of the parameters and fields that a docstring explains, and link its errors.
+
+    Docstrings explain several in one paragraph: `scenario: a name or a path. set: overrides.`
+    """
+    names = _names(value) if what in ("function", "method", "class") else []
+    start = re.compile(rf"(?:^|(?<=[.;] ))((?:{'|'.join(names)})(?:, \w+)*): ")
+    formatted: list[str] = []
+    for paragraph in "\n".join(lines).split("\n\n"):
+        text = paragraph.replace("\n", " ") if names and start.match(paragraph) else paragraph
+        parts = start.split(text) if text is not paragraph else [text]
+        if len(parts) > 1:
+            pairs = zip(parts[1::2], parts[2::2], strict=True)
+            text = "\n".join(f"- **{name}**: {meaning.strip()}" for name, meaning in pairs)
+        formatted += [*text.split("\n"), ""]
+    link = re.compile(rf"(?<![`\w.])({'|'.join(sorted(ERRORS))})(?![`\w])")
+    lines[:] = [link.sub(r":py:exc:`~stepbus.\1`", line) for line in formatted]
+
+
+def _names(value: Any) -> list[str]:
+    """Return the parameters of a function, the fields of a class."""
+    try:
+        return [*inspect.signature(value).parameters, *getattr(value, "__annotations__", ())]
+    except (TypeError, ValueError):
+        return []
 
 
 def _add_fields(
@@ -140,4 +181,5 @@ def setup(app: Sphinx) -> None:
     app.add_directive("mermaid", Mermaid)
     app.add_lexer("hex", TextLexer)
     app.connect("source-read", _add_reference)
+    app.connect("autodoc-process-docstring", _format)
     app.connect("autodoc-process-docstring", _add_fields)

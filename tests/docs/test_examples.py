@@ -58,8 +58,8 @@ def commands_in(block):
 
 def matches(expected, *streams):
     """Return whether streams print what a page shows: `…` is any text, a number any number."""
-    wanted = [re.escape(part) for part in comparable(expected).split("…")]
-    pattern = re.compile(".*".join(part.strip() for part in wanted), re.DOTALL)
+    wanted = [re.escape(part.strip()) for part in comparable(expected).split("…")]
+    pattern = re.compile(".*".join(wanted), re.DOTALL)
     orders = ("".join(streams), "".join(reversed(streams)), streams[0])
     return not expected or any(pattern.fullmatch(comparable(text)) for text in orders)
 
