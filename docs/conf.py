@@ -56,6 +56,7 @@ html_static_path: list[str] = []
 html_theme_options = {"top_of_page_buttons": []}
 
 GROUPS = ("Functions", "Classes", "Messages", "Errors", "Types and constants", "Modules")
+QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 ERRORS = {
     name
     for name in stepbus.__all__
@@ -128,11 +129,19 @@ def _format(
         text = paragraph.replace("\n", " ") if names and start.match(paragraph) else paragraph
         parts = start.split(text) if text is not paragraph else [text]
         if len(parts) > 1:
-            pairs = zip(parts[1::2], parts[2::2], strict=True)
+            last, raises, errors = parts[-1].partition(" Raises ")
+            pairs = zip(parts[1::2], [*parts[2:-1:2], last], strict=True)
             text = "\n".join(f"- **{name}**: {meaning.strip()}" for name, meaning in pairs)
+            text += f"\n\n{raises.strip()} {errors}" if raises else ""
         formatted += [*text.split("\n"), ""]
     link = re.compile(rf"(?<![`\w.])({'|'.join(sorted(ERRORS))})(?![`\w])")
-    lines[:] = [link.sub(r":py:exc:`~stepbus.\1`", line) for line in formatted]
+    text = QUOTED.sub(_quoted, "\n".join(formatted))
+    lines[:] = link.sub(r":py:exc:`~stepbus.\1`", text).split("\n")
+
+
+def _quoted(found: re.Match[str]) -> str:
+    """Leave a name, which becomes a link where the site has it; make any other code literal."""
+    return found[0] if re.fullmatch(r"[\w.]+", found[1]) else f"``{' '.join(found[1].split())}``"
 
 
 def _names(value: Any) -> list[str]:
