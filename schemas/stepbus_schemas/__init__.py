@@ -51,6 +51,7 @@ from .protocol import (
     Welcome,
 )
 from .schema import json_schema
+from .shapes import Shape, parse_shapes
 
 __all__ = [
     "ENVELOPE_TYPES",
@@ -94,6 +95,7 @@ __all__ = [
     "Ready",
     "Refusal",
     "RunError",
+    "Shape",
     "Spiral",
     "Start",
     "StepbusError",
@@ -106,5 +108,6 @@ __all__ = [
     "encoding_of",
     "json_schema",
     "message_class",
+    "parse_shapes",
     "type_name",
 ]

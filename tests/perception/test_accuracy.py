@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from perception_support import TOPS, Item, fill_shelves, open_store
 
-from stepbus_perception.detection.detector import Detector, Found
+from stepbus_perception.catalog import read_catalog
+from stepbus_perception.detection.detector import Detection, Detector
 from stepbus_perception.images import make_view
-from stepbus_perception.items import read_goods
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +23,7 @@ class Score:
     """What came of all views; errors: kind → rows of horizontal, vertical [mm], yaw [deg]."""
 
     errors: dict[str, list[tuple[float, float, float]]] = field(default_factory=dict)
-    wrong: list[Found] = field(default_factory=list)
+    wrong: list[Detection] = field(default_factory=list)
     missing: list[Item] = field(default_factory=list)
     visible: int = 0
 
@@ -33,7 +33,7 @@ def views(store, count, seed=3):
     random = np.random.default_rng(seed)
     for _ in range(count):
         item = store.items[random.integers(len(store.items))]
-        offset = [*random.uniform(-0.05, 0.05, 2), TOPS[item.kind] + random.uniform(0.2, 0.35)]
+        offset = [*random.uniform(-0.05, 0.05, 2), TOPS[item.type] + random.uniform(0.2, 0.35)]
         tilt, yaw = random.uniform(-0.2, 0.2, 2), random.uniform(-math.pi, math.pi)
         yield store.look((np.array(item.position) + offset).tolist(), yaw, tilt)
 
@@ -42,10 +42,10 @@ def fully_visible(item, view, camera):
     """Return whether the rim of an item's top is in the image with nothing in front of it."""
     angles = np.linspace(0, 2 * math.pi, 24, endpoint=False)
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(24)])
-    top = np.add(item.position, (0, 0, TOPS[item.kind]))
+    top = np.add(item.position, (0, 0, TOPS[item.type]))
     shape = np.array(view.depth.shape[::-1])
     for scale in (1.0, 0.8):
-        local = (top + rim * RIM[item.kind] * scale - camera.position) @ camera.rotation
+        local = (top + rim * RIM[item.type] * scale - camera.position) @ camera.rotation
         pixel = local[:, :2] / local[:, 2:] * view.focal + view.centre
         if (local[:, 2] < 0.05).any() or (pixel < 2).any() or (pixel > shape - 3).any():
             return False
@@ -55,15 +55,15 @@ def fully_visible(item, view, camera):
 
 def judge(score, store, found):
     for find in found:
-        same = [item for item in store.items if item.kind == find.kind]
+        same = [item for item in store.items if item.type == find.kind]
         item = min(same, key=lambda item: math.dist(item.position, find.position))
         error = np.subtract(find.position, item.position) * 1e3
         if np.linalg.norm(error) > 30:
             score.wrong.append(find)
         elif find.confidence >= SURE:
-            yaw = math.degrees(find.yaw - item.yaw) if item.kind == "juice" else 0.0
+            yaw = math.degrees(find.yaw - item.yaw) if item.type == "juice" else 0.0
             row = (float(np.hypot(*error[:2])), float(abs(error[2])), abs(yaw))
-            score.errors.setdefault(item.kind, []).append(row)
+            score.errors.setdefault(item.type, []).append(row)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def score(tmp_path_factory):
     result = Score()
     with open_store(tmp_path_factory.mktemp("store")) as store:
         fill_shelves(store)
-        detector = Detector(read_goods("poses", store.description), 0.2)
+        detector = Detector(read_catalog("poses", store.description), 0.2)
         for images, camera in views(store, VIEWS):
             view = make_view(images)
             found = detector.find(view, camera)
@@ -84,7 +84,7 @@ def score(tmp_path_factory):
 
 def sure(item, found):
     return any(
-        find.kind == item.kind
+        find.kind == item.type
         and find.confidence >= SURE
         and math.dist(find.position, item.position) < 0.005
         for find in found

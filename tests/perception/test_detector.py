@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from perception_support import COLORS, SHAPES, TOPS, Item, open_store
 
+from stepbus_perception.catalog import read_catalog
 from stepbus_perception.detection.colours import Palette
 from stepbus_perception.detection.detector import Detector
 from stepbus_perception.images import make_view
-from stepbus_perception.items import read_goods
 from stepbus_perception.truth import Truth
 
 
@@ -24,7 +24,7 @@ def find(folder, *items, eye=(0.0, 0.0, 0.4), least=0.0, yaw=0.0, tilt=(0.0, 0.0
         for size, at in extra:
             store.board(size, at)
         images, camera = store.look(eye, yaw, tilt)
-        found = Detector(read_goods("poses", store.description), least).find(
+        found = Detector(read_catalog("poses", store.description), least).find(
             make_view(images), camera
         )
     return [f for f in found if f.confidence > 0.01]
@@ -67,10 +67,10 @@ def test_the_place_of_an_item_is_its_centre_wherever_its_link_has_its_origin(tmp
     monkeypatch.setitem(SHAPES, "cereal", "box 0.05 0.08 0.1 @ 0.01 -0.02 0.05 0 0 0 1")
     item = Item("cereal_0", "cereal", (0.03, 0.04, 0.0), 0.5)
     with open_store(tmp_path, item) as store:
-        goods = read_goods("poses", store.description)
+        catalog = read_catalog("poses", store.description)
         images, camera = store.look((0.0, 0.0, 0.4))
-        (found,) = Detector(goods, 0.5).find(make_view(images), camera)
-        told = Truth("poses", store.description.names, goods, "chassis").detections(store.poses())
+        (found,) = Detector(catalog, 0.5).find(make_view(images), camera)
+        told = Truth("poses", store.description.names, catalog, "chassis").detections(store.poses())
     assert found.position == pytest.approx(told.position[0], abs=1e-3)
     c, s = math.cos(0.5), math.sin(0.5)
     at = (0.03 + 0.01 * c + 0.02 * s, 0.04 + 0.01 * s - 0.02 * c, 0.05)
@@ -82,7 +82,7 @@ def test_kinds_of_one_colour_are_told_apart_by_their_tops(tmp_path, monkeypatch)
         monkeypatch.setitem(COLORS, kind, COLORS["cola"])
     items = [stand("juice", 0.0, 0.0), stand("soup", 0.09, 0.0), stand("water", -0.09, 0.0)]
     found = find(tmp_path, *items, least=0.5)
-    assert [f.kind for f in sorted(found, key=lambda f: f.position)] == ["water", "juice", "soup"]
+    assert [f.type for f in sorted(found, key=lambda f: f.position)] == ["water", "juice", "soup"]
 
 
 def test_a_bottle_without_its_neck_in_view_is_found_by_its_shoulder(tmp_path):
@@ -96,14 +96,14 @@ def test_a_thing_of_the_right_colour_and_another_size_is_not_taken_for_the_item(
         described = store.description
         described.details["shape"][1] = "cylinder 0.02 0.115"
         images, camera = store.look((0.0, 0.0, 0.4))
-        assert Detector(read_goods("poses", described), 0.2).find(make_view(images), camera) == []
+        assert Detector(read_catalog("poses", described), 0.2).find(make_view(images), camera) == []
 
 
 def test_an_empty_floor_shows_no_items(tmp_path):
     with open_store(tmp_path, stand("cola", 5.0)) as store:
         store.board((1.0, 1.0, 0.1), (0.0, 0.0, -0.05))
         images, camera = store.look((0.0, 0.0, 0.4))
-        detector = Detector(read_goods("poses", store.description), 0.0)
+        detector = Detector(read_catalog("poses", store.description), 0.0)
         assert detector.find(make_view(images), camera) == []
 
 

@@ -150,7 +150,7 @@ def test_a_camera_that_is_off_is_told_once(tmp_path, seen, caplog):
         for k in range(1, 20):
             stand.update(k)
     assert [record.getMessage() for record in caplog.records] == [
-        "perception: step 5: no new images of rgb and depth for 0.04 s; is the camera on?"
+        "perception: step 5: no new images on rgb and depth for 0.04 s; is the camera on?"
     ]
 
 
@@ -161,7 +161,7 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
     cut = {**messages, "rgb": msgspec.structs.replace(rgb, data=rgb.data[:-3])}
     with pytest.raises(
         RunError,
-        match=r"^perception: step 3: input 'rgb': 320 x 240 pixels of rgb8 are 230400 bytes, 230397 came$",
+        match=r"^perception: step 3: input 'rgb': 320 x 240 pixels of rgb8 are 230400 bytes, 230397 received$",
     ):
         stand.update(3, **cut)
     twice = {**messages, "depth": rgb}
@@ -170,11 +170,11 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
     small = Image(
         width=2, height=1, encoding="32FC1", data=bytes(8), focal=depth.focal, centre=(0, 0)
     )
-    with pytest.raises(RunError, match="not of one camera"):
+    with pytest.raises(RunError, match="of different cameras"):
         stand.update(5, **{**messages, "depth": small})
     for changes, sentence in (
         ({"focal": (math.nan, 300.0)}, r"focal length \(nan, 300.0\) is not positive"),
-        ({"centre": (0.0, math.inf)}, r"centre \(0.0, inf\) is no place in the image"),
+        ({"centre": (0.0, math.inf)}, r"centre \(0.0, inf\) is not finite"),
     ):
         odd = {**messages, "rgb": msgspec.structs.replace(rgb, **changes)}
         with pytest.raises(RunError, match=sentence):
@@ -189,7 +189,7 @@ def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
     ):
         stand.update(0, **{**messages, "joint_state": JointState(position=[0.0])})
     truth = start(config(tmp_path, ["poses"], source="truth"), described)
-    with pytest.raises(RunError, match="input 'poses': 4 poses expected, 0 came"):
+    with pytest.raises(RunError, match="input 'poses': 4 poses expected, 0 received"):
         truth.update(0, poses=Poses(position=[], orientation=[]))
 
 
@@ -201,10 +201,10 @@ def test_joint_states_and_poses_that_are_not_finite_are_refused(tmp_path, seen):
     poses = messages["poses"]
     truth = start(config(tmp_path, ["poses"], source="truth"), described)
     nowhere = msgspec.structs.replace(poses, position=[(math.nan, 0.0, 0.0)] * 4)
-    with pytest.raises(RunError, match=r"input 'poses': .*nan.* is no pose"):
+    with pytest.raises(RunError, match=r"input 'poses': .* has an invalid pose: .*nan"):
         truth.update(0, poses=nowhere)
     unturned = msgspec.structs.replace(poses, orientation=[(0.0, 0.0, 0.0, 0.0)] * 4)
-    with pytest.raises(RunError, match=r"input 'poses': .* of chassis is no pose"):
+    with pytest.raises(RunError, match=r"input 'poses': chassis has an invalid pose"):
         truth.update(0, poses=unturned)
 
 
@@ -269,14 +269,14 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
     [
         ({}, "describes no items: its details type, color, shape are missing or empty"),
         ({"type": ["cola"]}, "describes no items: its details color, shape are missing or empty"),
-        ({"type": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
+        ({"type": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
         ({"type": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "shape 'cone 1 1' of kind 'cola' cannot be read"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "'a 1 1' of 'cola' is not a list of finite numbers"),
-        ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "'1 0 nan' of 'cola' is not a list of finite numbers"),
-        ({"type": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "kind 'cola' has no colour"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "item type 'cola': shape 'cone' is not supported"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "item type 'cola': shape 'box a 1 1' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "color '1 0 nan' of 'cola' is not `red green blue`"),
+        ({"type": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
         ({"type": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "shape 'cylinder 0 1' of kind 'cola' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "item type 'cola': shape 'cylinder 0 1' cannot be read"),
         ({"type": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details type, color, shape are missing"),
     ],
 )  # fmt: skip
@@ -294,7 +294,9 @@ def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
     }
     described = Description(names=["chassis", "ball_1"], details=details)
     (row,) = problems(config(tmp_path), described)
-    assert row.startswith("perception: ball: the camera finds kinds by a box or a cylinder")
+    assert row.startswith(
+        "perception: ball: the camera detects items by an upright box or cylinder"
+    )
     poses = Poses(position=[(0, 0, 0), (2, 0, 0)], orientation=[(0, 0, 0, 1)] * 2)
     told = start(config(tmp_path, ["poses"], source="truth"), described).update(0, poses=poses)
     assert told["detections"].position == [(2, 0, 1)]

@@ -51,8 +51,8 @@ def test_the_contract_offers_exactly_this() -> None:
         "CallDescription CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description Detections "
         "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello Image InputConfig "
         "JointCommand JointReference JointState Log Message MessageError OutputConfig Outputs "
-        "Plan PlanRequest Poses Ready Refusal RunError Spiral Start StepbusError Stop Trigger Waiting Welcome "
-        "WiringError encode encoding_of json_schema message_class type_name"
+        "Plan PlanRequest Poses Ready Refusal RunError Shape Spiral Start StepbusError Stop Trigger Waiting Welcome "
+        "WiringError encode encoding_of json_schema message_class parse_shapes type_name"
     )
 
 

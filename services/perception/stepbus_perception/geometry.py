@@ -15,7 +15,7 @@ Quaternion = tuple[float, float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where a frame is in another one.
+    """The pose of a frame in another one.
 
     rotation: shape (3, 3), its axes as columns. position: shape (3,) [m].
     """
@@ -37,7 +37,7 @@ def rotation(quaternion: Sequence[float]) -> Vector:
 
 
 def inverse_times(one: Sequence[float], other: Sequence[float]) -> Quaternion:
-    """Return conj(one)·other: how `other` is turned, seen from `one`; quaternions x, y, z, w."""
+    """Return conj(one)·other, the orientation of `other` in `one`; quaternions x, y, z, w."""
     ax, ay, az, aw = -one[0], -one[1], -one[2], one[3]
     bx, by, bz, bw = other
     return (
@@ -49,5 +49,5 @@ def inverse_times(one: Sequence[float], other: Sequence[float]) -> Quaternion:
 
 
 def turn_about_z(yaw: float) -> Quaternion:
-    """Return the quaternion x, y, z, w of a turn about z [rad]."""
+    """Return the quaternion x, y, z, w of a rotation about z [rad]."""
     return (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))

@@ -18,8 +18,9 @@ _CHANNELS = {"rgb8": ("u1", 3), "32FC1": ("<f4", 1)}
 class View:
     """A colour and a depth image of one camera at one time.
 
-    rgb: shape (h, w, 3), bytes. depth: along the optical axis, shape (h, w) [m]. focal, centre:
-    x, y [pixel]; the middle of the first pixel is at 0, 0.
+    rgb: shape (h, w, 3), bytes. depth: along the optical axis, shape (h, w) [m]. focal: focal
+    lengths x, y [pixel]. centre: principal point x, y [pixel]; the centre of the first pixel is at
+    (0, 0).
     """
 
     rgb: NDArray[np.uint8]
@@ -29,20 +30,20 @@ class View:
 
 
 def make_view(images: dict[str, Image]) -> View:
-    """Return a colour and a depth image together; images: by input port.
+    """Return a colour and a depth image as a view; images: by input port.
 
-    Raises RunError for images that do not belong together or are cut short.
+    Raises RunError for images that do not match or are truncated.
     """
     for port, image in images.items():
         _check(port, image)
     by_encoding = {image.encoding: image for image in images.values()}
     if len(by_encoding) != len(_CHANNELS):
         found = ", ".join(f"{port!r} is {image.encoding}" for port, image in images.items())
-        raise RunError(f"of the two images one has to be rgb8 and one 32FC1 (depth); {found}")
+        raise RunError(f"perception needs one image of rgb8 and one of 32FC1 (depth); {found}")
     rgb, depth = by_encoding["rgb8"], by_encoding["32FC1"]
     if _optics(rgb) != _optics(depth):
         raise RunError(
-            f"the images are not of one camera: width, height, focal, centre are {_optics(rgb)} "
+            f"the images are of different cameras: width, height, focal, centre are {_optics(rgb)} "
             f"in colour and {_optics(depth)} in depth"
         )
     return View(
@@ -58,19 +59,19 @@ def _optics(image: Image) -> tuple[int, int, tuple[float, float], tuple[float, f
 
 
 def _check(port: str, image: Image) -> None:
-    kind, channels = _CHANNELS[image.encoding]
-    size = image.width * image.height * channels * np.dtype(kind).itemsize
+    dtype, channels = _CHANNELS[image.encoding]
+    size = image.width * image.height * channels * np.dtype(dtype).itemsize
     if len(image.data) != size or size == 0:
         raise RunError(
             f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} are {size} "
-            f"bytes, {len(image.data)} came"
+            f"bytes, {len(image.data)} received"
         )
     if not all(0 < length < math.inf for length in image.focal):
         raise RunError(f"input {port!r}: focal length {image.focal} is not positive")
     if not all(map(math.isfinite, image.centre)):
-        raise RunError(f"input {port!r}: centre {image.centre} is no place in the image")
+        raise RunError(f"input {port!r}: centre {image.centre} is not finite")
 
 
 def _pixels(image: Image) -> NDArray[Any]:
-    kind, channels = _CHANNELS[image.encoding]
-    return np.frombuffer(image.data, kind).reshape(image.height, image.width, channels)
+    dtype, channels = _CHANNELS[image.encoding]
+    return np.frombuffer(image.data, dtype).reshape(image.height, image.width, channels)

@@ -1,4 +1,4 @@
-"""Perception: a participant that tells which items there are, and where."""
+"""Perception: a participant that detects items and their poses."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from stepbus_schemas import (
     WiringError,
 )
 
+from .catalog import Catalog, read_catalog
 from .geometry import turn_about_z
 from .images import View, make_view
-from .items import Goods, read_goods
 from .robot import JointReader
 from .sources import CameraSettings, TruthSettings, read_settings
 from .truth import Truth
@@ -30,30 +30,30 @@ from .truth import Truth
 _log = logging.getLogger("stepbus_perception")
 
 
-class Eye:
-    """Finds items in images of a camera on a robot.
+class CameraSource:
+    """Detects items in images of a camera on a robot.
 
-    goods: what to look for. described: the description of the joint states.
+    catalog: the items to detect. described: the description of the joint states.
     """
 
     def __init__(
-        self, settings: CameraSettings, frame: str, goods: Goods, described: Description
+        self, settings: CameraSettings, frame: str, catalog: Catalog, described: Description
     ) -> None:
-        # Without OpenCV ground truth still works.
+        # Source truth works without OpenCV.
         from .detection.detector import Detector  # noqa: PLC0415
 
         self._frame = frame
         self._mount = settings.mount
-        self._detector = Detector(goods, settings.min_confidence)
+        self._detector = Detector(catalog, settings.min_confidence)
         joints = settings.mount.joints
         self._reader = JointReader(settings.joint_state, described.names, joints)
 
     def detections(self, view: View, state: JointState) -> Detections:
-        """Return what is in a view; state: the joints at its time."""
+        """Return the items in a view; state: the joints at its time."""
         found = self._detector.find(view, self._mount.pose(self._reader.read(state)))
         return Detections(
             frame=self._frame,
-            types=[item.kind for item in found],
+            types=[item.type for item in found],
             position=[item.position for item in found],
             orientation=[turn_about_z(item.yaw) for item in found],
             confidence=[item.confidence for item in found],
@@ -61,69 +61,68 @@ class Eye:
 
 
 class PerceptionParticipant(Participant):
-    """Says which items there are, where, and how sure that is.
+    """Publishes the type, pose and confidence of each item it detects.
 
     Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
-    description says what kinds of items there are and how they look. Output: one Detections/1.
-    Source camera: published whenever a new pair of images has come; ground truth is not looked
-    at. Source truth: all items, every period; needs the poses only. Parameters: see
-    `read_settings`.
+    description lists the types of items, their shapes and colours. Output: one Detections/1.
+    Source camera: for each new pair of images; the true poses are not used. Source truth: all
+    items, once per period; needs the poses only. Parameters: see `read_settings`.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         self._settings = read_settings(config)
-        self._seen_at = 0.0
+        self._last_image_t = 0.0
         self._warned = False
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Learn from the descriptions what there is to find.
+        """Read the items from the description of the poses.
 
-        Raises WiringError for poses without items, or joints that are not sensed.
+        Raises WiringError for poses without items, and for joints that are not sensed.
         """
         settings, described = self._settings, inputs[self._settings.poses]
         try:
-            goods = read_goods(settings.poses, described)
+            catalog = read_catalog(settings.poses, described)
             if isinstance(settings.source, CameraSettings):
                 joints = inputs[settings.source.joint_state]
-                self._eye = Eye(settings.source, settings.frame, goods, joints)
+                self._camera = CameraSource(settings.source, settings.frame, catalog, joints)
             else:
-                self._truth = Truth(settings.poses, described.names, goods, settings.frame)
+                self._truth = Truth(settings.poses, described.names, catalog, settings.frame)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Return the detections, when it is time for new ones."""
+        """Return new detections when they are due."""
         source = self._settings.source
         try:
             if isinstance(source, TruthSettings):
-                found = self._know(step, source)
+                found = self._from_truth(step, source)
             else:
-                found = self._look(step, source)
+                found = self._from_images(step, source)
         except RunError as exc:
             raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
         return {} if found is None else {self._settings.detections: found}
 
-    def _know(self, step: Step, source: TruthSettings) -> Detections | None:
+    def _from_truth(self, step: Step, source: TruthSettings) -> Detections | None:
         poses = step.get(self._settings.poses, Poses)
         due = (step.index // self.config.every) % source.every == 0
         return self._truth.detections(poses) if due and poses is not None else None
 
-    def _look(self, step: Step, source: CameraSettings) -> Detections | None:
+    def _from_images(self, step: Step, source: CameraSettings) -> Detections | None:
         if not all(step.is_new(port) for port in source.images):
-            self._miss(step, source)
+            self._warn_if_late(step, source)
             return None
-        self._seen_at, self._warned = step.t, False
+        self._last_image_t, self._warned = step.t, False
         images = {port: step.read(port, Image) for port in source.images}
-        return self._eye.detections(make_view(images), step.read(source.joint_state, JointState))
+        return self._camera.detections(make_view(images), step.read(source.joint_state, JointState))
 
-    def _miss(self, step: Step, source: CameraSettings) -> None:
-        if step.t - self._seen_at < source.timeout or self._warned:
+    def _warn_if_late(self, step: Step, source: CameraSettings) -> None:
+        if step.t - self._last_image_t < source.timeout or self._warned:
             return
         self._warned = True
         _log.warning(
-            "%s: step %d: no new images of %s for %g s; is the camera on?",
+            "%s: step %d: no new images on %s for %g s; is the camera on?",
             self.config.name,
             step.index,
             " and ".join(source.images),
@@ -134,8 +133,8 @@ class PerceptionParticipant(Participant):
         """Return the versions of the libraries that shape the result."""
         versions = {name: version(name) for name in ("numpy", "pin")}
         if isinstance(self._settings.source, CameraSettings):
-            # It comes in packages of several names.
-            import cv2  # noqa: PLC0415  ground truth works without it
+            # OpenCV comes in packages with different names.
+            import cv2  # noqa: PLC0415  source truth works without it
 
             versions["opencv"] = cv2.__version__
         return versions

@@ -6,12 +6,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from stepbus_schemas import Description, Poses, RunError, WiringError
+from stepbus_schemas import Description, Poses, RunError, Shape, WiringError, parse_shapes
 from stepbus_schemas.messages import Point, Quaternion
 
 from .geometry import distance, extents, nearest_quarter, yaw_of
-
-_AT_ORIGIN = "0 0 0 0 0 0 1"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,11 +153,13 @@ class Stock:
 def measures(name: str, shapes: str) -> Measures:
     """Return the dimensions of an item from the description of its collision shapes.
 
-    shapes: `box X Y Z`, `cylinder RADIUS LENGTH` or `sphere RADIUS`, each followed by
-    ` @ x y z qx qy qz qw` in the frame of the link; several are joined by `; `.
-    Raises WiringError if none of them is known.
+    shapes: as in `stepbus_schemas.parse_shapes`; meshes do not count.
+    Raises WiringError for shapes that cannot be read, and without a box, a cylinder or a sphere.
     """
-    parts = [part for text in shapes.split(";") if (part := _part(text.strip())) is not None]
+    try:
+        parts = [_part(shape) for shape in parse_shapes(shapes) if shape.type in _SIZES]
+    except ValueError as exc:
+        raise WiringError(f"item {name!r} has the shape {shapes!r}: {exc}") from exc
     if not parts:
         raise WiringError(
             f"item {name!r} has the shape {shapes!r}; a graspable item needs a box, a cylinder or "
@@ -168,34 +168,25 @@ def measures(name: str, shapes: str) -> Measures:
     body = max(parts, key=lambda part: part.size[0] * part.size[1])
     return Measures(
         width=(body.size[0], body.size[1]),
-        bottom=min(part.at[2] - part.size[2] / 2 for part in parts),
-        body_top=body.at[2] + body.size[2] / 2,
-        top=max(part.at[2] + part.size[2] / 2 for part in parts),
+        bottom=min(part.z - part.size[2] / 2 for part in parts),
+        body_top=body.z + body.size[2] / 2,
+        top=max(part.z + part.size[2] / 2 for part in parts),
         is_box=body.is_box,
     )
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One shape: its extents along x, y, z, and its centre [m]."""
+    """One shape: its extents along x, y, z, and the height of its centre [m]."""
 
     size: Point
-    at: Point
+    z: float
     is_box: bool
 
 
-def _part(text: str) -> _Part | None:
-    """Return one shape; None for an unknown one."""
-    form, _, pose = text.partition("@")
-    shape, *numbers = form.split() or [""]
-    try:
-        size = _SIZES[shape](*map(float, numbers))
-        x, y, z, qx, qy, qz, qw = map(float, (pose or _AT_ORIGIN).split())
-    except (KeyError, TypeError, ValueError):
-        return None
-    if not (min(size) > 0.0 and math.isfinite(sum((*size, x, y, z, qx, qy, qz, qw)))):
-        return None
-    return _Part(extents(size, (qx, qy, qz, qw)), (x, y, z), shape == "box")
+def _part(shape: Shape) -> _Part:
+    size = _SIZES[shape.type](*shape.sizes)
+    return _Part(extents(size, shape.orientation), shape.position[2], shape.type == "box")
 
 
 def _box(x: float, y: float, z: float) -> Point:

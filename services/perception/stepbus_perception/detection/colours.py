@@ -1,4 +1,4 @@
-"""Which pixels have the colour of something that is looked for."""
+"""Classifies pixels by the colours of item types."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DARK = 20.0
-"""Length of red, green, blue below which a pixel has no colour to speak of."""
+"""Norm of the RGB vector below which a pixel is too dark to classify."""
 _ANGLE = 0.12
-"""Largest angle between a pixel's colour and a kind's [rad]. Light changes the length of red,
-green, blue, hardly its direction: TinyRenderer by less than 0.02 rad over all shades."""
+"""Largest angle between the RGB vectors of a pixel and its type [rad]. Light changes the norm, not
+the direction: TinyRenderer's shading turns it by less than 0.02 rad."""
 
 
 class Palette:
-    """Tells the colours of kinds from each other and from everything else.
+    """Separates the colours of item types from each other and from the background.
 
-    kinds: those that are looked for. others: of everything else that may be seen; red, green,
-    blue. Equal colours of several kinds are one class.
+    types: colours of the item types; equal ones form one class. others: colours of everything else
+    that may be visible.
     """
 
     def __init__(
         self,
-        kinds: Sequence[tuple[float, float, float]],
+        types: Sequence[tuple[float, float, float]],
         others: Sequence[tuple[float, float, float]],
     ) -> None:
-        self.classes = list(dict.fromkeys(kinds))
+        self.classes = list(dict.fromkeys(types))
         rest = [
             color for color in dict.fromkeys(others) if color not in self.classes and any(color)
         ]
@@ -35,7 +35,7 @@ class Palette:
         self._directions = (colors / lengths).astype(np.float32)
 
     def classify(self, rgb: NDArray[np.uint8]) -> NDArray[np.intp]:
-        """Return the number of the class of each pixel, -1 for none; rgb: shape (h, w, 3)."""
+        """Return the class of each pixel, -1 for none; rgb: shape (h, w, 3)."""
         pixels = np.moveaxis(rgb, 2, 0).astype(np.float32)
         length = np.sqrt((pixels**2).sum(axis=0))
         best = np.cos(_ANGLE) * length

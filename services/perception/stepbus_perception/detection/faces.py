@@ -15,20 +15,19 @@ from stepbus_perception.images import View
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 _SLOPE = 0.3
-"""Rise over run up to which a surface counts as horizontal."""
+"""Slope up to which a surface counts as horizontal."""
 LEVELS_APART = 3e-3
-"""Faces whose heights differ by more are different faces [m]."""
+"""Largest difference in height within a face [m]."""
 _FEWEST_PIXELS = 12
 _NEIGHBOURS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """A horizontal face as it is seen.
+    """The visible part of a horizontal face.
 
-    height: in the frame of the scene [m]. points: of its pixels, shape (n, 2); edge: where it
-    ends because nothing more is there, shape (k, 2), x and y [m]. area: what
-    is seen [m²].
+    height: in the frame of the scene [m]. points: of its pixels, shape (n, 2); edge: points of its
+    true edge, not of an occlusion, shape (k, 2), x and y [m]. area: visible [m²].
     """
 
     height: float
@@ -38,9 +37,9 @@ class Patch:
 
 
 class Scene:
-    """The points of a view in a frame whose z is up.
+    """The points of a view in a frame with z up.
 
-    camera: where the optical frame is in that frame.
+    camera: pose of the optical frame in that frame.
     """
 
     def __init__(self, view: View, camera: Pose) -> None:
@@ -59,10 +58,10 @@ class Scene:
         self._flat = self._known & self._horizontal()
 
     def probe(self, points: Vector, among: Mask) -> tuple[Vector, Mask, Mask]:
-        """Return what is seen in the direction of points, shape (n, 3) [m].
+        """Return what the camera sees in the direction of points, shape (n, 3) [m].
 
-        That is: the points seen instead, shape (n, 3); whether there is one; whether it is within
-        a mask, shape (h, w).
+        That is: the visible points, shape (n, 3); whether there is one; whether it is within a
+        mask, shape (h, w).
         """
         view, camera = self._view, self._camera
         local = (points - camera.position) @ camera.rotation
@@ -78,14 +77,14 @@ class Scene:
         return seen, inside, inside & among[v, u]
 
     def _rays(self, u: NDArray[np.generic], v: NDArray[np.generic]) -> Vector:
-        """Return directions in the optical frame, z = 1, of places in the image."""
+        """Return the directions of pixels in the optical frame, with z = 1."""
         view = self._view
         x = (np.asarray(u, dtype=np.float64) - view.centre[0]) / view.focal[0]
         y = (np.asarray(v, dtype=np.float64) - view.centre[1]) / view.focal[1]
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def _horizontal(self) -> Mask:
-        """Return where height changes little towards a neighbour in the row and in the column."""
+        """Return where the height changes little to a neighbour in the row and in the column."""
         limit = _SLOPE * self._view.depth / max(self._view.focal)
         flat = np.ones(limit.shape, dtype=bool)
         for axis in (0, 1):
@@ -114,7 +113,7 @@ class Scene:
                     yield self._patch(own, among & ~own, rows + top, columns + left)
 
     def _patch(self, own: Mask, alike: Mask, rows: Indices, columns: Indices) -> Patch:
-        """Return a face; own: its pixels; alike: others of its colour."""
+        """Return a patch; own: its pixels; alike: others of its colour."""
         height = float(np.median(self._height[rows, columns]))
         return Patch(
             height=height,
@@ -126,10 +125,10 @@ class Scene:
     def _edge(
         self, own: Mask, alike: Mask, rows: Indices, columns: Indices, height: float
     ) -> Vector:
-        """Return the points half-way between a pixel of the face and one beyond its end.
+        """Return the points half-way between a pixel of the face and one beyond its edge.
 
-        Where something higher hides the rest, or stands on it, or the image ends, the face may go
-        on. What is alike and only a little higher is the foot of something that stands on it.
+        The face may continue below an object that is higher, and beyond the image. A neighbour of
+        the same colour that is only slightly higher is the foot of an object on the face.
         """
         end = ~own & (self._height < np.where(alike, height, height + LEVELS_APART))
         found = []
@@ -143,7 +142,7 @@ class Scene:
         return np.concatenate(found)
 
     def _on_plane(self, u: NDArray[np.generic], v: NDArray[np.generic], height: float) -> Vector:
-        """Return x, y, shape (n, 2) [m], where the rays of places in the image reach a height."""
+        """Return x, y, shape (n, 2) [m], where the rays of pixels reach a height."""
         rays = self._rays(u, v) @ self._camera.rotation.T
         reach = (height - self._camera.position[2]) / rays[:, 2]
         points: Vector = self._camera.position[:2] + rays[:, :2] * reach[:, None]
@@ -151,7 +150,7 @@ class Scene:
 
 
 def _levels(heights: Vector) -> list[tuple[float, float]]:
-    """Return lowest and highest of each group of heights with a gap to the next."""
+    """Return the lowest and highest of each group of heights, separated by gaps."""
     if not heights.size:
         return []
     ordered = np.sort(heights)

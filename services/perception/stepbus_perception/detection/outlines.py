@@ -1,4 +1,4 @@
-"""Outlines of known size, fitted to points of their edge by least squares."""
+"""Outlines of known size, fitted to edge points by least squares."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _STEP = 1e-6
 """Steps shorter than this end the fit [m, rad]."""
 _DAMPING = 1e-6
 _FAR = 3.0
-"""Points further from the outline than this many times the rest are not of its edge."""
+"""Edge points farther from the outline than this multiple of the median are outliers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Where an outline lies.
+    """The pose of an outline.
 
     centre: x, y [m]. yaw: [rad]; 0 for a disc. rms: distance of the edge points from it [m].
     """
@@ -35,23 +35,23 @@ class Outline(Protocol):
 
     @property
     def area(self) -> float:
-        """Return what it encloses [m²]."""
+        """Return its area [m²]."""
 
     @property
     def reach(self) -> float:
         """Return the largest distance of its edge from its centre [m]."""
 
     def guess(self, points: Vector) -> Vector:
-        """Return x, y, yaw to begin with; points: of the face, shape (n, 2) [m]."""
+        """Return an initial x, y, yaw; points: of the face, shape (n, 2) [m]."""
 
     def residuals(self, at: Vector, edge: Vector) -> tuple[Vector, Vector]:
-        """Return how far edge points are outside, shape (k,), and the slopes, shape (k, 3).
+        """Return how far edge points are outside, shape (k,), and the Jacobian, shape (k, 3).
 
         at: x, y, yaw. edge: shape (k, 2) [m].
         """
 
     def canonical(self, yaw: float) -> float:
-        """Return the smallest of the turns that look the same [rad]."""
+        """Return the smallest yaw with the same outline [rad]."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,11 @@ class Disc:
         return self.radius
 
     def guess(self, points: Vector) -> Vector:
-        """Return the middle of the points."""
+        """Return the mean of the points."""
         return np.array([*points.mean(axis=0), 0.0])
 
     def residuals(self, at: Vector, edge: Vector) -> tuple[Vector, Vector]:
-        """Return |e - c| - r and its slopes; a turn changes nothing."""
+        """Return |e - c| - r and its Jacobian; the yaw has no effect."""
         away = edge - at[:2]
         distance = np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)
         slopes = np.column_stack([-away / distance[:, None], np.zeros(len(edge))])
@@ -104,8 +104,8 @@ class Rectangle:
         return math.hypot(self.length_x, self.length_y) / 2
 
     def guess(self, points: Vector) -> Vector:
-        """Return the smallest rectangle around the points, turned so that long lies on long."""
-        import cv2  # noqa: PLC0415  ground truth works without it
+        """Return the smallest rectangle around the points, with matching long sides."""
+        import cv2  # noqa: PLC0415  source truth works without it
 
         (x, y), (width, height), degrees = cv2.minAreaRect((points * 1e3).astype(np.float32))
         yaw = math.radians(degrees)
@@ -114,7 +114,7 @@ class Rectangle:
         return np.array([x * 1e-3, y * 1e-3, self.canonical(yaw)])
 
     def residuals(self, at: Vector, edge: Vector) -> tuple[Vector, Vector]:
-        """Return the distance from the nearest side's line, and its slopes."""
+        """Return the distance from the line of the nearest side, and its Jacobian."""
         c, s = math.cos(at[2]), math.sin(at[2])
         local = (edge - at[:2]) @ np.array([[c, -s], [s, c]])
         beyond = np.abs(local) - [self.length_x / 2, self.length_y / 2]
@@ -126,17 +126,17 @@ class Rectangle:
         return beyond.max(axis=1), slopes
 
     def canonical(self, yaw: float) -> float:
-        """Return the turn within ±45° for a square, within ±90° for a rectangle."""
+        """Return the yaw within ±45° for a square, within ±90° for a rectangle."""
         same = math.pi / 2 if math.isclose(self.length_x, self.length_y) else math.pi
         return yaw - same * round(yaw / same)
 
 
 def fit(outline: Outline, points: Vector, edge: Vector) -> Fit:
-    """Return where an outline lies best.
+    """Return the best pose of an outline.
 
-    points: of the face, shape (n, 2); edge: of its edge, shape (k, 2) [m]. By Gauss-Newton on the
-    signed distances of the edge points; those far off are left out and the rest is fitted again.
-    What the edge does not determine stays as the points suggest.
+    points: of the face, shape (n, 2); edge: of its edge, shape (k, 2) [m]. Gauss-Newton minimises
+    the signed distances of the edge points; a second fit leaves out the outliers. What the edge
+    does not determine stays at the initial guess.
     """
     at = _solve(outline, outline.guess(points), edge)
     off = np.abs(outline.residuals(at, edge)[0])

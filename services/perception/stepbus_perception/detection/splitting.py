@@ -1,4 +1,4 @@
-"""Faces of several items that touch and look like one."""
+"""Splits a patch that shows the faces of several touching items."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _ROUNDS = 50
 
 
 def split(patch: Patch, area: float) -> list[Patch]:
-    """Return the parts that a face has by its area, none where it is one; area: of one [m²].
+    """Return the parts of a patch, none if it is a single face; area: of one face [m²].
 
-    By k-means from places along the longest axis: equal convex faces side by side part well.
+    Uses k-means, which separates equal convex faces well, initialised along the longest axis.
     """
     count = round(patch.area / area)
     if not 2 <= count <= 6:
