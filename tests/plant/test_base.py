@@ -6,7 +6,7 @@ import pytest
 from devices_support import make_stand, write_base
 
 from stepbus_plant.errors import CommandError
-from stepbus_plant.world.file import BaseRow, ContactsRow, GripperRow
+from stepbus_plant.world.declaration import BaseRow, ContactsRow, GripperRow
 from stepbus_schemas import BaseCommand, JointCommand, WiringError
 
 WORLD = """

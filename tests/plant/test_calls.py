@@ -67,7 +67,7 @@ def test_a_limit_that_there_is_not_is_none(tmp_path):
         (("joint1", float("nan")), "joint joint1 cannot be teleported to nan"),
         (("joint1", "x"), "joint joint1: 'x' is not a number"),
         (("jont1", 0.0), "joint 'jont1' is unknown; did you mean 'joint1'"),
-        ((3, 0.0), "joint 3 is unknown; there is joint1, joint2"),
+        ((3, 0.0), "joint 3 is unknown; known: joint1, joint2"),
     ],
 )
 def test_a_joint_is_not_put_where_it_cannot_be(tmp_path, args, sentence):

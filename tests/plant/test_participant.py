@@ -94,15 +94,17 @@ def test_wrong_ports_and_wrong_parameters_are_listed_together():
     starts = [line.split(": ")[0] for line in str(caught.value).splitlines()]
     assert starts == [
         "participants.plant.inputs.command",
-        "participants.plant.outputs.joint_state",
         "participants.plant.outputs.copy",
-        "participants.plant.params.sense",
+        "participants.plant.outputs.joint_state",
         "participants.plant.params.jonts",
+        "participants.plant.params.sense",
     ]
 
 
 def test_a_world_that_does_not_exist_is_refused():
-    with pytest.raises(WiringError, match=r"participants\.plant\.params: no file 'moon\.yaml'"):
+    with pytest.raises(
+        WiringError, match=r"participants\.plant\.params\.world: no file 'moon\.yaml'"
+    ):
         PlantParticipant(config(world="moon.yaml"))
 
 
@@ -123,8 +125,8 @@ def test_poses_are_published_at_their_own_period():
     ("text", "sentence"),
     [
         ("7ms", "plant: params.poses_period: 7ms is not a multiple of the step [(]5ms[)]"),
-        ("0s", "plant: params.poses_period: "),
-        ("often", "plant: params.poses_period: "),
+        ("0s", r"plant\.params\.poses_period: '0s' must be longer than 0"),
+        ("often", r"plant\.params\.poses_period: 'often' is no duration"),
     ],
 )
 def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from plant_support import digest, make_plant, swing
 
-from stepbus_plant import read_params
+from stepbus_plant import Params
 from stepbus_schemas import WiringError
 
 
@@ -12,7 +12,7 @@ def positions(folder, steps=2000, seed=3, **params):
 
 
 def read(params):
-    checked = read_params("plant", {"world": "world.yaml", **params})
+    checked = Params.of({"world": "world.yaml", **params})
     return {key: getattr(checked, key) for key in params}
 
 
@@ -96,16 +96,16 @@ def test_all_mistakes_of_the_parameters_are_listed():
         "jonts": ["joint1"],
     }
     with pytest.raises(WiringError) as caught:
-        read_params("plant", params)
+        Params.of(params)
     lines = str(caught.value).splitlines()
-    assert [line.split(":")[0].removeprefix("participants.plant.params") for line in lines] == [
-        ".sense",
-        ".noise.position",
-        ".noise.speed",
-        ".resolution.position",
-        ".actuation",
-        ".jonts",
-        "",
+    assert [line.split(":")[0] for line in lines] == [
+        "the key 'world' is missing",
+        "actuation",
+        "jonts",
+        "noise.position",
+        "noise.speed",
+        "resolution.position",
+        "sense[1]",
     ]
 
 
@@ -122,8 +122,8 @@ def test_all_mistakes_of_the_parameters_are_listed():
 )
 def test_contradicting_parameters_are_refused(params, mistake):
     with pytest.raises(WiringError, match=mistake):
-        read_params("plant", {"world": "world.yaml", **params})
+        Params.of({"world": "world.yaml", **params})
 
 
 def test_a_parameter_that_is_null_counts_as_absent():
-    assert read_params("plant", {"world": "w.yaml", "noise": None}).noise.position == 0.0
+    assert Params.of({"world": "w.yaml", "noise": None}).noise.position == 0.0

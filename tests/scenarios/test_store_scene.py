@@ -11,8 +11,8 @@ import pytest
 
 from stepbus_kinematics import RobotModel
 from stepbus_motion.ik.analytic import AnalyticChain
-from stepbus_plant import Params, Plant, load_world, read_params
-from stepbus_plant.world.stock import StockParams
+from stepbus_plant import Params, Plant, load_world
+from stepbus_plant.world.declaration import StockParams
 
 STORE = Path(str(resources.files("stepbus_scenarios"))) / "store"
 ROBOT = STORE / "robot.urdf.xacro"
@@ -96,7 +96,7 @@ def test_sleeping_items_do_not_change_the_repeatability():
 def test_a_sleeping_body_that_the_script_lifts_falls():
     world = load_world(STORE / "world.yaml", StockParams(fill=0))
     script = [{"at": "2.8s", "body": "crate", "position": [3, 3, 0.5]}]
-    params = read_params("plant", {"world": "world.yaml", "script": script})
+    params = Params.of({"world": "world.yaml", "script": script})
     plant = Plant(world, params, 8_000_000, 0)
     sensor = plant.pose_sensor(["crate_box"])
     heights = []

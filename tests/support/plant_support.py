@@ -48,7 +48,7 @@ def make_plant(
     """Return a plant of some bodies; by default of the two-link arm."""
     rows = "".join(bodies or [body("arm", "two_link")])
     path = write_world(folder, f"{world}\nbodies:\n{rows}")
-    return Plant(load_world(path), Params(world=path.name, **params), step_ns, seed)
+    return Plant(load_world(path), Params.of({"world": path.name, **params}), step_ns, seed)
 
 
 def drive(plant: Plant, command: JointCommand, steps: int) -> np.ndarray:

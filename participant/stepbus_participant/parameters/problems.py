@@ -125,7 +125,11 @@ class Problems:
     def refuse(self) -> None:
         """Raise SettingsError with all problems, if there are any."""
         if self._found:
-            raise SettingsError(self._found)
+            raise self.error()
+
+    def error(self) -> SettingsError:
+        """Return all problems as one error."""
+        return SettingsError(self._found)
 
 
 def dotted(keys: Keys) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -69,8 +70,8 @@ def find_problems(
 ) -> list[tuple[Keys, str]]:
     """Return what is wrong with plain data: keys and a sentence each."""
     problems = Problems()
-    read(settings, data, problems, folder=folder)
-    return problems.plain
+    found = read(settings, data, problems, folder=folder)
+    return problems.plain or list(found.file_problems())
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,8 @@ class _Reader:
 
     def struct(self, node: Any, data: Any, keys: Keys) -> Any:
         cls = node.cls
+        if isinstance(data, cls):
+            return data
         short = cls.short if isinstance(data, str) else ""
         if short:
             data = {short: data}
@@ -104,7 +107,7 @@ class _Reader:
             required = [field.encode_name for field in node.fields if field.required]
             if data is not None:
                 self.problems.add(keys, f"must be {form}, not {show(data)}")
-            elif required:
+            elif required and not self.problems.has(keys):
                 self.problems.add(keys, f"is empty; it needs at least {', '.join(required)}")
             return empty(node)
         before = len(self.problems)
@@ -246,10 +249,10 @@ class _Reader:
             return self.wrong(keys, f"must be a file name, not {show(data)}", Path())
         if self.folder is None:
             return Path(data)
-        try:
-            return find_file(data, self.folder)
-        except WiringError as exc:
-            return self.wrong(keys, str(exc), Path())
+        found = self.problems.attempt(keys, partial(find_file, data, self.folder)) or Path()
+        if found.is_dir() and found != Path():
+            return self.wrong(keys, f"{data!r} is a folder ({found})", Path())
+        return found
 
     def _names(self, node: Any, data: Any, keys: Keys) -> tuple[str, ...]:
         before = len(self.problems)
@@ -305,7 +308,8 @@ class _Fields:
         key = field.encode_name
         applies = self._applies(field)
         if key not in self.data:
-            if field.required and applies and self._is_decided(field):
+            is_missing = field.required and applies and self._is_decided(field)
+            if is_missing and not self.reader.problems.has((*self.keys, key)):
                 self.reader.problems.add(self.keys, f"the key {key!r} is missing")
             return empty(field.type) if field.required else default(field)
         if not applies:

@@ -55,6 +55,10 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
         """Yield what is wrong among values that are fine one by one: keys and a sentence."""
         return ()
 
+    def file_problems(self) -> Iterable[tuple[Keys, str]]:
+        """Yield what is wrong in files, for `stepbus validate`; called where all else is fine."""
+        return ()
+
     @classmethod
     def of(cls, data: Mapping[str, Any], folder: Path | None = None) -> Self:
         """Return plain data as these settings.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,13 @@ class YamlFile:
     def problems(self) -> Problems:
         """Return a collector with what is wrong so far, which knows the lines."""
         return Problems(self.file, self.places, self.found)
+
+    def refuse(self, found: Iterable[tuple[Keys, str]]) -> None:
+        """Raise SettingsError with what was found wrong at some keys, if it is anything."""
+        problems = self.problems()
+        for keys, message in found:
+            problems.add(keys, message)
+        problems.refuse()
 
 
 def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:

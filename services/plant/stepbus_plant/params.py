@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Iterator
+from typing import Literal
 
 import msgspec
 
-from stepbus_participant.durations import parse_duration
+from stepbus_participant import Duration, File, Names, NonNegative, Positive, Settings, Text
+from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
-from .checked import NonNegative, Positive, find_problems, without_nulls
-from .world.actions import Action, action_problems
-from .world.file import Actuation
-from .world.stock import StockParams
+from .world.actions import Action
+from .world.declaration import Actuation, StockParams, read_world
 
 Quantity = Literal["position", "velocity", "effort"]
 
 
-class Noise(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Noise(Settings):
     """Standard deviation of the Gaussian noise on each sensed quantity."""
 
     position: NonNegative = 0.0
@@ -29,7 +28,7 @@ class Noise(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """[N·m]"""
 
 
-class Resolution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Resolution(Settings):
     """Distance between two values that a sensor tells apart; absent: it tells all apart."""
 
     position: Positive | None = None
@@ -40,78 +39,58 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """[N·m]"""
 
 
-class Params(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Params(Settings):
     """What `params` of the plant may say."""
 
-    world: str
+    world: File
     """World file: relative to the scenario, absolute, or `package://<package>/<path>`."""
-    joints: list[str] | None = None
+    joints: Names | None = None
     """Joints that are sensed, in this order. Default: all movable ones, in the models' order.
 
     The others are driven and commanded alike, as the world says; they are only not sensed."""
     sense: tuple[Quantity, ...] = ("position", "velocity", "effort")
     """Quantities that are sensed."""
     noise: Noise = Noise()
+    """Standard deviation of the Gaussian noise on each sensed quantity."""
     resolution: Resolution = Resolution()
+    """Distance between two values that a sensor tells apart. Default: it tells all apart."""
     actuation: Actuation = "direct"
     """How mode torque is carried out, where the world does not say it for a joint."""
     effort: dict[str, NonNegative] = {}
     """Joint → largest torque of its motor [N·m], over the world's and the URDF's."""
-    poses: list[str] | None = None
+    poses: tuple[Text, ...] | None = None
     """Links whose poses an output of type Poses/1 has, in this order. Default: all."""
-    poses_period: str | None = None
+    poses_period_ns: Duration | None = None
     """From one Poses/1 to the next, a multiple of the step, e.g. `40ms`. Default: each step."""
-    physics_step: str | None = None
+    physics_step_ns: Duration | None = None
     """Length of a physics substep over the world's, e.g. `8ms`: larger ones are faster."""
     cameras: bool = True
     """Whether cameras give images; without them a run is faster."""
     stock: StockParams | None = None
     """What stands on the shelves of a world with a stock. Default: that of seed 0."""
-    script: list[Action] = []
+    script: tuple[Action, ...] = ()
     """What happens to the world in the run."""
 
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong among parameters that are fine one by one."""
+        for key in ("noise", "resolution"):
+            for quantity, value in msgspec.structs.asdict(getattr(self, key)).items():
+                if value and quantity not in self.sense:
+                    text = f"{quantity} is not in 'sense' ({', '.join(self.sense)})"
+                    yield (key, quantity), text
+        for key in ("sense", "poses"):
+            names = getattr(self, key) or ()
+            for name in dict.fromkeys(names):
+                if names.count(name) > 1:
+                    yield (key,), f"names {name!r} twice"
+        if not self.sense:
+            yield ("sense",), "is empty; sense at least 'position'"
 
-def read_params(name: str, params: Mapping[str, Any]) -> Params:
-    """Return a participant's `params` as frozen type.
-
-    name: of the participant. Raises WiringError that lists all mistakes.
-    """
-    given = without_nulls(params)
-    plain = {key: value for key, value in given.items() if key != "script"}
-    found = [*find_problems(plain, Params), *action_problems(given.get("script", []))]
-    problems = [(".".join(where), text) for where, text in found]
-    if not problems:
-        converted = msgspec.convert(given, Params)
-        problems = _contradictions(converted)
-        if not problems:
-            return converted
-    prefix = f"participants.{name}.params"
-    raise WiringError(
-        "\n".join(f"{prefix}{'.' if where else ''}{where}: {text}" for where, text in problems)
-    )
-
-
-def _contradictions(params: Params) -> list[tuple[str, str]]:
-    """Return what is wrong among parameters that are fine one by one."""
-    problems = []
-    for key in ("noise", "resolution"):
-        row = msgspec.structs.asdict(getattr(params, key))
-        problems += [
-            (f"{key}.{quantity}", f"{quantity} is not in 'sense' ({', '.join(params.sense)})")
-            for quantity, value in row.items()
-            if value and quantity not in params.sense
-        ]
-    for key in ("joints", "sense", "poses"):
-        names = getattr(params, key) or []
-        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-        problems += [(key, f"names {item!r} twice") for item in twice]
-    if params.physics_step is not None:
+    def file_problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong with the world file."""
         try:
-            parse_duration(params.physics_step)
+            _, _, problems = read_world(self.world)
+            problems.refuse()
         except WiringError as exc:
-            problems.append(("physics_step", str(exc)))
-    if not params.sense:
-        problems.append(("sense", "is empty; sense at least 'position'"))
-    if params.joints == []:
-        problems.append(("joints", "is empty; leave it out to sense all joints"))
-    return problems
+            for line in str(exc).splitlines():
+                yield ("world",), line

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant import Method
+from stepbus_participant import Method, Problems
 from stepbus_participant.config import Config
-from stepbus_participant.durations import format_duration, parse_duration
+from stepbus_participant.durations import format_duration
 from stepbus_participant.participant import Participant
 from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
@@ -17,7 +17,7 @@ from stepbus_schemas import Description, Event, InputConfig, JointState, Message
 from .devices import camera
 from .devices import registry as devices
 from .devices.registry import Driver
-from .params import read_params
+from .params import Params
 from .plant import Plant
 from .world.file import load_world
 
@@ -40,14 +40,8 @@ class PlantParticipant(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        problems = self._port_problems()
-        try:
-            params = read_params(config.name, config.params)
-            world = load_world(config.path(params.world), params.stock)
-        except WiringError as exc:
-            raise WiringError("\n".join([*problems, str(exc)])) from exc
-        if problems:
-            raise WiringError("\n".join(problems))
+        params = config.read(Params, self._port_problems())
+        world = load_world(params.world, params.stock)
         self.plant = Plant(world, params, config.step_ns * config.every, config.seed)
         self._drivers: dict[str, Driver] = {}
         outputs = config.outputs.items()
@@ -58,7 +52,7 @@ class PlantParticipant(Participant):
         self._events: list[str] = []
         try:
             self._poses = self.plant.pose_sensor(params.poses)
-            self._poses_period = _period(params.poses_period, config.step_ns * config.every)
+            self._poses_period = _period(params.poses_period_ns, config.step_ns * config.every)
             self._views = self.plant.cameras.views(
                 name for name, port in outputs if port.type == camera.TYPE
             )
@@ -72,17 +66,15 @@ class PlantParticipant(Participant):
             self.plant.close()
             raise WiringError(f"{config.name}: {exc}") from exc
 
-    def _port_problems(self) -> list[str]:
-        ports = [
-            *(("inputs", n, p.type) for n, p in self.config.inputs.items()),
-            *(("outputs", n, p.type) for n, p in self.config.outputs.items()),
-        ]
-        return [
-            f"participants.{self.config.name}.{side}.{name}: a plant's {side} have type "
-            f"{' or '.join(_TYPES[side])}, not {given}"
-            for side, name, given in ports
-            if given not in _TYPES[side]
-        ]
+    def _port_problems(self) -> Problems:
+        problems = self.config.problems()
+        for side, ports in (("inputs", self.config.inputs), ("outputs", self.config.outputs)):
+            for name, port in ports.items():
+                if port.type not in _TYPES[side]:
+                    types = " or ".join(_TYPES[side])
+                    text = f"a plant's {side} have type {types}, not {port.type}"
+                    problems.add((side, name), text)
+        return problems
 
     def describe(self) -> Mapping[str, Description]:
         """Return what the vectors of each output belong to, with their constant properties."""
@@ -166,18 +158,11 @@ class PlantParticipant(Participant):
         self.plant.close()
 
 
-def _period(text: str | None, step_ns: int) -> int:
-    """Return the period of the poses [ns].
-
-    Raises WiringError unless it is a multiple of the step.
-    """
-    if text is None:
+def _period(period_ns: int | None, step_ns: int) -> int:
+    """Return the period of the poses [ns]; raises WiringError for one that steps do not meet."""
+    if period_ns is None:
         return step_ns
-    try:
-        period = parse_duration(text)
-    except WiringError as exc:
-        raise WiringError(f"params.poses_period: {exc}") from exc
-    if period <= 0 or period % step_ns:
-        step = format_duration(step_ns)
-        raise WiringError(f"params.poses_period: {text} is not a multiple of the step ({step})")
-    return period
+    if period_ns % step_ns:
+        period, step = format_duration(period_ns), format_duration(step_ns)
+        raise WiringError(f"params.poses_period: {period} is not a multiple of the step ({step})")
+    return period_ns

@@ -8,10 +8,9 @@ from typing import Any
 
 import msgspec
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import Problems, suggest
 from stepbus_schemas import Description, JointState, WiringError
 
-from .checked import Gathered
 from .devices.camera import Cameras
 from .devices.poses import PoseSensor
 from .devices.registry import Devices
@@ -41,7 +40,7 @@ class Plant:
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
-        step_ns = world.physics_ns(period_ns, params.physics_step)
+        step_ns = world.physics_ns(period_ns, params.physics_step_ns)
         self._world = world
         self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
@@ -67,17 +66,18 @@ class Plant:
         Raises WiringError that lists all mistakes.
         """
         world, physics, period_ns = self._world, self._physics, self._period_ns
-        made = Gathered()
-        made.get(physics.prepare)
-        joints = made.get(lambda: _select(params.joints, physics))
-        devices = made.get(lambda: Devices(world, physics, self._bodies))
-        cameras = made.get(
-            lambda: Cameras(world, physics.client, self._bodies, period_ns, enabled=params.cameras)
+        problems = Problems()
+        problems.attempt((), physics.prepare)
+        joints = problems.attempt((), lambda: _select(params.joints, physics))
+        devices = problems.attempt((), lambda: Devices(world, physics, self._bodies))
+        cameras = problems.attempt(
+            (),
+            lambda: Cameras(world, physics.client, self._bodies, period_ns, enabled=params.cameras),
         )
         names = list(world.cameras)
-        made.get(lambda: check_script(params.script, physics, self._bodies, names))
-        if made.lines or joints is None or devices is None or cameras is None:
-            raise WiringError("\n".join(made.lines))
+        problems.attempt((), lambda: check_script(params.script, physics, self._bodies, names))
+        if len(problems) or joints is None or devices is None or cameras is None:
+            raise problems.error()
         self._joints, self.devices, self.cameras = joints, devices, cameras
         self.script = Script(params.script, physics, self._bodies, cameras)
 
@@ -203,7 +203,7 @@ def _select(names: Sequence[str] | None, physics: Physics) -> list[Joint]:
     mistakes = [
         f"params.joints: {name!r} is fixed in its model"
         if name in physics.fixed
-        else f"params.joints: {name!r} is unknown; {nearest(name, known)}"
+        else f"params.joints: {name!r} is unknown{suggest(name, known)}"
         for name in names
         if name not in known
     ]

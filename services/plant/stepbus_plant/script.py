@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pybullet as bullet
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 from .devices.camera import Cameras
@@ -133,4 +133,4 @@ def check_script(
 def _unknown(key: str, name: str, known: Collection[str], fixed: Collection[str]) -> str:
     if key == "jam" and name in fixed:
         return f"joint {name!r} is fixed in its model"
-    return f"{'joint' if key == 'jam' else key} {name!r} is unknown; {nearest(name, known)}"
+    return f"{'joint' if key == 'jam' else key} {name!r} is unknown{suggest(name, known)}"

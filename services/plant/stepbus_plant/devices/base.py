@@ -8,7 +8,7 @@ from stepbus_plant.errors import CommandError
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
-from stepbus_plant.world.file import BaseRow
+from stepbus_plant.world.declaration import BaseRow
 from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
 
 

@@ -9,10 +9,11 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 import pybullet as bullet
 
-from stepbus_participant.durations import format_duration, parse_duration
-from stepbus_participant.settings import nearest
-from stepbus_plant.checked import Problem
-from stepbus_plant.world.file import CameraRow, World
+from stepbus_participant import suggest
+from stepbus_participant.durations import format_duration
+from stepbus_participant.parameters import Keys
+from stepbus_plant.world.declaration import CameraRow
+from stepbus_plant.world.file import World
 from stepbus_schemas import Description, Image, WiringError
 
 from .poses import PoseSensor, link_indices
@@ -44,7 +45,7 @@ class Camera:
 
     def __init__(self, row: CameraRow, client: int, bodies: Sequence[str]) -> None:
         self.row = row
-        self.period_ns = parse_duration(row.period)
+        self.period_ns = row.period_ns
         self._client = client
         self._pose = PoseSensor(client, bodies, [row.link])
         self._focal = row.height / 2 / math.tan(row.fov / 2)
@@ -212,25 +213,16 @@ class Views:
         }
 
 
-def _problems(name: str, row: CameraRow, links: Iterable[str], period_ns: int) -> Iterable[Problem]:
+def _problems(
+    name: str, row: CameraRow, links: Iterable[str], period_ns: int
+) -> Iterable[tuple[Keys, str]]:
     """Yield the mistakes about a camera; period_ns: length of the plant's step [ns]."""
     if row.link not in links:
         yield (
             ("cameras", name, "link"),
-            f"link {row.link!r} is unknown; {nearest(row.link, links)}",
+            f"link {row.link!r} is unknown{suggest(row.link, links)}",
         )
-    if row.fov >= math.pi:
-        hint = f"is it in degrees? {row.fov:g}° is {math.radians(row.fov):.4f} rad"
-        yield ("cameras", name, "fov"), f"{row.fov:g} rad is half a turn or more; {hint}"
-    if row.near >= row.far:
-        text = f"{row.near:g} m is not less than 'far', {row.far:g} m"
-        yield ("cameras", name, "near"), text
-    try:
-        rest = parse_duration(row.period) % period_ns
-    except WiringError as exc:
-        yield ("cameras", name, "period"), str(exc)
-    else:
-        if rest:
-            step = format_duration(period_ns)
-            text = f"{row.period} is not a multiple of the plant's step ({step})"
-            yield ("cameras", name, "period"), text
+    if row.period_ns % period_ns:
+        period, step = format_duration(row.period_ns), format_duration(period_ns)
+        text = f"{period} is not a multiple of the plant's step ({step})"
+        yield ("cameras", name, "period"), text

@@ -15,7 +15,7 @@ from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
-from stepbus_plant.world.file import GripperRow
+from stepbus_plant.world.declaration import GripperRow
 from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
 
 from .poses import LinkIndex

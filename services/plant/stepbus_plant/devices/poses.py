@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import pybullet as bullet
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_plant.world.file import World
 from stepbus_plant.world.shapes import Appearance, read_appearances
 from stepbus_schemas import Description, Poses, WiringError
@@ -35,7 +35,7 @@ class PoseSensor:
         self.names = list(known if links is None else links)
         unknown = [name for name in self.names if name not in known]
         if unknown:
-            lines = (f"params.poses: link {n!r} is unknown; {nearest(n, known)}" for n in unknown)
+            lines = (f"params.poses: link {n!r} is unknown{suggest(n, known)}" for n in unknown)
             raise WiringError("\n".join(lines))
         self._indices = [known[name] for name in self.names]
         self._bases = {body: self._to_urdf(body) for body, link in self._indices if link == _BASE}

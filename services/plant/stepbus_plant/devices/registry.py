@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from stepbus_participant.settings import nearest
-from stepbus_plant.checked import Problem
+from stepbus_participant import suggest
+from stepbus_participant.parameters import Keys
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
-from stepbus_plant.world.file import BaseRow, GripperRow, World
+from stepbus_plant.world.declaration import BaseRow, GripperRow
+from stepbus_plant.world.file import World
 from stepbus_schemas import Description, Message, WiringError
 
 from .base import Base, BaseDriver
@@ -78,7 +79,7 @@ class Devices:
             [
                 *_pair_problems("bases", world.bases, joints, rotary=True),
                 *_pair_problems("grippers", world.grippers, joints, rotary=False),
-                *_link_problems(world, watched, indices, bodies),
+                *_link_problems(watched, indices, bodies),
             ]
         )
         self._bases = {
@@ -152,9 +153,9 @@ def _pair_problems(
     joints: Mapping[str, Joint],
     *,
     rotary: bool,
-) -> list[Problem]:
+) -> list[tuple[Keys, str]]:
     """Return the mistakes about joints that devices drive in pairs."""
-    problems: list[Problem] = []
+    problems: list[tuple[Keys, str]] = []
     for name, row in rows.items():
         sides = {"left": row.left, "right": row.right}
         found = [
@@ -172,7 +173,7 @@ def _pair_problems(
 
 def _joint_problem(name: str, joints: Mapping[str, Joint], *, rotary: bool) -> str | None:
     if name not in joints:
-        return f"joint {name!r} is unknown; {nearest(name, joints)}"
+        return f"joint {name!r} is unknown{suggest(name, joints)}"
     joint = joints[name]
     if joint.is_rotary != rotary:
         return f"joint {name!r} is {joint.type}, not {'revolute' if rotary else 'prismatic'}"
@@ -182,19 +183,13 @@ def _joint_problem(name: str, joints: Mapping[str, Joint], *, rotary: bool) -> s
 
 
 def _link_problems(
-    world: World,
     watched: Mapping[str, Sequence[str] | None],
     indices: Mapping[str, LinkIndex],
     bodies: Sequence[str],
-) -> list[Problem]:
-    problems: list[Problem] = [
-        (("contacts", name, "within"), "needs 'links', the ones to measure the distance from")
-        for name, row in world.contacts.items()
-        if row.within and row.links is None
-    ]
+) -> list[tuple[Keys, str]]:
     known = [*indices, *(f"{body}/*" for body in bodies)]
-    return problems + [
-        (("contacts", name, "links"), f"link {link!r} is unknown; {nearest(link, known)}")
+    return [
+        (("contacts", name, "links"), f"link {link!r} is unknown{suggest(link, known)}")
         for name, links in watched.items()
         for link in links or ()
         if link not in indices

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from stepbus_participant import CallError, Method
-from stepbus_participant.settings import nearest
+from stepbus_participant import CallError, Method, suggest
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 
@@ -101,5 +100,5 @@ class JointCalls:
 
     def _joint(self, name: str) -> Joint:
         if not isinstance(name, str) or name not in self._joints:
-            raise CallError(f"joint {name!r} is unknown; {nearest(str(name), self._joints)}")
+            raise CallError(f"joint {name!r} is unknown{suggest(str(name), self._joints)}")
         return self._joints[name]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NoReturn
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_plant.errors import CommandError
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
@@ -66,7 +66,7 @@ class Commander:
         mistakes = [
             f"joint {n!r} is fixed in its model; no command moves it"
             if n in self._physics.fixed
-            else f"joint {n!r} is unknown; {nearest(n, known)}"
+            else f"joint {n!r} is unknown{suggest(n, known)}"
             for n in names
             if n not in known
         ]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import pybullet as bullet
 
-from stepbus_participant.settings import nearest
-from stepbus_plant.checked import Problem
+from stepbus_participant import suggest
+from stepbus_participant.parameters import Keys
 from stepbus_plant.errors import PhysicsError
 from stepbus_plant.params import Params
-from stepbus_plant.world.file import Body, JointSettings, World
+from stepbus_plant.world.declaration import Body, JointSettings
+from stepbus_plant.world.file import World
 from stepbus_plant.world.models import loadable, pairs_without_collision
 from stepbus_plant.world.stock import Item
 from stepbus_schemas import WiringError
@@ -45,7 +45,7 @@ class Physics:
         self._source = world.source
         self._efforts = params.effort
         self._actuation = params.actuation
-        self._problems: list[Problem] = []
+        self._problems: list[tuple[Keys, str]] = []
         self.fixed: set[str] = set()
         self.urdfs: list[bytes] = []
         try:
@@ -87,7 +87,7 @@ class Physics:
         """Load one body and return its movable joints, named as in the URDF."""
         item = world.items.get(name)
         try:
-            with loadable(Path(body.urdf), None if item is None else item.make) as urdf:
+            with loadable(body.urdf, None if item is None else item.make) as urdf:
                 number: int = bullet.loadURDF(
                     str(urdf),
                     basePosition=body.position,
@@ -144,7 +144,7 @@ class Physics:
         if body.srdf is None:
             return
         try:
-            pairs = pairs_without_collision(Path(body.srdf))
+            pairs = pairs_without_collision(body.srdf)
         except WiringError as exc:
             self._problems.append((("bodies", name, "srdf"), str(exc)))
             return
@@ -154,7 +154,7 @@ class Physics:
         self._problems += [
             (
                 ("bodies", name, "srdf"),
-                f"{body.srdf}: link {link!r} is unknown; {nearest(link, links)}",
+                f"{body.srdf}: link {link!r} is unknown{suggest(link, links)}",
             )
             for link in unknown
         ]
@@ -192,7 +192,7 @@ class Physics:
     def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
         known = [joint.name for joint in joints]
         self._problems += [
-            (("bodies", name, "joints", given), f"unknown; {nearest(given, known)}")
+            (("bodies", name, "joints", given), f"unknown{suggest(given, known)}")
             for given in body.joints
             if given not in known
         ]

@@ -11,8 +11,8 @@ from typing import Any
 
 import pybullet as bullet
 
-from stepbus_participant.settings import nearest
-from stepbus_plant.world.file import Actuation, JointSettings, OwnMode
+from stepbus_participant import suggest
+from stepbus_plant.world.declaration import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description, WiringError
 
 _TYPES = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
@@ -165,7 +165,7 @@ def with_efforts(joints: Sequence[Joint], efforts: Mapping[str, float]) -> list[
     """
     names = [joint.name for joint in joints]
     mistakes = [
-        f"params.effort: joint {name!r} is unknown; {nearest(name, names)}"
+        f"params.effort: joint {name!r} is unknown{suggest(name, names)}"
         for name in efforts
         if name not in names
     ]

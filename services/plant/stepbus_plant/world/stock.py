@@ -6,88 +6,17 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import msgspec
 import numpy as np
 
-from stepbus_participant.settings import nearest
-from stepbus_plant.checked import Finite, NonNegative, Positive, Problem, Vector3
+from stepbus_participant import suggest
+from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
-Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
-
-
-class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A mapping of the world file, or of the plant's `params.stock`."""
-
-
-class KindRow(_Row, frozen=True):
-    """A kind of goods."""
-
-    urdf: str
-    """Found like that of a body; one link, whose origin is in the middle of the bottom."""
-    mass: Positive
-    """[kg]; the inertia of the URDF scales with it."""
-    friction: NonNegative = 0.8
-    """Lateral friction [-]; it multiplies with that of what touches the item."""
-    spinning_friction: NonNegative = 0.002
-    """[-]"""
-
-
-class PlacesRow(_Row, frozen=True):
-    """A row of places, counted from 1, from left to right for who faces it."""
-
-    position: Vector3
-    """The middle of the row, where items stand, in the world [m]."""
-    count: Annotated[int, msgspec.Meta(ge=1, le=1000)]
-    pitch: Positive
-    """From one place to the next [m]."""
-    yaw: Finite = 0.0
-    """Direction in which somebody in front of the row looks; items are turned alike [rad]."""
-
-
-class SpreadRow(_Row, frozen=True):
-    """How much items differ from one another: half of the width of each uniform distribution."""
-
-    position: NonNegative = 0.003
-    """Along the row and across it [m]."""
-    yaw: NonNegative = 0.05
-    """[rad]"""
-    mass: Share = 0.03
-    """Relative to the kind's [-]."""
-    friction: Share = 0.05
-    """Relative to the kind's [-]."""
-
-
-class StockRow(_Row, frozen=True):
-    """The stock of a world."""
-
-    kinds: dict[str, KindRow]
-    places: dict[str, PlacesRow]
-    spread: SpreadRow = SpreadRow()
-
-
-class KindChange(_Row, frozen=True):
-    """What the plant's `params.stock` says about a kind, over the world file; absent: nothing."""
-
-    mass: Positive | None = None
-    friction: NonNegative | None = None
-    spinning_friction: NonNegative | None = None
-
-
-class StockParams(_Row, frozen=True):
-    """`params.stock` of the plant."""
-
-    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """Of the kind on each place, and of how items differ from one another."""
-    kinds: dict[str, KindChange] = {}
-    """Kind → what is different about it in this run."""
-    fill: Share = 1.0
-    """Share of the places that have an item [-]."""
-    missing: list[str] = []
-    """Items (`cola_a1_3`), places (`a1_3`), rows (`a1`) and kinds (`cola`) that are not there."""
+from .declaration import KindChange, PlacesRow, StockParams, StockRow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +29,7 @@ class Item:
 
     name: str
     kind: str
-    urdf: str
+    urdf: Path
     position: tuple[float, float, float]
     yaw: float
     mass: float
@@ -208,16 +137,11 @@ def _bears(item: Item, names: Sequence[str]) -> bool:
     return any(name in (item.name, item.kind, place, place.rpartition("_")[0]) for name in names)
 
 
-def stock_problems(stock: StockRow, params: StockParams, bodies: Sequence[str]) -> list[Problem]:
+def stock_problems(
+    stock: StockRow, params: StockParams, bodies: Sequence[str]
+) -> list[tuple[Keys, str]]:
     """Return what is wrong with a stock of a world; bodies: the other ones."""
-    problems: list[Problem] = [
-        (("stock", key), "is empty; leave out the stock instead")
-        for key in ("kinds", "places")
-        if not getattr(stock, key)
-    ]
-    if problems:
-        return problems
-    items = draw_items(stock, msgspec.structs.replace(params, fill=1.0, missing=[]))
+    items = draw_items(stock, msgspec.structs.replace(params, fill=1.0, missing=()))
     counts = Counter([*(item.name for item in items), *bodies])
     return [
         (("stock",), f"{name!r} is the name of two bodies")
@@ -236,12 +160,12 @@ def params_problems(stock: StockRow | None, params: StockParams) -> list[str]:
     kinds = list(stock.kinds)
     return [
         *(
-            f"params.stock.kinds.{name}: unknown; {nearest(name, kinds)}"
+            f"params.stock.kinds.{name}: unknown{suggest(name, kinds)}"
             for name in params.kinds
             if name not in kinds
         ),
         *(
-            f"params.stock.missing: {name!r} is unknown; {nearest(name, known)}"
+            f"params.stock.missing: {name!r} is unknown{suggest(name, known)}"
             for name in params.missing
             if name not in known
         ),
