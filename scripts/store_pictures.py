@@ -86,7 +86,7 @@ class Log:
 
     def time(self, step: int) -> float:
         """Return the simulation time of a step [s]."""
-        entries = self.recording.entries["plant/joint_state"]
+        entries = self.recording["plant/joint_state"].entries()
         return next(entry.t_ns for entry in entries if entry.step == step) * 1e-9
 
     def poses(self, step: int) -> Mapping[str, tuple[Any, Any]]:

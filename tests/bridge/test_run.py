@@ -23,7 +23,9 @@ def nothing_is_left(tmp_path, own_temp):
 
 
 def commands(result):
-    return [entry.data for entry in Recording.open(result.recording).entries["controller/command"]]
+    return [
+        entry.data for entry in Recording.open(result.recording)["controller/command"].entries()
+    ]
 
 
 LOGGED = {

@@ -1,46 +1,35 @@
 """The plots of a run: which panels there are, and what they show."""
 
-from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from recording_support import write
 
 from stepbus_orchestrator.analysis.signals import read_tracking
-from stepbus_orchestrator.recording import Entry, Port, Recording
-from stepbus_orchestrator.report import report
-from stepbus_orchestrator.report.device_panels import device_panels, held_spans
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.report import write_report
+from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
+from stepbus_orchestrator.report.report import draw_report
+from stepbus_orchestrator.report.tracking_panels import draw_error
 from stepbus_schemas import (
     BaseState,
-    Description,
     Goal,
     GripperState,
     JointCommand,
     JointState,
     Poses,
-    encode,
 )
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-STEP_NS = 10_000_000
 
 
-def record(path=Path("none.mcap"), **ports) -> Recording:
-    """Return a recording; ports: name → type, names, messages."""
-    recording = Recording(path=path)
-    for name, (kind, names, messages) in ports.items():
-        topic = f"plant/{name}"
-        recording.ports[topic] = Port(
-            topic=topic,
-            participant="plant",
-            name=name,
-            type=kind,
-            description=Description(names=names),
-        )
-        recording.entries[topic] = [
-            Entry(step=n, t_ns=n * STEP_NS, data=encode(m)) for n, m in enumerate(messages)
-        ]
-    return recording
+@pytest.fixture
+def record(tmp_path):
+    """Return a function that records ports: name → type, names, messages."""
+    return lambda **ports: Recording.open(write(tmp_path / "run.mcap", **ports))
 
 
 def arm(mode="position", **state):
@@ -73,11 +62,11 @@ def draw(panel):
     return axis
 
 
-def test_a_recording_without_devices_has_no_panels_of_them():
+def test_a_recording_without_devices_has_no_panels_of_them(record):
     assert device_panels(record(**arm())) == []
 
 
-def test_a_mobile_manipulator_has_path_speed_gripper_and_height():
+def test_a_mobile_manipulator_has_path_speed_gripper_and_height(record):
     titles = [draw(panel).get_title() for panel in device_panels(record(**mobile()))]
     assert titles == [
         "path of the base, by odometry",
@@ -87,17 +76,17 @@ def test_a_mobile_manipulator_has_path_speed_gripper_and_height():
     ]
 
 
-def test_a_gripper_alone_has_its_panel_alone():
+def test_a_gripper_alone_has_its_panel_alone(record):
     only = {"hand": mobile()["hand"]}
     assert [draw(panel).get_title() for panel in device_panels(record(**only))] == ["gripper"]
 
 
-def test_the_path_is_that_of_odometry():
+def test_the_path_is_that_of_odometry(record):
     x, y = draw(device_panels(record(**mobile()))[0]).lines[0].get_data()
     assert (list(x), list(y)) == ([0.0, 0.5, 1.0, 1.5], [0.0] * 4)
 
 
-def test_the_height_is_that_of_the_link_that_goals_move():
+def test_the_height_is_that_of_the_link_that_goals_move(record):
     line = draw(device_panels(record(**mobile()))[3]).lines[0]
     assert line.get_ydata() == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
@@ -112,22 +101,37 @@ def test_the_height_is_that_of_the_link_that_goals_move():
     ],
 )
 def test_spans_of_holding_last_until_it_is_lost(holding, spans):
-    assert held_spans(np.arange(4.0), np.array(holding, dtype=bool)) == spans
+    assert holding_spans(np.arange(4.0), np.array(holding, dtype=bool)) == spans
 
 
-def test_positions_that_are_commanded_are_not_shown_as_torques():
+def test_positions_that_are_commanded_are_not_shown_as_torques(record):
     assert read_tracking(record(**arm("position"))).command is None
     assert read_tracking(record(**arm("torque"))).command.fields["values"].tolist() == [[7.0]] * 4
 
 
-def test_without_a_reference_the_error_is_that_of_the_motors():
-    axis = draw(lambda axis: report._error(axis, read_tracking(record(**arm(target=[0.5])))))
+def test_without_a_reference_the_error_is_that_of_the_motors(record):
+    axis = draw(lambda axis: draw_error(axis, read_tracking(record(**arm(target=[0.5])))))
     assert axis.get_title() == "error of the motors: target − measured"
     assert axis.lines[1].get_ydata() == pytest.approx([0.5, 0.4, 0.3, 0.2])
 
 
-def test_the_plots_of_a_mobile_manipulator_are_written(tmp_path):
+def test_the_plots_of_a_mobile_manipulator_are_written(record, tmp_path):
     path = tmp_path / "report.png"
     recording = record(**arm(target=[0.5]), **mobile())
-    report._draw("store", read_tracking(recording), device_panels(recording), path)
+    draw_report("store", read_tracking(recording), device_panels(recording), path)
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_nothing_loads_matplotlib_before_it_plots():
+    text = "import sys, stepbus_orchestrator.report; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
+
+
+def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, monkeypatch):
+    record(**arm(target=[0.5]))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.backends.backend_agg", None)
+    (line,) = write_report(tmp_path / "run.mcap")
+    assert line.startswith("no plots  matplotlib")
+    assert line.endswith("is not installed; pip install 'stepbus[report]'")

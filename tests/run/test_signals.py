@@ -63,7 +63,7 @@ def test_ctrl_c_ends_the_run_cleanly_with_its_own_code(tmp_path, start):
     _, errors = process.communicate(timeout=20)
     assert (process.returncode, "interrupted by the user" in errors) == (ExitCode.INTERRUPTED, True)
     recording = Recording.open(tmp_path / "out" / "run.mcap")
-    assert (recording.damage, len(recording.entries["plant/joint_state"]) > 100) == ("", True)
+    assert (recording.damage, len(recording["plant/joint_state"]) > 100) == ("", True)
 
 
 def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_temp, start):
@@ -74,7 +74,7 @@ def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_tem
     assert wait_until(lambda: leftovers(tmp_path) == [])
     assert wait_until(lambda: list(own_temp.iterdir()) == [])
     recording = Recording.open(tmp_path / "out" / "run.mcap")
-    assert len(recording.entries["plant/joint_state"]) > 100
+    assert len(recording["plant/joint_state"]) > 100
 
 
 def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_path, start):
@@ -84,7 +84,7 @@ def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_pa
     assert "cannot be written: File too large; free some disk space" in errors
     assert "Traceback" not in errors
     recording = Recording.open(tmp_path / "out" / "run.mcap")
-    assert len(recording.entries["plant/joint_state"]) > 1000
+    assert len(recording["plant/joint_state"]) > 1000
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")

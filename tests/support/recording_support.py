@@ -1,12 +1,37 @@
-"""Cuts, spoils and compares recordings."""
+"""Writes, cuts, damages and compares recordings."""
 
 import struct
+from itertools import pairwise
 
+import msgspec
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from stepbus_orchestrator.recording import McapFile
+from stepbus_orchestrator.recording.layout import channel_metadata, topic_of
+from stepbus_schemas import Description, encode
+
 MAGIC_BYTES = 8
 HEAD = struct.Struct("<BQ")
+
+
+def write(path, step_ns=10_000_000, **ports):
+    """Write a recording of participant `plant`; ports: name → type, description, messages.
+
+    Each port has one message a step; None for a step without.
+    """
+    file, rows = McapFile(path), []
+    for name, (type_name, description, content) in ports.items():
+        names_only = not isinstance(description, Description)
+        full = Description(names=description) if names_only else description
+        text = msgspec.json.encode(full).decode()
+        metadata = channel_metadata("plant", name, text)
+        channel = file.add_channel(topic_of("plant", name), type_name, metadata)
+        rows += [(step, channel, m) for step, m in enumerate(content) if m is not None]
+    for step, channel, message in sorted(rows, key=lambda row: row[:2]):
+        file.add(channel, step * step_ns, encode(message), step)
+    file.close()
+    return path
 
 
 def messages(path):
@@ -38,7 +63,7 @@ def record_ends(data):
 
 
 def opcodes(data):
-    """Return the kind of each record of a whole file."""
+    """Return the type of each record of a whole file."""
     return [data[end] for end in record_ends(data)[:-1]]
 
 
@@ -63,3 +88,9 @@ def rewrite(source, target, chunk_bytes, **options):
             writer.add_message(numbers[channel.id], time, message.data, time, message.sequence)
         writer.finish()
     return target
+
+
+def chunks(data):
+    """Return (offset, length) of each chunk of a whole file, its head included."""
+    ends = record_ends(data)
+    return [(a, b - a) for a, b in pairwise(ends) if data[a] == 0x06]

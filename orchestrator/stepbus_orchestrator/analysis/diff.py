@@ -81,7 +81,7 @@ def diff(first: Path, second: Path, tolerance: Tolerance | None = None) -> Diff:
         ports=ports,
         only_first=only_first,
         only_second=only_second,
-        steps=(_newest(one), _newest(other)),
+        steps=(one.last_step, other.last_step),
         notes=list(_notes(one, other, topics)),
     )
 
@@ -90,36 +90,26 @@ def _missing(one: Recording, other: Recording) -> list[str]:
     return [topic for topic in one.ports if topic not in other.ports and topic != CHAIN_TOPIC]
 
 
-def _newest(recording: Recording) -> int:
-    return max((entries[-1].step for entries in recording.entries.values() if entries), default=-1)
-
-
 def _compare(topic: str, one: Recording, other: Recording, tolerance: Tolerance) -> PortResult:
     comparison = PortComparison(topic, one.ports[topic].type, tolerance)
-    for step, first, second in merged(one.entries[topic], other.entries[topic]):
+    for step, first, second in merged(one[topic].entries(), other[topic].entries()):
         comparison.take(step, first, second)
     return comparison.result()
 
 
 def merged(
-    first: Sequence[Entry], second: Sequence[Entry]
+    first: Iterator[Entry], second: Iterator[Entry]
 ) -> Iterator[tuple[int, bytes | None, bytes | None]]:
     """Yield (step, data of the first, data of the second), None where one has no message."""
-    at_first = at_second = 0
-    while at_first < len(first) and at_second < len(second):
-        one, other = first[at_first], second[at_second]
-        if one.step == other.step:
-            yield one.step, one.data, other.data
-        elif one.step < other.step:
-            yield one.step, one.data, None
-        else:
-            yield other.step, None, other.data
-        at_first += one.step <= other.step
-        at_second += other.step <= one.step
-    for entry in first[at_first:]:
-        yield entry.step, entry.data, None
-    for entry in second[at_second:]:
-        yield entry.step, None, entry.data
+    one, other = next(first, None), next(second, None)
+    while one is not None or other is not None:
+        step = min(entry.step for entry in (one, other) if entry is not None)
+        left = right = None
+        if one is not None and one.step == step:
+            left, one = one.data, next(first, None)
+        if other is not None and other.step == step:
+            right, other = other.data, next(second, None)
+        yield step, left, right
 
 
 def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,8 @@ class Signal:
     """One port over time.
 
     names: of the joints. steps: shape (m,). t: simulation time, shape (m,), [s]. fields:
-    quantity → values, shape (m, n). limits: as in the port's description. kinds: joint → its type,
-    where the description tells.
+    quantity → values, shape (m, n). limits: as in the port's description. joint_types: joint → its
+    type, where the description gives it.
     """
 
     names: Sequence[str]
@@ -28,7 +27,7 @@ class Signal:
     t: Array
     fields: Mapping[str, Array]
     limits: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    kinds: Mapping[str, str] = field(default_factory=dict)
+    joint_types: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, quantity: str, joint: str) -> Array | None:
         """Return one quantity of one joint, shape (m,); None where there is none."""
@@ -39,38 +38,36 @@ class Signal:
 
     def held_at(self, steps: NDArray[np.int64], values: Array) -> Array:
         """Return values of this signal at other steps, held until the next; NaN outside."""
-        place = np.searchsorted(self.steps, steps, side="right") - 1
+        index = np.searchsorted(self.steps, steps, side="right") - 1
         every = int(self.steps[1] - self.steps[0]) if len(self.steps) > 1 else 1
-        known = (place >= 0) & (steps < self.steps[-1] + every)
-        held: Array = np.where(known, values[np.maximum(place, 0)], np.nan)
+        known = (index >= 0) & (steps < self.steps[-1] + every)
+        held: Array = np.where(known, values[np.maximum(index, 0)], np.nan)
         return held
 
 
-def read_signal(recording: Recording, port: Port, quantities: Sequence[str]) -> Signal | None:
+def read_signal(port: Port, quantities: Sequence[str]) -> Signal | None:
     """Return a port as arrays; None when it has no messages, or none of a constant width."""
-    rows = list(recording.messages(port.topic))
-    if not rows:
+    if not len(port):
         return None
-    steps = np.array([step for step, _ in rows])
-    t = np.array([entry.t_ns for entry in recording.entries[port.topic]]) * 1e-9
     fields = {
-        quantity: values
-        for quantity in quantities
-        if (values := _array([getattr(message, quantity) for _, message in rows])) is not None
+        quantity: values.astype(float)
+        for quantity, values in port.arrays(*quantities).items()
+        if values is not None and values.dtype != object and values.ndim == 2
     }
     width = max((values.shape[1] for values in fields.values()), default=0)
-    names = port.description.names or [f"joint {i + 1}" for i in range(width)]
+    names = port.names or [f"joint {i + 1}" for i in range(width)]
     if any(values.shape[1] != len(names) for values in fields.values()):
         return None
-    said = port.description
-    kinds = dict(zip(said.names, said.details.get("type", []), strict=False))
-    return Signal(names=names, steps=steps, t=t, fields=fields, limits=said.limits, kinds=kinds)
-
-
-def _array(rows: list[Any]) -> Array | None:
-    if any(row is None for row in rows) or len({len(row) for row in rows}) != 1:
-        return None
-    return np.array(rows, dtype=float)
+    described = port.description
+    types = dict(zip(names, described.details.get("type", []), strict=False))
+    return Signal(
+        names=names,
+        steps=port.steps,
+        t=port.t,
+        fields=fields,
+        limits=described.limits,
+        joint_types=types,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +85,7 @@ class Tracking:
 
     @property
     def joints(self) -> list[str]:
-        """Return the joints that are both measured and referred to."""
+        """Return the joints that are both measured and in the reference."""
         if self.state is None or self.reference is None:
             return []
         return [name for name in self.state.names if name in self.reference.names]
@@ -106,8 +103,8 @@ class Tracking:
 def read_tracking(recording: Recording) -> Tracking:
     """Return the joint signals of a recording."""
     found = {
-        kind: _first(recording, kind, quantities)
-        for kind, quantities in (
+        type_name: _first(recording, type_name, quantities)
+        for type_name, quantities in (
             ("JointState/1", ("position", "velocity", "effort", "target")),
             ("JointReference/1", ("position", "velocity", "acceleration")),
         )
@@ -122,15 +119,16 @@ def read_tracking(recording: Recording) -> Tracking:
 def _torques(recording: Recording) -> Signal | None:
     """Return the first port that commands torques, and nothing else but to brake."""
     for port in recording.of_type("JointCommand/1"):
-        modes = {getattr(message, "mode", "") for _, message in recording.messages(port.topic)}
+        found = port.arrays("mode", "values")["mode"]
+        modes = set() if found is None else set(found)
         if "torque" in modes and modes <= {"torque", "brake"}:
-            return read_signal(recording, port, ("values",))
+            return read_signal(port, ("values",))
     return None
 
 
-def _first(recording: Recording, kind: str, quantities: Sequence[str]) -> Signal | None:
-    ports = recording.of_type(kind)
-    return read_signal(recording, ports[0], quantities) if ports else None
+def _first(recording: Recording, type_name: str, quantities: Sequence[str]) -> Signal | None:
+    ports = recording.of_type(type_name)
+    return read_signal(ports[0], quantities) if ports else None
 
 
 def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:

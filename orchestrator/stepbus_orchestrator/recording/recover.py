@@ -1,4 +1,4 @@
-"""Makes a whole recording of one that is cut off or spoilt."""
+"""Makes a complete recording of one that is cut off or corrupt."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
 from . import layout
-from .scanner import Salvage
+from .scanner import Scanner
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class Recovery:
 
 
 def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
-    """Write all that is whole in a recording to a new one, in the recorded order.
+    """Write all complete records of a recording to a new one, in the recorded order.
 
     source: an MCAP file, uncompressed or zstd; it is only read. target: appears when it is
     complete; may exist, or be the source, only with `in_place`.
@@ -82,7 +82,7 @@ class _Copy:
     """Writes the records of one file into another, with numbers of its own for channels."""
 
     def __init__(self, source: Path, target: Path) -> None:
-        self._salvage = Salvage(source)
+        self._scanner = Scanner(source)
         self._target = target
         self._schemas = {0: 0}
         self._channels: dict[int, int] = {}
@@ -91,12 +91,12 @@ class _Copy:
         self._planned_steps: int | None = None
 
     def write(self, part: Path) -> Recovery:
-        """Write all that is whole to `part`; raises OSError when that cannot be written."""
-        records = self._salvage.records()
+        """Write all complete records to `part`; raises OSError when that cannot be written."""
+        records = self._scanner.records()
         header = next(records, None)
         if not isinstance(header, Header):
             raise RecordingFailed(
-                f"{self._salvage.path} has {self._salvage.size} bytes and not one whole record: "
+                f"{self._scanner.path} has {self._scanner.size} bytes and no complete record: "
                 "there is nothing to recover"
             )
         with part.open("wb") as file:
@@ -109,17 +109,17 @@ class _Copy:
             )
             writer.start(profile=header.profile, library=header.library)
             for record in records:
-                self._take(writer, record)
+                self._copy(writer, record)
             writer.finish()
             file.flush()
             # It may take the place of the only copy there is.
             os.fsync(file.fileno())
         return self._recovery()
 
-    def _take(self, writer: Any, record: McapRecord) -> None:
+    def _copy(self, writer: Any, record: McapRecord) -> None:
         match record:
             case Message():
-                self._take_message(writer, record)
+                self._copy_message(writer, record)
             case Channel() if record.id not in self._channels:
                 self._channels[record.id] = writer.register_channel(
                     record.topic,
@@ -131,12 +131,12 @@ class _Copy:
                 number = writer.register_schema(record.name, record.encoding, record.data)
                 self._schemas[record.id] = number
             case Attachment():
-                self._take_attachment(writer, record)
+                self._copy_attachment(writer, record)
             case Metadata():
                 self._counts[Metadata] += 1
                 writer.add_metadata(record.name, record.metadata)
 
-    def _take_message(self, writer: Any, message: Message) -> None:
+    def _copy_message(self, writer: Any, message: Message) -> None:
         self._counts[Message] += 1
         self._last_step = max(self._last_step, message.sequence)
         writer.add_message(
@@ -147,7 +147,7 @@ class _Copy:
             message.sequence,
         )
 
-    def _take_attachment(self, writer: Any, attachment: Attachment) -> None:
+    def _copy_attachment(self, writer: Any, attachment: Attachment) -> None:
         self._counts[Attachment] += 1
         if attachment.name == layout.SCENARIO_ATTACHMENT:
             self._planned_steps = _planned_steps(attachment.data)
@@ -160,19 +160,19 @@ class _Copy:
         )
 
     def _recovery(self) -> Recovery:
-        salvage = self._salvage
+        scanner = self._scanner
         return Recovery(
-            source=salvage.path,
+            source=scanner.path,
             target=self._target,
-            damage=salvage.damage,
+            damage=scanner.damage,
             messages=self._counts[Message],
             attachments=self._counts[Attachment],
             metadata=self._counts[Metadata],
             last_step=self._last_step,
             planned_steps=self._planned_steps,
-            kept_bytes=salvage.intact_bytes,
-            lost_bytes=salvage.size - salvage.intact_bytes,
-            only_index_lost=salvage.has_end,
+            kept_bytes=scanner.intact_bytes,
+            lost_bytes=scanner.size - scanner.intact_bytes,
+            only_index_lost=scanner.has_end,
         )
 
 

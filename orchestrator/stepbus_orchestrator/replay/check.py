@@ -21,7 +21,7 @@ class _Port:
     def __init__(
         self, recording: Recording, topic: str, type_name: str, tolerance: Tolerance
     ) -> None:
-        self.track = Track(recording.entries.get(topic, ()))
+        self.track = Track(recording, topic)
         self.comparison = PortComparison(topic, type_name, tolerance)
 
 

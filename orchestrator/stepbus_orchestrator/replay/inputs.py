@@ -24,8 +24,14 @@ def inputs_of(
 
 
 def _held(recording: Recording, topic: str, due: int | None) -> InputValue:
-    entries = [e for e in recording.entries.get(topic, ()) if due is not None and e.step <= due]
-    if not entries:
+    if due is None or topic not in recording:
+        return InputValue(topic=topic, step=-1, value=None)
+    held = None
+    for entry in recording[topic].entries():
+        if entry.step > due:
+            break
+        held = entry
+    if held is None:
         return InputValue(topic=topic, step=-1, value=None)
     plain = PortComparison(topic, recording.ports[topic].type, Tolerance()).plain
-    return InputValue(topic=topic, step=entries[-1].step, value=plain(entries[-1].data))
+    return InputValue(topic=topic, step=held.step, value=plain(held.data))

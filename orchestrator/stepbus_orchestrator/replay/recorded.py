@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import msgspec
 
-from stepbus_orchestrator.recording import Entry, Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, topic_of
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Outputs
 
 
 class Track:
-    """The recorded messages of one port, taken in the order of their steps."""
+    """The recorded messages of one port, taken in the order of their steps; none of no port."""
 
-    def __init__(self, entries: Sequence[Entry]) -> None:
-        self._entries = entries
-        self._at = 0
+    def __init__(self, recording: Recording, topic: str) -> None:
+        port = recording.ports.get(topic)
+        self._entries = iter(()) if port is None else port.entries()
+        self._next = next(self._entries, None)
 
     def take(self, step: int) -> bytes | None:
         """Return the message of a step, None where there is none; earlier ones are passed over."""
-        entries = self._entries
-        while self._at < len(entries):
-            entry = entries[self._at]
-            if entry.step > step:
-                return None
-            self._at += 1
+        while self._next is not None and self._next.step <= step:
+            entry, self._next = self._next, next(self._entries, None)
             if entry.step == step:
                 return entry.data
         return None
@@ -40,8 +37,7 @@ class Recorded:
         self.step = 0
         self._every = spec.every
         self._tracks = [
-            (port, Track(recording.entries.get(topic_of(spec.name, port), ())))
-            for port in spec.outputs
+            (port, Track(recording, topic_of(spec.name, port))) for port in spec.outputs
         ]
 
     def take(self) -> dict[str, bytes]:
@@ -82,12 +78,11 @@ def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int
 
 def _end(recording: Recording) -> int:
     """Return the number of complete steps of the run."""
-    newest = max(
-        (e[-1].step for t, e in recording.entries.items() if e and t != CHAIN_TOPIC), default=-1
-    )
-    chain = recording.entries.get(CHAIN_TOPIC)
+    rest = (port for topic, port in recording.ports.items() if topic != CHAIN_TOPIC)
+    newest = max((port.last_step for port in rest), default=-1)
+    chain = recording.ports[CHAIN_TOPIC].last_step if CHAIN_TOPIC in recording else -1
     # The last chain stands at the end of the run; a recording that was cut off has none there.
-    return chain[-1].step if chain and chain[-1].step >= newest else newest + 1
+    return chain if chain >= max(newest, 0) else newest + 1
 
 
 def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
@@ -97,7 +92,7 @@ def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
     publishes now and then may have had nothing more to say.
     """
     topics = [topic_of(spec.name, port) for port in spec.outputs]
-    steps = {entry.step for topic in topics for entry in recording.entries.get(topic, ())}
+    steps = {int(step) for t in topics if t in recording for step in recording[t].steps}
     last = max(steps, default=-spec.every)
     dense = len(steps) == last // spec.every + 1
     return last + spec.every if steps and dense else None

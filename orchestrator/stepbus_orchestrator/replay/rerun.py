@@ -70,7 +70,7 @@ def origin_of(recording: Recording) -> Origin:
             for name, content in recording.metadata.items()
             if (owner := layout.versions_owner(name)) is not None
         },
-        steps=1 + max((e[-1].step for e in recording.entries.values() if e), default=-1),
+        steps=1 + recording.last_step,
         damage=recording.damage,
         calls=recorded_calls(recording),
     )

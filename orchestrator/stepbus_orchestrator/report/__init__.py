@@ -1,1 +1,5 @@
-"""Plots of a run."""
+"""Plots a recording."""
+
+from .report import REPORT_FILE, write_report
+
+__all__ = ["REPORT_FILE", "write_report"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array, Signal, Tracking
 
-# Less than this is not worth to be seen as motion [°, mm].
+# Less than this is noise, not motion [°, mm].
 _LEAST_SPAN = 1.0
 _COLUMNS = 4
 _MEASURED = {"color": "#1f77b4", "linewidth": 2.0}
@@ -63,8 +63,8 @@ def _target_of(tracking: Tracking, joint: str) -> tuple[Signal | None, str]:
 
 
 def _unit(state: Signal, joint: str) -> tuple[float, str]:
-    kind = state.kinds.get(joint, "")
-    return (1e3, "mm") if kind == "prismatic" else (float(np.degrees(1.0)), "°")
+    is_prismatic = state.joint_types.get(joint) == "prismatic"
+    return (1e3, "mm") if is_prismatic else (float(np.degrees(1.0)), "°")
 
 
 def _widen(axis: Any, shown: list[Array]) -> None:

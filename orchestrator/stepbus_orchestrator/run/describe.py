@@ -107,9 +107,7 @@ def describe(scenario: Scenario, interrupt: threading.Event | None = None) -> li
 def _said(scenario: Scenario, recording: Recording) -> Descriptions:
     """Return the description of every output: participant → output → description."""
     return {
-        spec.name: {
-            name: recording.ports[f"{spec.name}/{name}"].description for name in spec.outputs
-        }
+        spec.name: {name: recording[f"{spec.name}.{name}"].description for name in spec.outputs}
         for spec in scenario.participants
     }
 

@@ -165,8 +165,8 @@ def _judged(
     result: Result, plant: ParticipantSpec, port: str, angle: float, only: Sequence[str]
 ) -> SelfTest:
     recording = Recording.open(result.recording)
-    topic: Port = recording.ports[f"{plant.name}/{port}"]
-    state = read_signal(recording, topic, _QUANTITIES)
+    topic: Port = recording[f"{plant.name}.{port}"]
+    state = read_signal(topic, _QUANTITIES)
     if state is None or "position" not in state.fields:
         raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
     joints = read_joints(topic.description, _start(state))

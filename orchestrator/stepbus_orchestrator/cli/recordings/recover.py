@@ -1,4 +1,4 @@
-"""`stepbus recover`: make a whole recording of one that is cut off or spoilt."""
+"""`stepbus recover`: make a complete recording of one that is cut off or corrupt."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _loss(recovery: Recovery) -> str:
 
 COMMAND = Command(
     name="recover",
-    summary="make a whole recording of one that is cut off or spoilt",
+    summary="make a complete recording of one that is cut off or corrupt",
     description="Reads an MCAP file up to its first damaged record and writes all of it to a new "
     "file, with its attachments, metadata and a new index. Says what was lost.",
     examples=(

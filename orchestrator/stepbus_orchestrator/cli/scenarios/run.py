@@ -11,6 +11,7 @@ from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.keys import has_terminal, steered
 from stepbus_orchestrator.cli.terminal.live import make_display
 from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
@@ -95,9 +96,6 @@ def _report(result: Result) -> list[str]:
     """Make the plots and return what the summary says of the recording."""
     if not result.recording.exists() or result.steps == 0:
         return []
-    # It loads matplotlib, which takes longer than to start a run.
-    from stepbus_orchestrator.report.report import write_report  # noqa: PLC0415
-
     return write_report(result.recording)
 
 

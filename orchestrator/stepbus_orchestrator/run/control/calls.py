@@ -252,7 +252,9 @@ def recorded_calls(recording: Recording, participant: str | None = None) -> list
     Raises MessageError for one that cannot be read.
     """
     decode = Decoder(CallRecord)
-    calls = [decode(entry.data) for entry in recording.entries.get(layout.CALLS_TOPIC, [])]
+    if layout.CALLS_TOPIC not in recording:
+        return []
+    calls = [decode(entry.data) for entry in recording[layout.CALLS_TOPIC].entries()]
     return [call for call in calls if participant in {None, call.participant}]
 
 

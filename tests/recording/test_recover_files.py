@@ -25,7 +25,7 @@ stepbus.run("two_link", set={"duration": "1000s"}, out=sys.argv[1])
     [
         (b"", "has 0 bytes: there is nothing to recover"),
         (b"\x89MCAP", "has 5 bytes: there is nothing to recover"),
-        (b"\x89MCAP0\r\n\x01", "has 9 bytes and not one whole record: there is nothing to recover"),
+        (b"\x89MCAP0\r\n\x01", "has 9 bytes and no complete record: there is nothing to recover"),
         (b"PK\x03\x04 a zip file", "is not an MCAP recording"),
     ],
 )

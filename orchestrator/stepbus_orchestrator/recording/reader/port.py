@@ -1,0 +1,155 @@
+"""One port of a recording, read when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_orchestrator.recording import layout
+from stepbus_participant import suggest
+from stepbus_schemas import Decoder, Description, Message, WiringError, message_class
+
+from .arrays import array_of
+from .descriptions import Names
+from .source import Entry, Source
+
+
+class Port:
+    """One recorded port: `port.position` is a field of all its messages as one array.
+
+    topic: `participant/port`. type: `Name/major`. description: as its participant gave it.
+    A field that has the name of an attribute is there as `port["names"]`.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        channels: frozenset[int],
+        *,
+        topic: str,
+        type_name: str,
+        description: Description,
+        names: Names,
+    ) -> None:
+        self.topic = topic
+        self.participant, self.name = layout.split_topic(topic)
+        self.type = type_name
+        self.description = description
+        self._names = names
+        self._source = source
+        self._channels = channels
+        self._arrays: dict[str, NDArray[Any] | None] = {}
+        self._clock: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Return the names that the vectors of the port belong to, in their order."""
+        return self._names.of(self.topic)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the unit of each field that differs from its message type's."""
+        return self.description.units
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """Return the step of each message, shape (T,)."""
+        return self._times()[0]
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """Return the simulation time of each message, shape (T,), [ns]."""
+        return self._times()[1]
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Return the simulation time of each message, shape (T,), [s]."""
+        seconds: NDArray[np.float64] = self.t_ns * np.float64(1e-9)
+        return seconds
+
+    @property
+    def last_step(self) -> int:
+        """Return the step of the last message; −1 without any. It reads one chunk."""
+        return self._source.last_step(self._channels)
+
+    def __len__(self) -> int:
+        """Return the number of messages."""
+        return len(self.steps)
+
+    def __repr__(self) -> str:
+        """Return topic and type."""
+        return f"<Port {self.topic}: {self.type}>"
+
+    def entries(self) -> Iterator[Entry]:
+        """Yield each message undecoded."""
+        return self._source.entries(self._channels)
+
+    def messages(self) -> Iterator[tuple[int, Message]]:
+        """Yield (step, message).
+
+        Raises WiringError when this version does not know its type, MessageError for a message
+        that is not of it.
+        """
+        decode = Decoder(message_class(self.type))
+        return ((entry.step, decode(entry.data)) for entry in self.entries())
+
+    def __getitem__(self, field: str) -> NDArray[Any]:
+        """Return one field of all messages.
+
+        Shape (T,) for numbers, (T, n) for vectors in the order of `names`; an array of objects for
+        anything else. Raises WiringError for a field that the type does not have, and for vectors
+        that are absent in some messages or change their length.
+        """
+        found = self.arrays(field)[field]
+        if found is None:
+            raise WiringError(
+                f"{self.topic}: {field} is absent in some messages or changes its length; "
+                "iterate over messages()"
+            )
+        return found
+
+    def __getattr__(self, field: str) -> NDArray[Any]:
+        """Return one field of all messages, as `port[field]`; raises AttributeError too."""
+        if field.startswith("_"):
+            raise AttributeError(field)
+        try:
+            return self[field]
+        except WiringError as exc:
+            raise AttributeError(str(exc)) from exc
+
+    def __dir__(self) -> list[str]:
+        """Return the attributes and the fields."""
+        return [*super().__dir__(), *self._fields()]
+
+    def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
+        """Return several fields in one pass; None for one that has no array."""
+        missing = [field for field in fields if field not in self._arrays]
+        for field in missing:
+            if field not in self._fields():
+                raise WiringError(
+                    f"{self.topic} ({self.type}) has no field {field!r}"
+                    f"{suggest(field, self._fields())}"
+                )
+        if missing:
+            self._read(missing)
+        return {field: self._arrays[field] for field in fields}
+
+    def _fields(self) -> tuple[str, ...]:
+        return message_class(self.type).__struct_fields__
+
+    def _read(self, fields: Sequence[str]) -> None:
+        columns: dict[str, list[Any]] = {field: [] for field in fields}
+        for _, message in self.messages():
+            for field, column in columns.items():
+                column.append(getattr(message, field))
+        self._arrays |= {field: array_of(column) for field, column in columns.items()}
+
+    def _times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        if self._clock is None:
+            rows = [(entry.step, entry.t_ns) for entry in self.entries()]
+            clock = np.array(rows, dtype=np.int64).reshape(-1, 2)
+            self._clock = clock[:, 0], clock[:, 1]
+        return self._clock

@@ -1,0 +1,133 @@
+"""A recording, read lazily; also one that is cut off anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
+from stepbus_participant import suggest
+from stepbus_schemas import Description, Message, WiringError
+
+from .descriptions import Names, read_description
+from .port import Port
+from .source import Source
+
+
+class UnknownPort(WiringError, KeyError):
+    """A recording has no such port; the sentence names the nearest one."""
+
+    __str__ = Exception.__str__
+
+
+class Recording:
+    """A recording: `recording["plant.joint_state"].position` is an array of shape (T, n).
+
+    ports: by topic such as `plant/joint_state`, in recorded order. attachments: the scenario and
+    its files, by name. metadata: what the run ran on, by name.
+
+    path: of a recording, or the folder of its run. Only the index is read at once; messages are
+    read when they are asked for. Of a file that is cut off or corrupt, all before the damage is
+    there. Raises RecordingFailed when the file cannot be read, is no MCAP file, or describes its
+    channels wrongly.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        found = Path(path)
+        self.path = found / layout.RUN_FILE if found.is_dir() else found
+        self._source = Source(self.path)
+        index = self._source.index
+        self.attachments: Mapping[str, bytes] = index.attachments
+        self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
+        self.ports: Mapping[str, Port] = self._read_ports()
+
+    @classmethod
+    def open(cls, path: str | PathLike[str]) -> Self:
+        """Return the recording at a path."""
+        return cls(path)
+
+    @property
+    def damage(self) -> str:
+        """Return what is wrong with the file, as far as it was read; empty when nothing is."""
+        return self._source.damage
+
+    @property
+    def last_step(self) -> int:
+        """Return the newest step with a message; −1 without any."""
+        return max((port.last_step for port in self.ports.values()), default=-1)
+
+    def __getitem__(self, topic: str) -> Port:
+        """Return a port by `participant/port` or `participant.port`.
+
+        Raises UnknownPort, a KeyError, when the recording has none of that name.
+        """
+        found = self.ports.get(topic) or self.ports.get(topic.replace(".", "/", 1))
+        if found is None:
+            raise UnknownPort(f"{self.path} has no port {topic!r}{suggest(topic, self.ports)}")
+        return found
+
+    def __contains__(self, topic: str) -> bool:
+        """Return whether there is such a port."""
+        return topic in self.ports or topic.replace(".", "/", 1) in self.ports
+
+    def of_type(self, type_name: str) -> list[Port]:
+        """Return the ports of a message type, e.g. `JointState/1`, in recorded order."""
+        return [port for port in self.ports.values() if port.type == type_name]
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Message]]:
+        """Yield (step, message) of a port, as `recording[topic].messages()`."""
+        return self[topic].messages()
+
+    def close(self) -> None:
+        """Close the file; what was read stays."""
+        self._source.close()
+
+    def __enter__(self) -> Self:
+        """Return it."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def _read_ports(self) -> dict[str, Port]:
+        index = self._source.index
+        by_topic: dict[str, list[int]] = {}
+        for number, channel in index.channels.items():
+            by_topic.setdefault(channel.topic, []).append(number)
+        descriptions = {topic: self._describe(topic, rows[0]) for topic, rows in by_topic.items()}
+        names = Names(descriptions, self.attachments)
+        return {
+            topic: Port(
+                self._source,
+                frozenset(rows),
+                topic=topic,
+                type_name=self._type_of(rows[0]),
+                description=descriptions[topic],
+                names=names,
+            )
+            for topic, rows in by_topic.items()
+        }
+
+    def _type_of(self, channel: int) -> str:
+        index = self._source.index
+        schema = index.schemas.get(index.channels[channel].schema_id, "")
+        return layout.type_of_schema(schema)
+
+    def _describe(self, topic: str, channel: int) -> Description:
+        metadata = self._source.index.channels[channel].metadata
+        try:
+            return read_description(metadata.get(layout.DESCRIPTION_KEY, "{}"))
+        except ValueError as exc:
+            raise RecordingFailed(
+                f"{self.path}: the description of {topic} cannot be read: {exc}"
+            ) from exc

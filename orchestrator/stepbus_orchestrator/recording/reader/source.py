@@ -1,0 +1,141 @@
+"""The messages of a recording, read from the file when they are asked for."""
+
+from __future__ import annotations
+
+import os
+import weakref
+from collections import OrderedDict
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+from mcap.opcode import Opcode
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording.records import (
+    HEAD,
+    MESSAGE_HEAD,
+    DamagedRecord,
+    check_head,
+    chunk_content,
+)
+
+from .index import Block, read_index
+
+_CACHE_BYTES = 64 * 1024 * 1024
+
+
+class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """One recorded message: its step, its simulation time [ns] and its bytes."""
+
+    step: int
+    t_ns: int
+    data: bytes
+
+
+class Source:
+    """An open recording. damage: what is wrong with the file, as far as it was read.
+
+    Raises RecordingFailed when it cannot be read or is no MCAP file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError as exc:
+            raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
+        self.close = weakref.finalize(self, os.close, self._file)
+        self.index = read_index(path, self._file)
+        self.damage = self.index.damage
+        self._blocks = self.index.blocks
+        self._cache = _Cache()
+
+    def entries(self, channels: frozenset[int]) -> Iterator[Entry]:
+        """Yield the messages of some channels in recorded order, up to the first damage."""
+        for block in self._blocks:
+            if block.channels & channels:
+                try:
+                    yield from self._in_block(block, channels)
+                except DamagedRecord as exc:
+                    self._end_before(block, exc)
+                    return
+
+    def last_step(self, channels: frozenset[int]) -> int:
+        """Return the newest step of some channels; −1 without a message."""
+        for block in reversed(self._blocks):
+            if block.channels & channels:
+                try:
+                    return max(entry.step for entry in self._in_block(block, channels))
+                except DamagedRecord as exc:
+                    self._end_before(block, exc)
+        return -1
+
+    def _end_before(self, block: Block, exc: DamagedRecord) -> None:
+        """End the recording before a block that turned out to be damaged."""
+        self.damage = str(exc)
+        self._blocks = [other for other in self._blocks if other.offset < block.offset]
+
+    def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[Entry]:
+        if not self.close.alive:
+            raise RecordingFailed(f"{self.path} is closed")
+        data = self._cache.get(block)
+        if data is None:
+            data = self._read(block)
+            self._cache.add(block, data)
+        return _messages(data, channels)
+
+    def _read(self, block: Block) -> bytes:
+        """Return the records of a block; raises DamagedRecord."""
+        try:
+            data = os.pread(self._file, block.length, block.offset)
+        except OSError as exc:
+            raise RecordingFailed(f"{self.path} cannot be read: {exc.strerror or exc}") from exc
+        if len(data) != block.length:
+            raise DamagedRecord(f"the file ends inside the record at byte {block.offset}")
+        opcode, length = HEAD.unpack_from(data)
+        if length != block.length - HEAD.size:
+            raise DamagedRecord(
+                f"the record at byte {block.offset} has another length than indexed"
+            )
+        return chunk_content(data[HEAD.size :]) if opcode == Opcode.CHUNK else data
+
+
+def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Entry]:
+    """Yield the messages of some channels in a block; raises DamagedRecord."""
+    offset, size = 0, len(data)
+    while offset < size:
+        if size - offset < HEAD.size:
+            raise DamagedRecord(f"inside a chunk: it ends in the head of the record at {offset}")
+        opcode, length = HEAD.unpack_from(data, offset)
+        check_head(opcode, length, offset, size)
+        start = offset + HEAD.size
+        offset = start + length
+        if opcode != Opcode.MESSAGE:
+            continue
+        if length < MESSAGE_HEAD.size:
+            raise DamagedRecord(f"inside a chunk: a message of {length} bytes")
+        channel, step, t_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
+        if channel in channels:
+            yield Entry(step=step, t_ns=t_ns, data=data[start + MESSAGE_HEAD.size : offset])
+
+
+class _Cache:
+    """The blocks that were read last: the ports of a recording share their chunks."""
+
+    def __init__(self) -> None:
+        self._blocks: OrderedDict[int, bytes] = OrderedDict()
+        self._size = 0
+
+    def get(self, block: Block) -> bytes | None:
+        data = self._blocks.get(block.offset)
+        if data is not None:
+            self._blocks.move_to_end(block.offset)
+        return data
+
+    def add(self, block: Block, data: bytes) -> None:
+        self._blocks[block.offset] = data
+        self._size += len(data)
+        while self._size > _CACHE_BYTES:
+            _, oldest = self._blocks.popitem(last=False)
+            self._size -= len(oldest)
