@@ -1,0 +1,56 @@
+"""The site that `make docs` builds."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import stepbus
+
+CHECKOUT = Path(__file__).parents[2]
+pytest.importorskip("sphinx", reason="needs the extra docs: `make docs`")
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+LOADED = re.compile(
+    r'<(?:script|img|link|iframe|source)\b[^>]*\b(?:src|href)="((?:https?:)?//[^"]*)"'
+)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Return the folder of the built site."""
+    out = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "-E", "-d", out / "doctrees"]
+    done = subprocess.run(
+        [*command, "-c", "docs", ".", out / "html"],
+        cwd=CHECKOUT, check=False, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return out / "html"
+
+
+def test_every_public_name_is_in_the_reference(site):
+    anchors = set(re.findall(r'id="(stepbus\.[\w.]+)"', (site / "docs/api.html").read_text()))
+    public = {f"stepbus.{name}" for name in stepbus.__all__ if name != "testing"}
+    testing = {f"stepbus.testing.{name}" for name in stepbus.testing.__all__}
+    assert public | testing <= anchors
+
+
+def test_every_public_name_has_a_docstring():
+    names = {name: getattr(stepbus, name) for name in stepbus.__all__}
+    assert [name for name, value in names.items() if callable(value) and not value.__doc__] == []
+
+
+def test_no_page_loads_anything_from_another_host(site):
+    pages = {page: page.read_text() for page in site.rglob("*.html")}
+    assert len(pages) > 25
+    assert [url for text in pages.values() for url in LOADED.findall(text)] == []
+    styles = [style.read_text() for style in site.rglob("*.css")]
+    assert [
+        url for text in styles for url in re.findall(r"(?:url\(|@import )['\"]?https?:[^)]*", text)
+    ] == []
+
+
+def test_the_search_knows_the_glossary(site):
+    assert "docs/glossary" in (site / "searchindex.js").read_text()
