@@ -79,10 +79,12 @@ def test_a_quintic_joins_two_states_of_motion() -> None:
 
 def test_a_users_generator_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
     (tmp_path / "my_generator.py").write_text(
-        "from stepbus_schemas import JointReference\n"
+        "from stepbus import JointReference, PerJoint, Settings\n"
         "class Ramp:\n"
-        "    def __init__(self, joints, settings):\n"
-        "        self.rate = settings.per_name('rate', joints)\n"
+        "    class Params(Settings):\n"
+        "        rate: PerJoint\n"
+        "    def __init__(self, joints, params):\n"
+        "        self.rate = params.rate.of(joints)\n"
         "    def at(self, t):\n"
         "        p = [r * t for r in self.rate]\n"
         "        a = [0.0] * len(p)\n"

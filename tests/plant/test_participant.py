@@ -94,10 +94,10 @@ def test_wrong_ports_and_wrong_parameters_are_listed_together():
     starts = [line.split(": ")[0] for line in str(caught.value).splitlines()]
     assert starts == [
         "participants.plant.inputs.command",
-        "participants.plant.outputs.copy",
         "participants.plant.outputs.joint_state",
-        "participants.plant.params.jonts",
+        "participants.plant.outputs.copy",
         "participants.plant.params.sense",
+        "participants.plant.params.jonts",
     ]
 
 

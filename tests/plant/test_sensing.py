@@ -100,12 +100,12 @@ def test_all_mistakes_of_the_parameters_are_listed():
     lines = str(caught.value).splitlines()
     assert [line.split(":")[0] for line in lines] == [
         "the key 'world' is missing",
-        "actuation",
-        "jonts",
+        "sense[1]",
         "noise.position",
         "noise.speed",
         "resolution.position",
-        "sense[1]",
+        "actuation",
+        "jonts",
     ]
 
 

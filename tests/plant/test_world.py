@@ -40,8 +40,8 @@ def test_all_mistakes_of_a_world_are_listed_with_their_lines(tmp_path):
         "world.yaml:2: physics_step",
         "world.yaml:3: solver",
         "world.yaml:6: bodies.arm.urdf",
-        "world.yaml:7: bodies.arm.joint_defaults.damping",
         "world.yaml:7: bodies.arm.joint_defaults.mode",
+        "world.yaml:7: bodies.arm.joint_defaults.damping",
         "world.yaml:9: bodies.arm.joints.joint1.effort",
         "world.yaml:10: bodies",
         "world.yaml:11: bodies.ghost",
@@ -59,10 +59,10 @@ def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
         body("crossed", "wheel", "{lower: 3}"),
         body("junk", "broken"),
     )
-    assert lines[0].endswith(
+    assert lines[0] == "world.yaml:3: bodies.arm.joints.jont1: unknown; did you mean 'joint1'?"
+    assert lines[1].endswith(
         "joint joint2: start position 9.0 is outside its limits [-6.2832, 6.2832]"
     )
-    assert lines[1] == "world.yaml:3: bodies.arm.joints.jont1: unknown; did you mean 'joint1'?"
     assert lines[2].startswith(
         "world.yaml:4: bodies.wheel.joint_defaults: joint axle: friction needs mode torque"
     )

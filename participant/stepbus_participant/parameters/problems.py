@@ -46,7 +46,8 @@ class SettingsError(WiringError):
     """A configuration cannot be used; `problems` has every reason, its text one a line."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(sorted(set(problems)))
+        different = dict.fromkeys(problems)
+        self.problems = tuple(sorted(different, key=lambda found: (found.file, found.line)))
         super().__init__(self.problems)
 
     def __str__(self) -> str:

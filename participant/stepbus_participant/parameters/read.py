@@ -287,15 +287,19 @@ class _Fields:
 
     def values(self) -> dict[str, Any]:
         fields = {f.encode_name: f for f in self.node.fields if not is_own(f)}
-        own: dict[str, Any] | None = {} if self._has_plugin() else None
-        for key, item in self.data.items():
-            if own is not None and (key not in fields or not self._applies(fields[key])):
-                own[key] = item
-            elif key not in fields:
+        surplus = [
+            key
+            for key in self.data
+            if key not in fields or (self._has_plugin() and not self._applies(fields[key]))
+        ]
+        found = {field.name: self._field(field) for field in fields.values()}
+        if not self._has_plugin():
+            for key in surplus:
                 self._unknown(key, list(fields))
-        found = {f.name: self._field(f) for f in self.node.fields if not is_own(f)}
+            surplus = []
         self._check_names(found)
-        return found | {f.name: own or {} for f in self.node.fields if is_own(f)}
+        own = {key: self.data[key] for key in surplus}
+        return found | {field.name: own for field in self.node.fields if is_own(field)}
 
     def _unknown(self, key: Any, known: Sequence[str]) -> None:
         if isinstance(key, str):

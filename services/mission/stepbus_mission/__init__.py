@@ -1,6 +1,7 @@
 """The mission: references with exact derivatives, from a generator of your choice."""
 
 from .references.generators import Generator, Sine, StepChange
+from .references.params import Params
 from .references.participant import TASKS, MissionParticipant
 from .references.trajectories import CsvTrajectory, Waypoints
 
@@ -9,6 +10,7 @@ __all__ = [
     "CsvTrajectory",
     "Generator",
     "MissionParticipant",
+    "Params",
     "Sine",
     "StepChange",
     "Waypoints",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 _DERIVATIVES = ("velocity", "acceleration")
@@ -54,7 +54,7 @@ def _header_problems(
     known = ["t", *joints]
     known += [f"{joint}_{quantity}" for joint in joints for quantity in _DERIVATIVES]
     problems = [
-        f"column {name!r} is unknown; {nearest(name, known)}"
+        f"column {name!r} is unknown{suggest(name, known)}"
         for name in dict.fromkeys(header)
         if name not in known
     ]

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
-from stepbus_participant.settings import Settings
 from stepbus_schemas import JointReference
+
+from .params import Params
 
 
 class Generator(Protocol):
     """What a reference generator is, also a user's own.
 
-    Constructed with the joints and the settings, out of which it reads its parameters. Where it
-    comes to an end, it has an attribute `duration` [s]; the reference after that is at rest.
+    Constructed with the joints and its parameters: those of the mission, or what its own class
+    `Params` declares. Where it comes to an end, it has an attribute `duration` [s]; the reference
+    after that is at rest.
     """
 
-    def __init__(self, joints: Sequence[str], settings: Settings) -> None: ...
+    def __init__(self, joints: Sequence[str], params: Any) -> None: ...
 
     def at(self, t: float, /) -> JointReference:
         """Return position, velocity and acceleration of every joint.
@@ -29,19 +31,15 @@ class Generator(Protocol):
 
 
 class Sine:
-    """q(t) = offset + amplitude · sin(omega t + phase), per joint.
+    """q(t) = offset + amplitude · sin(omega t + phase), per joint."""
 
-    Parameters, each one number for all joints, a list, or a map by name: amplitude [rad], omega
-    [rad/s], phase [rad], offset [rad].
-    """
-
-    def __init__(self, joints: Sequence[str], settings: Settings) -> None:
+    def __init__(self, joints: Sequence[str], params: Params) -> None:
         self._rows = tuple(
             zip(
-                settings.per_name("amplitude", joints, 1.0),
-                settings.per_name("omega", joints, 1.0),
-                settings.per_name("phase", joints, 0.0),
-                settings.per_name("offset", joints, 0.0),
+                params.amplitude.of(joints),
+                params.omega.of(joints),
+                params.phase.of(joints),
+                params.offset.of(joints),
                 strict=True,
             )
         )
@@ -59,16 +57,12 @@ class Sine:
 
 
 class StepChange:
-    """Stands at `initial` before `time` and at `target` from then on; its derivatives are zero.
+    """Stands at `initial` before `time` and at `target` from then on; its derivatives are zero."""
 
-    Parameters: target and initial [rad], each one number for all joints, a list, or a map by
-    name; time [s].
-    """
-
-    def __init__(self, joints: Sequence[str], settings: Settings) -> None:
-        self._time = settings.number("time", 0.0)
-        self._before = at_rest(settings.per_name("initial", joints, 0.0))
-        self._after = at_rest(settings.per_name("target", joints))
+    def __init__(self, joints: Sequence[str], params: Params) -> None:
+        self._time = params.time
+        self._before = at_rest(params.initial.of(joints))
+        self._after = at_rest(params.target.of(joints))
 
     def at(self, t: float) -> JointReference:
         """See `Generator`."""

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import chain
 
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
-from stepbus_participant.plugins import construct, read_class
-from stepbus_participant.settings import Settings
+from stepbus_participant.plugins import make_plugin
+from stepbus_participant.ports import Ports
 from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, JointReference, Message, RunError
 
 from .generators import Generator, Sine, StepChange
+from .params import Params
 from .trajectories import CsvTrajectory, Waypoints
 
 TASKS: dict[str, type[Generator]] = {
@@ -23,12 +24,6 @@ TASKS: dict[str, type[Generator]] = {
     "waypoints": Waypoints,
 }
 """Value of `task` in the scenario → its class."""
-
-_TASK_PARAMS = (
-    *("amplitude", "omega", "phase", "offset"),
-    *("target", "initial", "time"),
-    *("waypoints", "file"),
-)
 
 
 class MissionParticipant(Participant):
@@ -40,15 +35,16 @@ class MissionParticipant(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._reference_port = settings.output_of("JointReference/1")
-        self._event_port = settings.optional_output_of("Event/1")
-        settings.outputs_are("JointReference/1", "Event/1")
-        self._joints = settings.names("joints")
+        ports = Ports(config)
+        self._reference_port = ports.output_of("JointReference/1")
+        self._event_port = ports.optional_output_of("Event/1")
+        ports.outputs_are("JointReference/1", "Event/1")
+        params = config.read(Params, ports.problems)
+        self._joints = params.joints
         self._lengths = [len(self._joints)] * 3
-        self._end_when_done = settings.flag("end_when_done", False)
-        self._task = str(settings.value("task", ""))
-        self._generator = read_generator(settings, self._joints, self._end_when_done)
+        self._end_when_done = params.end_when_done
+        self._task = params.task
+        self._generator = make_generator(config, params)
         duration = duration_of(self._generator)
         self._done_ns = math.inf if math.isinf(duration) else round(duration * 1e9)
         self._is_done = False
@@ -96,23 +92,20 @@ class MissionParticipant(Participant):
         return reference
 
 
-def read_generator(settings: Settings, joints: Sequence[str], has_to_end: bool) -> Generator:
-    """Return the generator that the settings describe.
-
-    has_to_end: whether it is of no use without a duration. Raises WiringError with all that is
-    wrong with the settings.
-    """
-    task = read_class(settings, "task", TASKS, "at")
-    generator: Generator | None = None
-    if task is not None:
-        generator = construct(settings, "task", task, joints)
+def make_generator(config: Config, params: Params) -> Generator:
+    """Return the generator of a task; raises SettingsError where it cannot be made."""
+    problems = config.problems().below(("params",))
+    generator: Generator | None
+    if params.task in TASKS:
+        task = TASKS[params.task]
+        generator = problems.attempt(("file",), lambda: task(params.joints, params))
+    else:
+        generator = make_plugin(config, "task", params.task, params.own, "at", params.joints)
     if generator is None:
-        if ":" not in str(settings.value("task", "")):
-            settings.note_unknown(also_known=_TASK_PARAMS)
-        settings.refuse()
-    if has_to_end and math.isinf(duration_of(generator)):
-        settings.note("end_when_done", "is true, but this task never ends")
-    settings.check()
+        raise problems.error()
+    if params.end_when_done and math.isinf(duration_of(generator)):
+        problems.add(("end_when_done",), "is true, but this task never ends")
+    problems.refuse()
     return generator
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
-from stepbus_participant.settings import Noted, Settings, nearest
 from stepbus_schemas import JointReference
 
 from .csv_table import Table, read_table
+from .params import Params, time_of
 from .polynomials import (
     Knot,
     PiecewisePolynomial,
@@ -23,68 +22,20 @@ from .polynomials import (
 class Waypoints:
     """Moves from waypoint to waypoint with minimum jerk, coming to rest at each.
 
-    Parameter waypoints: a list of `{time: 2.0, position: [0.5, 0]}` or, from the second on,
-    `{duration: 2.0, position: {joint1: 0.5, joint2: 0}}`; the first one's time is 0 by default.
-    Times and durations [s], positions [rad]. Before the first and after the last it is at rest.
+    Before the first and after the last it is at rest.
     """
 
-    def __init__(self, joints: Sequence[str], settings: Settings) -> None:
+    def __init__(self, joints: Sequence[str], params: Params) -> None:
         times: list[float] = []
-        positions: list[list[float]] = []
-        for number, row in enumerate(_rows(settings)):
-            where = f"waypoints[{number}]"
-            times.append(_time(settings, where, row, times))
-            positions.append(_position(settings, where, row, joints))
-        if len(times) < 2 or any(b <= a for a, b in pairwise(times)):
-            raise Noted
+        for row in params.waypoints:
+            times.append(time_of(row, times[-1] if times else 0.0))
         self.duration = times[-1]
-        self._path = _through(times, [[(p, 0.0, 0.0) for p in row] for row in positions])
+        knots = [[(p, 0.0, 0.0) for p in row.position.of(joints)] for row in params.waypoints]
+        self._path = _through(times, knots)
 
     def at(self, t: float) -> JointReference:
         """See `Generator`."""
         return self._path.at(t)
-
-
-def _rows(settings: Settings) -> list[Mapping[str, Any]]:
-    rows = settings.value("waypoints")
-    if rows is None:
-        return []
-    if not isinstance(rows, list | tuple) or not all(isinstance(row, Mapping) for row in rows):
-        settings.note("waypoints", "is not a list of {time: …, position: …}")
-        return []
-    if len(rows) < 2:
-        settings.note("waypoints", f"has {len(rows)} waypoint, needs at least two")
-    return list(rows)
-
-
-def _time(settings: Settings, where: str, row: Mapping[str, Any], times: Sequence[float]) -> float:
-    for key in row:
-        if key not in {"time", "duration", "position"}:
-            known = ("time", "duration", "position")
-            settings.note(where, f"{key!r} is unknown; {nearest(str(key), known)}")
-    if not times:
-        if "duration" in row:
-            settings.note(where, "the first waypoint has a 'time', no 'duration'")
-        return settings.as_number(f"{where}.time", row.get("time", 0.0), "not negative")
-    if ("time" in row) == ("duration" in row):
-        settings.note(where, "needs either a 'time' or a 'duration'")
-        return times[-1] + 1.0
-    if "duration" in row:
-        duration = settings.as_number(f"{where}.duration", row["duration"], "positive")
-        return times[-1] + duration
-    time = settings.as_number(f"{where}.time", row["time"])
-    if time <= times[-1]:
-        settings.note(f"{where}.time", f"is {time:g} s, not after the one before ({times[-1]:g} s)")
-    return time
-
-
-def _position(
-    settings: Settings, where: str, row: Mapping[str, Any], joints: Sequence[str]
-) -> list[float]:
-    if "position" not in row:
-        settings.note(where, "'position' is missing")
-        return [0.0] * len(joints)
-    return settings.as_vector(f"{where}.position", row["position"], joints)
 
 
 def _through(times: Sequence[float], knots: Sequence[Sequence[Knot]]) -> PiecewisePolynomial:
@@ -101,19 +52,15 @@ def _through(times: Sequence[float], knots: Sequence[Sequence[Knot]]) -> Piecewi
 class CsvTrajectory:
     """Follows the rows of a CSV file.
 
-    Parameter file: columns `t` [s], increasing, `<joint>` [rad] and, where known,
-    `<joint>_velocity` [rad/s] and `<joint>_acceleration` [rad/s²]. Between two rows a joint moves
-    by a polynomial through all that its columns give: position alone, natural cubic spline
-    (velocity and acceleration continuous); with velocity, cubic Hermite (velocity continuous);
-    with both, quintic Hermite (acceleration continuous). The published velocity and acceleration
-    are the exact derivatives of that. Before the first row and after the last it is at rest.
+    Between two rows a joint moves by a polynomial through all that its columns give: position
+    alone, natural cubic spline (velocity and acceleration continuous); with velocity, cubic
+    Hermite (velocity continuous); with both, quintic Hermite (acceleration continuous). The
+    published velocity and acceleration are the exact derivatives of that. Before the first row and
+    after the last it is at rest.
     """
 
-    def __init__(self, joints: Sequence[str], settings: Settings) -> None:
-        path = settings.file("file")
-        if path is None:
-            raise Noted
-        table = read_table(path, joints)
+    def __init__(self, joints: Sequence[str], params: Params) -> None:
+        table = read_table(params.file, joints)
         self.duration = table.times[-1]
         self._path = _interpolate(table, joints)
 
