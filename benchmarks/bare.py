@@ -17,7 +17,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any, Protocol
 
-from stepbus_participant.ticket import Endpoint
+from stepbus_participant import Endpoint
 
 WINDOW = 64
 CREDIT = WINDOW // 2
@@ -46,7 +46,7 @@ class ZenohWire:
     """The chain over Zenoh, on the same transport as stepbus."""
 
     def __init__(self, name: str, hears: tuple[str, ...], folder: str) -> None:
-        from stepbus_participant.zenoh_bus import ZenohBus  # noqa: PLC0415  (in the child only)
+        from stepbus_participant import ZenohBus  # noqa: PLC0415  (in the child only)
 
         addresses = [f"unixsock-stream/{folder}/{member}.sock" for member in MEMBERS]
         own = MEMBERS.index(name)

@@ -26,13 +26,13 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .bus import Bus, BusError, Request
-from .calls import CallError, Method
+from .bus import Bus, BusError, Request, ZenohBus
 from .config import Config
-from .durations import format_duration, parse_duration
-from .inputs import Input
+from .durations import LONGEST_NS, format_duration, parse_duration
+from .files import find_file, package_path
 from .main import main, take_part
-from .outbox import OutputError
+from .methods import CallError, Method
+from .models import read_urdf_text
 from .parameters import (
     Count,
     Duration,
@@ -61,10 +61,13 @@ from .parameters import (
 )
 from .participant import Participant, PortType
 from .ports import Ports
+from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
-from .ticket import Endpoint, Ticket, load_ticket
+from .ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket
 
 __all__ = [
+    "LONGEST_NS",
+    "TICKET_VARIABLE",
     "BaseCommand",
     "BaseState",
     "Bus",
@@ -93,6 +96,7 @@ __all__ = [
     "JointState",
     "Message",
     "MessageError",
+    "MessageFault",
     "Method",
     "Name",
     "Names",
@@ -124,11 +128,17 @@ __all__ = [
     "Vector3",
     "Whole",
     "WiringError",
+    "ZenohBus",
     "each",
+    "find_file",
     "format_duration",
     "load_ticket",
     "main",
+    "package_path",
     "parse_duration",
+    "read_stamp",
+    "read_urdf_text",
+    "stamp",
     "suggest",
     "take_part",
     "when",

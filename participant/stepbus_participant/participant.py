@@ -1,4 +1,4 @@
-"""What a user writes: a participant, as a class that knows nothing of the bus."""
+"""The base class of your participants, which know nothing of the bus."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from stepbus_schemas import Description, Message
 
-from .calls import Method
 from .config import Config
+from .methods import Method
 from .step import Step
 
 PortType = str | type[Message]
@@ -16,10 +16,10 @@ PortType = str | type[Message]
 
 
 class Participant:
-    """Base of everything that takes part in a run; override what you need.
+    """Base class of your participants; override what you need.
 
-    Called in this order: `__init__`, `describe`, `start`, then at every step `output` (only where
-    the scenario says `publishes: first`) and `update`, and `close` on every path at the end.
+    Called in this order: `__init__`, `describe`, `start`, then at every step `output` (only with
+    `publishes: first` in the scenario) and `update`, and finally `close`, on every path.
 
     inputs, outputs: port → message type, as a class or a name such as `JointState/1`, for a
     program that only works with certain ports; the orchestrator refuses it where the scenario
@@ -37,33 +37,34 @@ class Participant:
         return {}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Take in the descriptions of the inputs; the clock stands at zero."""
+        """Use the descriptions of the inputs, before the first step."""
 
     def output(self, step: Step) -> Mapping[str, Message]:
-        """Return what to publish before the inputs of this step are read, by output port.
+        """Return output port → message, published before the inputs of this step are read.
 
-        Also called once more after the last step, so that the recording ends with its result.
+        Called once more after the last step, so that the recording ends with its result.
         """
         return {}
 
     def update(self, step: Step) -> Mapping[str, Message] | None:
-        """Read the inputs of this step and return what to publish, by output port.
+        """Read the inputs of this step, and return output port → message.
 
-        With `publishes: first` the state moves on to the next step here, and nothing is returned.
+        With `publishes: first` the outputs of this step are already out: compute the state of the
+        next step and return nothing; a message returned here ends the run with an error.
         """
         return None
 
     def calls(self) -> Mapping[str, Method]:
-        """Return what the participant can be asked between two steps, by name.
+        """Return name → method that can be called between two steps.
 
-        `stepbus call RUN NAME VERB` asks it. A function that changes anything that a later step
-        reads must say so: `Method(function, help, changes=True)`.
+        `stepbus call RUN NAME METHOD` calls it. Declare a method that changes anything a later
+        step reads: `Method(function, help, changes=True)`.
         """
         return {}
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the libraries that shape the result, for the recording."""
+        """Return library → version, of those that shape the result; the recording keeps them."""
         return {}
 
     def close(self) -> None:
-        """Give back what is held; called once, also after a fault."""
+        """Release resources; called once, also after a fault."""

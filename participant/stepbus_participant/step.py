@@ -1,4 +1,4 @@
-"""One step as a participant sees it."""
+"""One step, as a participant sees it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from stepbus_schemas import Message, RunError, WiringError
 
 if TYPE_CHECKING:
-    from .inputs import Input
+    from .session.inputs import Input
 
 M = TypeVar("M", bound=Message)
 
 
 class InputAbsent(RunError, LookupError):
-    """An input was read before its source has published for the first time."""
+    """An input was read before its source published for the first time."""
 
 
 class Step:
@@ -71,9 +71,13 @@ class Step:
         return value
 
     def is_new(self, port: str) -> bool:
-        """Return whether the input changed hands since this participant's previous step."""
+        """Return whether the input has a message that was not there at the previous step."""
         return self._inputs[port].fresh
 
     def end(self, reason: str) -> None:
-        """Ask for the run to end once everybody has finished this step."""
+        """Ask for the run to end once everybody has finished this step (P7.4).
+
+        With `publishes: first`, the request goes out with the next outputs: from `update`, the run
+        ends after the next step of this participant.
+        """
         self.end_reason = reason

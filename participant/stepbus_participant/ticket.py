@@ -1,4 +1,4 @@
-"""The ticket a launcher gives a process: all it needs to find its run."""
+"""The ticket: what a process needs to find its run (P1)."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MessageFault(msgspec.Struct, frozen=True, kw_only=True):
-    """What is done on purpose to the outputs of one step.
+    """A fault injected into the outputs of one step.
 
-    type: `drop`, `delay`, `duplicate`, `reorder`, `corrupt` or `oversize`. duration_s: how long a
-    delay is [s].
+    type: `drop`, `delay`, `duplicate`, `reorder`, `corrupt` or `oversize`. duration_s: length of
+    a delay [s].
     """
 
     type: str
@@ -42,7 +42,7 @@ class MessageFault(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Ticket(msgspec.Struct, frozen=True, kw_only=True):
-    """Who a process is in which run."""
+    """The identity of a process, and its run."""
 
     run: str
     name: str

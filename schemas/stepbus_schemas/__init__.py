@@ -50,6 +50,7 @@ from .protocol import (
     Waiting,
     Welcome,
 )
+from .schedule import due_step
 from .schema import json_schema
 from .shapes import Shape, parse_shapes
 
@@ -104,6 +105,7 @@ __all__ = [
     "Waiting",
     "Welcome",
     "WiringError",
+    "due_step",
     "encode",
     "encoding_of",
     "json_schema",

@@ -14,7 +14,7 @@ from stepbus_orchestrator.bridge.maps import MapBridge
 from stepbus_orchestrator.bridge.participant import Task
 from stepbus_orchestrator.bridge.raw import RawBridge
 from stepbus_participant import Config, Description, JointCommand, JointState, Step, WiringError
-from stepbus_participant.inputs import Input
+from stepbus_participant.session import Input
 from stepbus_schemas import InputConfig, OutputConfig
 
 STATE = InputConfig(source="plant", port="joint_state", type="JointState/1")

@@ -50,7 +50,7 @@ def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log
     [
         ("json", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): python\S* .*\(pid \d+\) exited with code 3; it last said: \"error: the knee is jammed\""),
         ("msgpack", "child", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been waiting for `python bridged\.py msgpack child 7` for 1\.\d s"),
-        ("json", "long", ExitCode.FAULT, r"step 7.*over the bus's limit"),
+        ("json", "long", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],
 )  # fmt: skip
 def test_what_the_program_does_wrong_is_blamed_with_its_step(tmp_path, form, kind, code, sentence):

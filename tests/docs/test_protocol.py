@@ -10,8 +10,8 @@ import pytest
 from mcap.reader import make_reader
 from run_support import run_joints
 
-import stepbus_participant.joining
-import stepbus_participant.loop
+import stepbus_participant.session.admission
+import stepbus_participant.session.step_loop
 from stepbus_participant import (
     Description,
     Endpoint,
@@ -21,7 +21,7 @@ from stepbus_participant import (
     Ticket,
     take_part,
 )
-from stepbus_participant.zenoh_bus import _settings
+from stepbus_participant.bus import zenoh_settings
 from stepbus_schemas import ENVELOPE_TYPES, Decoder, encode, encoding_of
 
 PAGE = (Path(__file__).parents[2] / "docs/protocol.md").read_text(encoding="utf-8")
@@ -119,9 +119,9 @@ def test_the_bytes_of_the_page_are_those_of_the_codec(row):
 
 
 def test_our_participant_given_what_is_received_sends_what_is_sent(monkeypatch):
-    monkeypatch.setattr(stepbus_participant.joining.os, "getpid", lambda: 4711)
-    monkeypatch.setattr(stepbus_participant.joining, "version", lambda name: "0.1.0")
-    monkeypatch.setattr(stepbus_participant.loop, "_now_ns", lambda: 0)
+    monkeypatch.setattr(stepbus_participant.session.admission.os, "getpid", lambda: 4711)
+    monkeypatch.setattr(stepbus_participant.session.admission, "version", lambda name: "0.1.0")
+    monkeypatch.setattr(stepbus_participant.session.step_loop, "_now_ns", lambda: 0)
     bus = ScriptedBus()
     endpoint = Endpoint(listen=[], connect=[])
     take_part(Spring, Ticket(run="r", name="controller", token=TOKEN, endpoint=endpoint), bus)
@@ -141,7 +141,7 @@ def settings_of_the_page(column):
 def test_the_settings_of_a_session_are_those_of_the_page(low_latency, column):
     people = {"user": "me", "password": "secret"}
     endpoint = Endpoint(listen=["a"], connect=["b"], low_latency=low_latency, **people)
-    page, ours = settings_of_the_page(column), _settings(endpoint, "file")
+    page, ours = settings_of_the_page(column), zenoh_settings(endpoint, "file")
     assert page.keys() == ours.keys()
     from_ticket = {path for path in page if "endpoints" in path or "usrpwd" in path}
     assert {path: json.loads(page[path]) for path in page.keys() - from_ticket} == {

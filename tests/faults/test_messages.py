@@ -3,8 +3,8 @@
 import msgspec
 import pytest
 
-from stepbus_participant.faults import FaultyPublisher
-from stepbus_participant.ticket import MessageFault
+from stepbus_participant import MessageFault
+from stepbus_participant.bus.faulty_bus import FaultyPublisher
 from stepbus_schemas import Decoder, MessageError, Outputs, encode
 
 decode = Decoder(Outputs)

@@ -9,7 +9,7 @@ from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.ik import analytic
 from stepbus_motion.ik.analytic import AnalyticChain, BranchSettings, BranchSolver
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_schemas import RunError
 
 BAXTER = package_path("package://example-robot-data/robots/baxter_description/urdf/baxter.urdf")

@@ -6,7 +6,7 @@ from arm_support import JOINTS, write_arm
 from control_support import Stand
 
 from stepbus_motion.arm.participant import ArmController
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_schemas import (
     Description,
     Goal,

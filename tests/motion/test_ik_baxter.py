@@ -7,7 +7,7 @@ from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
 from stepbus_motion.manipulator.detours import Planner
 from stepbus_motion.paths.motion import JointMotion, MotionLimits, Route
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 ROBOT = "package://example-robot-data/robots/baxter_description/"

@@ -9,7 +9,7 @@ import pytest
 from control_support import Stand
 
 from stepbus_motion.mobile.participant import MobileController
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,
     Contacts,

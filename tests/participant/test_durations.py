@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stepbus_participant.durations import LONGEST_NS, format_duration, parse_duration
+from stepbus_participant import LONGEST_NS, format_duration, parse_duration
 from stepbus_schemas import WiringError
 
 

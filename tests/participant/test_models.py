@@ -7,7 +7,7 @@ import pytest
 from scenario_support import changed, load_text, write
 
 from stepbus_orchestrator.scenario import files
-from stepbus_participant.models import read_urdf_text
+from stepbus_participant import read_urdf_text
 from stepbus_schemas import WiringError
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_participant.settings import Settings, nearest
 from stepbus_schemas import WiringError
 

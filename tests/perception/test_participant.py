@@ -11,7 +11,7 @@ import pytest
 from control_support import Stand
 from perception_support import JOINTS, TOPS, Item, open_store, write_robot
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_perception import PerceptionParticipant
 from stepbus_perception.geometry import rotation
 from stepbus_perception.robot import CameraMount

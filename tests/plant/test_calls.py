@@ -10,7 +10,7 @@ from stepbus_orchestrator import Options, Pace, call, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_participant.calls import CallError
+from stepbus_participant import CallError
 from stepbus_schemas import JointCommand, JointState
 
 POSITION = body("arm", "two_link", "{mode: position}")

@@ -1,7 +1,7 @@
 import pytest
 from control_support import TWO_LINK, Stand
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_plant import PlantParticipant
 from stepbus_plant.errors import CommandError
 from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError

@@ -125,7 +125,7 @@ class Source:
     def __init__(self, name, inputs, token):
         self.name, self.inputs, self.token = name, inputs, token
         self.every = next(iter(inputs.values())).get("every", 1)
-        self.heard, self.newest, self.bytes = False, -self.every, b""
+        self.connected, self.newest, self.bytes = False, -self.every, b""
         self.ahead = {port: [] for port in inputs}
         self.drops = {}
 
@@ -143,7 +143,7 @@ class Source:
         if message["token"] != self.token:
             self.drop("unauthenticated")
         elif message["step"] == -1:
-            self.heard = True
+            self.connected = True
         else:
             self.take_step(message["step"], message, data)
 
@@ -263,7 +263,7 @@ class Controller:
     def become_ready(self):
         while self.start is None:
             self.puts["out"]({"step": -1, "t_ns": 0})
-            unheard = [source.name for source in self.sources.values() if not source.heard]
+            unheard = [source.name for source in self.sources.values() if not source.connected]
             self.log({"step": -1, "sources": unheard} if unheard else None)
             if not unheard:
                 described = {"command": {"like": "joint_state"}}

@@ -21,7 +21,7 @@ from stepbus import (
     JointState,
     Participant,
 )
-from stepbus_participant import outbox
+from stepbus_participant.session import outbox
 from stepbus_schemas import Outputs
 
 ROLE = sys.argv[1]

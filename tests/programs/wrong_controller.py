@@ -70,7 +70,7 @@ class NoHandshakes(Controller):
 
     def become_ready(self):
         for source in self.sources.values():
-            source.heard = True
+            source.connected = True
         super().become_ready()
 
 

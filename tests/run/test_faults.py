@@ -36,7 +36,7 @@ def recorded_steps(result):
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
         ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
-        ("huge", ExitCode.FAULT, r"step 7.*over the bus's limit"),
+        ("huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],
 )  # fmt: skip
 def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):

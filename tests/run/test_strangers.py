@@ -7,7 +7,7 @@ from fuzz_support import OLD_TOKEN, STEP_NS, Mutator, envelopes, outputs
 from run_support import leftovers, run_joints
 from stranger_support import PATIENT, disturbed
 
-from stepbus_participant.inputs import carries_token
+from stepbus_participant.session import carries_token
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop
 
 TO_ORCHESTRATOR = {"join", "ready/controller", "log/controller", "fault/controller"}

@@ -4,7 +4,7 @@ import pytest
 from scenario_support import TWO_LINK, changed, load_text, problems_of, wiring
 
 from stepbus_orchestrator.scenario import InputSpec, Schedule
-from stepbus_participant.inputs import Input
+from stepbus_participant.session import Input
 from stepbus_schemas import InputConfig
 
 

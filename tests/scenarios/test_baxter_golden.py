@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 try:

@@ -4,7 +4,7 @@ import importlib.util
 
 import pytest
 
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 

@@ -8,7 +8,7 @@ from recording_support import messages
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 

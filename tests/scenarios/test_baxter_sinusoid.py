@@ -13,7 +13,7 @@ from stepbus_orchestrator.analysis.sinusoid import fit_sinusoids, motion_at_rest
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import WiringError
 

@@ -16,11 +16,8 @@ from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Member, Phase
 from stepbus_orchestrator.run.loop import Conductor
 from stepbus_orchestrator.run.progress import Silent
-from stepbus_participant import Endpoint, Ticket
-from stepbus_participant.control import Control
-from stepbus_participant.inputs import PeerFault, make_inputs, make_sources
-from stepbus_participant.joining import join
-from stepbus_participant.outbox import read_stamp, stamp
+from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
+from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
 
 TO_ORCHESTRATOR = ["join", "ready/controller", "log/controller", "fault/controller"]
@@ -189,7 +186,7 @@ def test_a_consumer_drops_or_blames_every_mutant_and_takes_none():
             assert listener.accept(mutator.broken(outputs())) is None
         except PeerFault as fault:
             blamed += fault.blames == "controller"
-    assert (listener.step, listener.heard) == (-1, False)
+    assert (listener.step, listener.connected) == (-1, False)
     assert sum(listener.drops.values()) + blamed == 2 * PER_KEY
     assert listener.drops.keys() == {"malformed", "unauthenticated"}
 

@@ -52,7 +52,7 @@ def test_the_contract_offers_exactly_this() -> None:
         "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello Image InputConfig "
         "JointCommand JointReference JointState Log Message MessageError OutputConfig Outputs "
         "Plan PlanRequest Poses Ready Refusal RunError Shape Spiral Start StepbusError Stop Trigger Waiting Welcome "
-        "WiringError encode encoding_of json_schema message_class parse_shapes type_name"
+        "WiringError due_step encode encoding_of json_schema message_class parse_shapes type_name"
     )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from devices_support import STEP_NS, box, joint, link, write_urdf
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_plant import PlantParticipant
 from stepbus_schemas import Description, Image, InputConfig, OutputConfig
 

@@ -11,10 +11,8 @@ import pinocchio as pin
 import stepbus_scenarios
 from stepbus_controller import ControllerParticipant
 from stepbus_mission import MissionParticipant
-from stepbus_participant.config import Config
-from stepbus_participant.inputs import make_inputs
-from stepbus_participant.participant import Participant
-from stepbus_participant.step import Step
+from stepbus_participant import Config, Participant, Step
+from stepbus_participant.session import make_inputs
 from stepbus_schemas import Description, InputConfig, JointState, Message, OutputConfig
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from control_support import Stand
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_plant import PlantParticipant
 from stepbus_schemas import Description, InputConfig, OutputConfig
 

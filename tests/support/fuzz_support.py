@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_participant.outbox import stamp
+from stepbus_participant import stamp
 from stepbus_schemas import (
     Decoder,
     Fault,

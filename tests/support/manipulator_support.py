@@ -14,7 +14,7 @@ from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Outcome, Settling
 from stepbus_motion.manipulator.manipulator import Manipulator, ManipulatorOptions
 from stepbus_motion.paths.motion import MotionLimits
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
 

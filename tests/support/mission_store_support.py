@@ -10,7 +10,7 @@ from control_support import Stand
 
 from stepbus_mission.store.goals import GOALS
 from stepbus_mission.store.participant import StoreMission
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,
     Description,

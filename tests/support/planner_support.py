@@ -10,7 +10,7 @@ import numpy as np
 from control_support import Stand
 from scipy.interpolate import CubicHermiteSpline
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_planner import PlannerParticipant
 from stepbus_planner.planning import WayPlanner
 from stepbus_planner.scene import Margins, Scene, Surroundings

@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_participant.config import package_path
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 NAMES = ("plant", "perception", "mission", "controller", "planner")

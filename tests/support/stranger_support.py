@@ -10,8 +10,7 @@ from contextlib import contextmanager
 
 from run_support import run_joints
 
-from stepbus_participant import Endpoint, load_ticket
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import Endpoint, ZenohBus, load_ticket
 from stepbus_schemas import encode, encoding_of
 
 PATIENT = ("duration=10s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for who in ("plant", "controller", "mission")))  # fmt: skip

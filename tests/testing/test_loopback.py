@@ -8,7 +8,7 @@ import pytest
 
 from stepbus import Bus, BusError, Endpoint
 from stepbus.testing import LoopbackBus
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import ZenohBus
 
 
 @pytest.fixture(params=["loopback", "zenoh"])

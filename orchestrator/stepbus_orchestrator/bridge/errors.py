@@ -6,7 +6,7 @@ OutputError (of stepbus)
 
 from __future__ import annotations
 
-from stepbus_participant.outbox import OutputError
+from stepbus_participant import OutputError
 
 
 class BridgeError(OutputError):

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from stepbus_orchestrator.processes.child import Child
-from stepbus_participant.ticket import TICKET_VARIABLE
+from stepbus_participant import TICKET_VARIABLE
 
 from .check import Check
 from .kit import Kit

@@ -6,7 +6,16 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from stepbus_orchestrator.replay.recorded import envelope
-from stepbus_schemas import HANDSHAKE_STEP, Description, Outputs, Start, Stop, Trigger, encode
+from stepbus_schemas import (
+    HANDSHAKE_STEP,
+    Description,
+    Outputs,
+    Start,
+    Stop,
+    Trigger,
+    due_step,
+    encode,
+)
 
 from .feeds import Feed, Ports
 from .outcome import Failed
@@ -105,7 +114,7 @@ class Stage(Wire):
 
         repeating: whether the trigger is said again meanwhile.
         """
-        due = step - step % self.spec.every
+        due = due_step(step, every=self.spec.every)
         self.until(
             lambda: self.seen.newest >= due,
             f"step {due}",

@@ -18,8 +18,7 @@ from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import new_token, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.watchdog import Watchdog
-from stepbus_participant import BusError
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import BusError, ZenohBus
 from stepbus_schemas import (
     encode,
     encoding_of,

@@ -9,8 +9,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
 from stepbus_orchestrator.processes.endpoints import new_token
-from stepbus_participant import BusError, Endpoint
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import BusError, Endpoint, ZenohBus
 
 from .finding import Finding
 from .machine import free_ports

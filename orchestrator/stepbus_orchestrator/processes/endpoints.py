@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.scenario import Scenario
-from stepbus_participant.ticket import Endpoint
+from stepbus_participant import Endpoint
 
 ORCHESTRATOR = "orchestrator"
 _SOCKET_PATH_BYTES = 107

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import ParticipantSpec
-from stepbus_participant.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
+from stepbus_participant import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
 
 from .child import Child
 

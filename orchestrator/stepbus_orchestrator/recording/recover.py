@@ -12,7 +12,7 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from mcap.writer import CompressionType, IndexType, Writer
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant.durations import parse_duration
+from stepbus_participant import parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 

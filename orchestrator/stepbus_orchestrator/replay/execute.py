@@ -21,8 +21,7 @@ from stepbus_orchestrator.run.kernel.participants import Member
 from stepbus_orchestrator.run.progress import Observer, Silent
 from stepbus_orchestrator.run.supervise import supervise
 from stepbus_orchestrator.scenario import Scenario, Schedule, command, start_command
-from stepbus_participant import Bus, BusError
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import Bus, BusError, ZenohBus
 
 from .check import Check, recorded_descriptions
 from .inputs import inputs_of

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 import msgspec
 
 from stepbus_orchestrator.scenario import ParticipantSpec
-from stepbus_participant import Bus
-from stepbus_participant.outbox import stamp
+from stepbus_participant import Bus, stamp
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode, encoding_of
 
 from .recorded import Recorded, envelope

@@ -29,9 +29,7 @@ from stepbus_orchestrator.scenario import (
     resolved,
     start_command,
 )
-from stepbus_participant import BusError, suggest
-from stepbus_participant.ticket import MessageFault
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import BusError, MessageFault, ZenohBus, suggest
 from stepbus_schemas import CallRecord, WiringError
 
 from .control.injector import Injector

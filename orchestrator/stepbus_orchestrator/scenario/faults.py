@@ -7,8 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from stepbus_participant import suggest
-from stepbus_participant.durations import format_duration, parse_duration
+from stepbus_participant import format_duration, parse_duration, suggest
 from stepbus_schemas import WiringError
 
 from .model import FaultSpec, ParticipantSpec

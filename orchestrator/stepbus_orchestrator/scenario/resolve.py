@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import SafeRepresenter
 
-from stepbus_participant.durations import format_duration
+from stepbus_participant import format_duration
 
 from .faults import format_fault
 from .files.search import search_files

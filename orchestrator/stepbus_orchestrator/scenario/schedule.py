@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from stepbus_schemas import due_step
+
 from .model import InputSpec, ParticipantSpec, Scenario
 
 
@@ -60,8 +62,8 @@ class Schedule:
 
         It is the newest firing of the source at or before `step − delay`; none while absent.
         """
-        reach = step - source.delay
-        return reach - reach % self.every[source.source] if reach >= 0 else None
+        due = due_step(step, source.delay, self.every[source.source])
+        return due if due >= 0 else None
 
     def text(self, steps: int) -> str:
         """Return the first steps as text: `plant@0 mission@0 controller@0 plant@1 …`.

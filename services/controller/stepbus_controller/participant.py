@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import JointOrder, Smoother, Vector, delay_warning, read_smoother
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Step
 from stepbus_participant.settings import Settings
-from stepbus_participant.step import Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -23,6 +21,7 @@ from stepbus_schemas import (
     Message,
     RunError,
     WiringError,
+    due_step,
 )
 
 from .laws import Reference, read_law
@@ -118,8 +117,7 @@ class ControllerParticipant(Participant):
     def _measured_at_ns(self, step: Step) -> int:
         """Return when the source of the newest joint state fired for it [ns]."""
         source = self.config.inputs[self._state_port]
-        reach = step.index - source.delay
-        return (reach - reach % source.every) * self.config.step_ns
+        return due_step(step.index, source.delay, source.every) * self.config.step_ns
 
     def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector]:
         q = self._state_order.pick(state.position, "position")

@@ -7,11 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from stepbus_kinematics import JointOrder, Vector
-from stepbus_participant import main
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Step, main
 from stepbus_participant.settings import Settings
-from stepbus_participant.step import Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -20,6 +17,7 @@ from stepbus_schemas import (
     JointState,
     Message,
     WiringError,
+    due_step,
 )
 
 
@@ -87,8 +85,8 @@ class PositionController(Participant):
     def _age(self, step: Step) -> float:
         """Return how long ago the newest reference was true [s]."""
         source = self.config.inputs[self._reference_port]
-        reach = step.index - source.delay
-        return (step.index - (reach - reach % source.every)) * self.config.step_ns * 1e-9
+        due = due_step(step.index, source.delay, source.every)
+        return (step.index - due) * self.config.step_ns * 1e-9
 
     def _target(self, reference: JointReference, age: float) -> tuple[Vector, Vector]:
         """Return where the joints shall be now and how fast they get to where they shall be next.

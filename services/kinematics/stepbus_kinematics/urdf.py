@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_participant.config import package_path
-from stepbus_participant.models import read_urdf_text
+from stepbus_participant import package_path, read_urdf_text
 from stepbus_participant.settings import nearest
 from stepbus_schemas import WiringError
 

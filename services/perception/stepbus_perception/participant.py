@@ -6,9 +6,7 @@ import logging
 from collections.abc import Mapping
 from importlib.metadata import version
 
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
-from stepbus_participant.step import Step
+from stepbus_participant import Config, Participant, Step
 from stepbus_schemas import (
     Description,
     Detections,

@@ -6,7 +6,7 @@ import importlib.util
 from dataclasses import dataclass
 from typing import Literal
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 

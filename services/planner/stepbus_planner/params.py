@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepbus_participant.durations import parse_duration
+from stepbus_participant import parse_duration
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Step
 from stepbus_participant.settings import Settings
-from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
 
 from . import search, timing

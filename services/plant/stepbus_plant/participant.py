@@ -7,11 +7,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant import Method, Problems
-from stepbus_participant.config import Config
-from stepbus_participant.durations import format_duration
-from stepbus_participant.participant import Participant
-from stepbus_participant.step import Step
+from stepbus_participant import Config, Method, Participant, Problems, Step, format_duration
 from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
 
 from .devices import camera

@@ -12,9 +12,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.endpoints import ORCHESTRATOR
-from stepbus_participant import BusError
-from stepbus_participant.ticket import Endpoint
-from stepbus_participant.zenoh_bus import ZenohBus
+from stepbus_participant import BusError, Endpoint, ZenohBus
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
 from .calls import CALL_KEY

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from operator import add
 
 from stepbus_orchestrator.scenario import Scenario
+from stepbus_schemas import due_step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,5 +87,5 @@ class Barrier:
         return [edge.source for edge in self._edges[name] if not self._arrived(edge, step)]
 
     def _arrived(self, edge: _Edge, step: int) -> bool:
-        reach = step - edge.delay
-        return reach < 0 or self.reported[edge.source] >= reach - reach % self._every[edge.source]
+        due = due_step(step, edge.delay, self._every[edge.source])
+        return due < 0 or self.reported[edge.source] >= due

@@ -10,6 +10,7 @@ from stepbus_orchestrator.errors import (
     StepTimeout,
 )
 from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_schemas import due_step
 
 from .barrier import Barrier
 from .participants import PHASE_DEADLINES, Member, Phase, Roster
@@ -74,8 +75,7 @@ def owed_step(name: str, roster: Roster, barrier: Barrier) -> int:
     for member in roster.values():
         if member.waiting is not None and name in member.waiting.sources:
             delays = [i.delay for i in member.spec.inputs.values() if i.source == name]
-            reach = member.waiting.step - min(delays)
-            owed = max(owed, reach - reach % every)
+            owed = max(owed, due_step(member.waiting.step, min(delays), every))
     return owed
 
 

@@ -10,8 +10,7 @@ from stepbus_orchestrator.errors import ParticipantFault, StartFailed
 from stepbus_orchestrator.processes.endpoints import ORCHESTRATOR
 from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
-from stepbus_participant import Bus
-from stepbus_participant.outbox import read_stamp
+from stepbus_participant import Bus, read_stamp
 from stepbus_schemas import (
     Decoder,
     Fault,

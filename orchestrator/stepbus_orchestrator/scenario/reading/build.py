@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.durations import LONGEST_NS, format_duration
+from stepbus_participant import LONGEST_NS, format_duration
 from stepbus_participant.parameters import Keys, Problems, read
 from stepbus_schemas import WiringError
 

@@ -6,11 +6,8 @@ import math
 from collections.abc import Mapping
 from itertools import chain
 
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_participant.plugins import make_plugin
-from stepbus_participant.ports import Ports
-from stepbus_participant.step import Step
 from stepbus_schemas import Description, Event, JointReference, Message, RunError
 
 from .generators import Generator, Sine, StepChange

@@ -16,10 +16,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Step
 from stepbus_participant.settings import Settings, nearest
-from stepbus_participant.step import Step
 from stepbus_schemas import (
     Description,
     Event,

@@ -10,10 +10,8 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Step
 from stepbus_participant.settings import Settings, nearest
-from stepbus_participant.step import Step
 from stepbus_schemas import (
     BaseState,
     Description,

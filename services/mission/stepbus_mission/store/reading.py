@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_participant.settings import Settings, nearest
 
 from .geometry import Spot

@@ -12,10 +12,8 @@ from stepbus_motion.goals.runner import GoalRunner
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
 from stepbus_motion.manipulator.detours import Planner
 from stepbus_motion.paths.motion import MotionLimits
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
+from stepbus_participant import Config, Participant, Step
 from stepbus_participant.settings import Settings
-from stepbus_participant.step import Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,

@@ -14,9 +14,7 @@ from stepbus_motion.collisions.monitor import CollisionMonitor
 from stepbus_motion.goals.executor import Dispatcher, Sensed
 from stepbus_motion.gripper.gripper import Grip
 from stepbus_motion.manipulator.manipulator import Manipulator
-from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
-from stepbus_participant.step import Step
+from stepbus_participant import Config, Participant, Step
 from stepbus_schemas import (
     BaseState,
     Contacts,

@@ -23,7 +23,7 @@ from stepbus_motion.goals.outcome import Settling
 from stepbus_motion.gripper.gripper import GripSettings
 from stepbus_motion.manipulator.manipulator import ManipulatorOptions
 from stepbus_motion.paths.motion import MotionLimits
-from stepbus_participant.config import Config
+from stepbus_participant import Config
 from stepbus_participant.settings import Settings, nearest
 from stepbus_schemas import RunError
 

@@ -9,8 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 import pybullet as bullet
 
-from stepbus_participant import suggest
-from stepbus_participant.durations import format_duration
+from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.world.declaration import CameraRow
 from stepbus_plant.world.file import World

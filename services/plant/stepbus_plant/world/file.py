@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stepbus_participant.durations import format_duration
+from stepbus_participant import format_duration
 from stepbus_participant.parameters import YamlFile
 from stepbus_schemas import WiringError
 

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_participant.config import package_path
-from stepbus_participant.models import read_urdf_text
+from stepbus_participant import package_path, read_urdf_text
 from stepbus_schemas import WiringError
 
 # S314: the files are the user's own, and expat itself stops an expansion without end.

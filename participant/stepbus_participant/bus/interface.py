@@ -1,4 +1,4 @@
-"""The seam between stepbus and whatever carries its messages."""
+"""The interface between stepbus and the transport that carries its messages."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ class BusError(RunError, ConnectionError):
 
 
 class Request(Protocol):
-    """A query that waits for its answer."""
+    """A query that waits for its reply."""
 
     @property
     def payload(self) -> bytes:
-        """Return what was asked."""
+        """Return the content of the query."""
 
     def reply(self, data: bytes, encoding: str) -> None:
-        """Answer it, once."""
+        """Reply to it, once."""
 
 
 class Bus(Protocol):
-    """Publish, subscribe, ask, answer, and be seen alive.
+    """Publish, subscribe, query, reply, and declare a liveliness token.
 
-    Keys are relative to the run's key space. Callbacks run on a thread of the bus and must only
-    hand over what they get.
+    Keys are relative to the run's key space. Callbacks run on a thread of the bus and should
+    only put their sample into a queue (P2.7).
     """
 
     def publisher(self, key: str, encoding: str) -> Callable[..., None]:
-        """Return a function that publishes bytes; it takes `attachment=` bytes too."""
+        """Return a function that publishes bytes; it also takes `attachment=` bytes."""
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
-        """Call `sink` with each sample on a key; `*` stands for one part of it."""
+        """Call `sink` with each sample on a key; `*` matches one part of it."""
 
     def payload(self, sample: Any) -> bytes:
         """Return the content of a sample."""
@@ -49,16 +49,16 @@ class Bus(Protocol):
         """Return the attachment of a sample, empty where it has none."""
 
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterable[bytes]:
-        """Return the answers to a query as they come, of everybody who answers in time."""
+        """Return the replies to a query as they arrive, until the time-out."""
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""
 
     def declare_alive(self, key: str) -> None:
-        """Be seen alive under a key until the session closes or the process dies."""
+        """Declare a liveliness token, which lasts until the session closes or the process dies."""
 
     def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
-        """Call `sink` with (key, alive) now and whenever somebody comes or goes."""
+        """Call `sink` with (key, alive) now and whenever a liveliness token changes."""
 
     def close(self) -> None:
-        """Leave the bus; harmless when repeated."""
+        """Close the session; closing it again is harmless."""

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from queue import Empty
 from typing import Any
 
-from stepbus_schemas import HANDSHAKE_STEP, Outputs, Waiting, Welcome
+from stepbus_participant.bus import Bus
+from stepbus_participant.participant import Participant
+from stepbus_participant.step import Step
+from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome
 
-from .bus import Bus
-from .calls import Answers
+from .answers import Answers
+from .bulk import read_stamp
 from .control import Control, Stopped
-from .inputs import Input, PeerFault, Source
-from .outbox import Outbox, read_stamp
-from .participant import Participant
-from .step import Step
+from .inputs import Input, PeerFault
+from .outbox import Outbox, OutputError
+from .sources import Source
 
 FLUSH_AFTER_S = 0.02
-"""A wait longer than this sends what is in the log batch [s]."""
+"""A wait longer than this sends the log batch (P9.2.4) [s]."""
 
 _now_ns = time.perf_counter_ns
 
 
 class StepLoop:
-    """Drives one participant through its steps, at the pace of triggers and inputs."""
+    """Runs the steps of one participant, as triggers and inputs allow (P5, P6)."""
 
     def __init__(
         self,
@@ -51,7 +54,7 @@ class StepLoop:
         self.step = Step(inputs, welcome.step_ns)
 
     def run(self) -> None:
-        """Work until the orchestrator stops the run; raises what the participant raises."""
+        """Step until the orchestrator stops the run; raises what the participant raises."""
         try:
             while True:
                 self._control.enter(self.step.index)
@@ -69,7 +72,8 @@ class StepLoop:
         if step.index >= self._control.step_limit:
             self._await_trigger(step.index)
         if self._first:
-            self._outbox.publish(step.index, self._participant.output(step))
+            # No input of this step may reach these outputs (P5.3).
+            self._outbox.publish(step.index, self._participant.output(step), self._take_end())
             self._outbox.flush_full()
         for source in self._sources:
             due = source.due(step.index)
@@ -79,11 +83,24 @@ class StepLoop:
             item.settle(step.index)
         messages = self._participant.update(step)
         if not self._first:
-            self._outbox.publish(step.index, messages, step.end_reason)
+            self._outbox.publish(step.index, messages, self._take_end())
+        elif messages:
+            self._refuse_late_outputs(messages)
         self._outbox.finish(step.index, self._waited_ns, _now_ns() - started - self._waited_ns)
 
+    def _take_end(self) -> str | None:
+        """Return why the run should end, once: it is absent in all other outputs (P7.4)."""
+        reason, self.step.end_reason = self.step.end_reason, None
+        return reason
+
+    def _refuse_late_outputs(self, messages: Mapping[str, Message]) -> None:
+        raise OutputError(
+            f"step {self.step.index}: update returned {', '.join(messages)}, but with "
+            "`publishes: first` the outputs of this step are already out; return them from output"
+        )
+
     def _close(self, at_step: int) -> None:
-        """Publish the result of the last step, where this participant publishes first."""
+        """Publish the closing outputs of a participant that publishes first (P11.3)."""
         if self._first and self.step.index == at_step and self._outbox.step < at_step:
             self._outbox.publish(at_step, self._participant.output(self.step))
 
@@ -100,7 +117,7 @@ class StepLoop:
         self._waited_ns += _now_ns() - began
 
     def _receive(self, source: Source) -> None:
-        """Take in the next message of a source, however long it takes."""
+        """Accept the next message of a source, however long it takes to arrive (P6.2)."""
         sample = self._next(source, source.queue)
         outputs = source.accept(self._bus.payload(sample))
         if outputs is not None and outputs.bulk:
@@ -123,10 +140,10 @@ class StepLoop:
                 f"step {outputs.step}: {source.name} announced {size} bytes on bulk port "
                 f"{port!r} and sent {len(content)}",
             )
-        source.take_bulk(outputs, port, content)
+        source.offer_bulk(outputs, port, content)
 
     def _next(self, source: Source, queue: Any) -> Any:
-        """Return the next sample of a queue; the orchestrator's word comes first."""
+        """Return the next sample of a queue; None in it means that the orchestrator has sent."""
         if not queue.empty():
             sample = queue.get()
             if sample is not None:

@@ -1,4 +1,4 @@
-"""What a participant sends: one `Outputs` per step to its consumers, and batches to the log."""
+"""What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
+from stepbus_participant.bus import Bus
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     Log,
@@ -19,18 +20,17 @@ from stepbus_schemas import (
     message_class,
 )
 
-from .bus import Bus
+from .bulk import stamp
 
-# A batch is sent at the latest when it has grown to this; the low-latency transport silently
-# loses what is over 64 KiB.
 BATCH_BYTES = 30_000
+"""Most bytes of a batch (P9.2.3): the low-latency transport silently loses what exceeds 64 KiB."""
 
-# A batch does not wait longer than this to be full, so that the orchestrator sees slow steps [ns].
 BATCH_AGE_NS = 50_000_000
+"""Longest time a batch takes to fill (P9.2.2), so that the orchestrator sees slow steps [ns]."""
 
 
 class OutputError(StepbusError, ValueError):
-    """A participant returned what its scenario does not let it publish."""
+    """A participant returned something that its scenario does not let it publish."""
 
 
 class Outbox:
@@ -60,7 +60,7 @@ class Outbox:
         self._timing: list[tuple[int, int, int]] = []
 
     def send_handshake(self) -> None:
-        """Prove the connection to whoever listens, before the first step."""
+        """Prove the links to all consumers, before the first step (P4.6)."""
         self._put(self._pack(HANDSHAKE_STEP, {}, {}, None))
         for put in self._put_bulk.values():
             put(b"", attachment=stamp(HANDSHAKE_STEP, self._welcome.token))
@@ -68,9 +68,10 @@ class Outbox:
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
     ) -> None:
-        """Publish what is due at a step and append it to the log batch.
+        """Publish the outputs of a step, and add them to the log batch.
 
-        Raises OutputError when a port or its type is not the scenario's, or it is too large.
+        end: why the run should end after this step. Raises OutputError when a port or its type is
+        not the scenario's, or when the outputs are too large.
         """
         ports: dict[str, msgspec.Raw] = {}
         bulk: dict[str, int] = {}
@@ -84,8 +85,8 @@ class Outbox:
         packed = self._pack(step, ports, bulk, end)
         if len(packed) > self._welcome.max_outputs_bytes:
             raise OutputError(
-                f"step {step}: outputs of {len(packed)} bytes are over the bus's limit of "
-                f"{self._welcome.max_outputs_bytes}; declare the large one {{bulk: true}}"
+                f"step {step}: outputs of {len(packed)} bytes exceed the bus's limit of "
+                f"{self._welcome.max_outputs_bytes}; declare the large port {{bulk: true}}"
             )
         self._put(packed)
         self.step = step
@@ -130,14 +131,14 @@ class Outbox:
         self._bytes += len(packed)
 
     def finish(self, step: int, waited_ns: int, computed_ns: int) -> None:
-        """Note how long a finished step took, and send the batch when it is full."""
+        """Add the timing of a finished step, and send the batch when it is full or old."""
         self._timing.append((step, waited_ns, computed_ns))
         self._age_ns += waited_ns + computed_ns
         if self._is_full() or self._age_ns > BATCH_AGE_NS:
             self.flush()
 
     def flush_full(self) -> None:
-        """Send the batch if it is full; worth it in the middle of a step, before waiting."""
+        """Send the batch if it is full; one that publishes first does so before it waits."""
         if self._is_full():
             self.flush()
 
@@ -145,7 +146,7 @@ class Outbox:
         return len(self._outputs) >= self._welcome.batch
 
     def flush(self, waiting: Waiting | None = None) -> None:
-        """Send the batch, and what is being waited for."""
+        """Send the batch, and report what the participant waits for."""
         log = Log(
             name=self._welcome.name,
             token=self._welcome.token,
@@ -156,15 +157,3 @@ class Outbox:
         )
         self._put_log(encode(log))
         self._outputs, self._timing, self._bytes, self._age_ns = [], [], 0, 0
-
-
-def stamp(step: int, token: str) -> bytes:
-    """Return the attachment of a bulk sample: the step as int64 little-endian, then the token."""
-    return step.to_bytes(8, "little", signed=True) + token.encode()
-
-
-def read_stamp(attachment: bytes, token: str) -> int | None:
-    """Return the step a bulk sample belongs to; None when it is not of this run."""
-    if attachment[8:] != token.encode():
-        return None
-    return int.from_bytes(attachment[:8], "little", signed=True)

@@ -3,50 +3,60 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import json
 import os
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .bus import BusError, Request
-from .ticket import Endpoint
+from stepbus_participant.ticket import Endpoint
 
-# One thread for all that Zenoh does: on few cores every further one is only another to wake up
-# (three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU time a step, 5,800 →
-# 8,100 steps/s). It changes no result.
-os.environ.setdefault(
-    "ZENOH_RUNTIME",
+from .interface import BusError, Request
+
+_RUNTIME = (
     "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app), "
-    "app: (worker_threads: 1))",
+    "app: (worker_threads: 1))"
 )
+"""One thread for all that Zenoh does: on few cores, each further one is only another to wake up.
 
-import zenoh  # reads ZENOH_RUNTIME when it is loaded
+Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU time a step, 5,800 →
+8,100 steps/s. It changes no result.
+"""
+
+
+@cache
+def _zenoh() -> Any:
+    """Return the module zenoh, which reads ZENOH_RUNTIME when it is loaded."""
+    os.environ.setdefault("ZENOH_RUNTIME", _RUNTIME)
+    return importlib.import_module("zenoh")
+
 
 _kept = threading.local()
 
 
 def _keep_thread_state() -> None:
-    """Keep Python's state of the calling thread of Zenoh from one callback to the next.
+    """Keep the Python thread state of Zenoh's thread from one callback to the next.
 
-    Otherwise each callback makes one and throws it away: with the memory for its frames, that is
-    a mmap, a page fault and a munmap for every message.
+    Otherwise each callback creates and destroys one: with the memory for its frames, that is a
+    mmap, a page fault and a munmap for every message.
     """
     if not hasattr(_kept, "state"):
         _kept.state = ctypes.pythonapi.PyGILState_Ensure()
 
 
-def _settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
-    """Return the Zenoh configuration of an endpoint, by its path in Zenoh's own tree."""
+def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
+    """Return the Zenoh configuration of an endpoint, by its path in Zenoh's own tree (P2)."""
     settings: dict[str, Any] = {
         "mode": "peer",
         "listen/endpoints": endpoint.listen,
         "connect/endpoints": endpoint.connect,
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
-        # A peer that is not up yet is tried again after 20, 40 … 200 ms.
+        # Retry a peer that is not up yet after 20, 40 … 200 ms.
         "connect/retry": {
             "period_init_ms": 20,
             "period_max_ms": 200,
@@ -56,8 +66,8 @@ def _settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
         # Gossip with the low-latency transport lost links for good in 6 to 9 of 30 starts.
         "scouting/gossip/enabled": False,
     }
-    # Zenoh puts messages from 3 kB on into shared memory of its own accord, and loses them without
-    # a word when the receiver does not get the processor for 100 ms (eclipse-zenoh/zenoh#2628).
+    # With shared memory on, Zenoh moves messages of 3 kB or more into it, and drops them silently
+    # when the receiver is not scheduled for 100 ms (eclipse-zenoh/zenoh#2628).
     settings["transport/shared_memory/enabled"] = False
     if endpoint.low_latency:
         settings["transport/unicast/qos/enabled"] = False
@@ -70,7 +80,7 @@ def _settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]:
 
 
 class _ZenohRequest:
-    """A Zenoh query that waits for its answer."""
+    """A Zenoh query that waits for its reply."""
 
     def __init__(self, query: Any) -> None:
         self._query = query
@@ -91,12 +101,13 @@ class ZenohBus:
     """
 
     def __init__(self, endpoint: Endpoint, run: str) -> None:
+        zenoh = self._zenoh = _zenoh()
         self._prefix = f"stepbus/{run}/"
         self._held: list[Any] = []
         users_file = self._write_users(endpoint) if endpoint.user is not None else None
         try:
             config = zenoh.Config()
-            for path, value in _settings(endpoint, users_file).items():
+            for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
             self._session: Any = zenoh.open(config)
         except zenoh.ZError as exc:
@@ -110,7 +121,7 @@ class ZenohBus:
 
     @staticmethod
     def _write_users(endpoint: Endpoint) -> str:
-        """Write who may come in to a private file, for the moment Zenoh reads it."""
+        """Write the accepted credentials to a private file, until Zenoh has read it."""
         handle, name = tempfile.mkstemp(prefix="stepbus-users-")
         with os.fdopen(handle, "w") as file:
             file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
@@ -121,7 +132,7 @@ class ZenohBus:
         publisher = self._session.declare_publisher(
             self._prefix + key,
             encoding=encoding,
-            congestion_control=zenoh.CongestionControl.BLOCK,
+            congestion_control=self._zenoh.CongestionControl.BLOCK,
             express=True,
         )
         self._held.append(publisher)
@@ -135,8 +146,8 @@ class ZenohBus:
             _keep_thread_state()
             sink(sample)
 
-        # The default, indirect callback adds a thread to every message.
-        handler: Any = zenoh.handlers.Callback(on_sample, indirect=False)
+        # The default, an indirect callback, moves every message to another thread.
+        handler: Any = self._zenoh.handlers.Callback(on_sample, indirect=False)
         self._held.append(self._session.declare_subscriber(self._prefix + key, handler))
 
     def payload(self, sample: Any) -> bytes:
@@ -157,14 +168,14 @@ class ZenohBus:
         return b"" if sample.attachment is None else bytes(sample.attachment.to_bytes())
 
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
-        """Yield the answers to a query as they come, of everybody who answers in time."""
+        """Yield the replies to a query as they arrive, until the time-out."""
         replies: Any = self._session.get(
             self._prefix + key,
             payload=data,
             encoding=encoding,
             timeout=timeout_s,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
+            target=self._zenoh.QueryTarget.ALL,
+            consolidation=self._zenoh.ConsolidationMode.NONE,
         )
         for reply in replies:
             if reply.ok is not None:
@@ -172,7 +183,7 @@ class ZenohBus:
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""
-        handler: Any = zenoh.handlers.Callback(
+        handler: Any = self._zenoh.handlers.Callback(
             lambda query: sink(_ZenohRequest(query)), indirect=False
         )
         self._held.append(
@@ -180,23 +191,23 @@ class ZenohBus:
         )
 
     def declare_alive(self, key: str) -> None:
-        """Be seen alive under a key until the session closes or the process dies."""
+        """Declare a liveliness token, which lasts until the session closes or the process dies."""
         self._held.append(self._session.liveliness().declare_token(self._prefix + key))
 
     def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
-        """Call `sink` with (key, alive) now and whenever somebody comes or goes."""
+        """Call `sink` with (key, alive) now and whenever a liveliness token changes."""
 
         def on_sample(sample: Any) -> None:
-            sink(self.key(sample), sample.kind == zenoh.SampleKind.PUT)
+            sink(self.key(sample), sample.kind == self._zenoh.SampleKind.PUT)
 
-        handler: Any = zenoh.handlers.Callback(on_sample, indirect=False)
+        handler: Any = self._zenoh.handlers.Callback(on_sample, indirect=False)
         token = self._session.liveliness().declare_subscriber(
             self._prefix + key, handler, history=True
         )
         self._held.append(token)
 
     def close(self) -> None:
-        """Leave the bus; without it, a process with a callback hangs at its exit."""
+        """Close the session; a process with an open one and a callback hangs at its exit."""
         if not self._session.is_closed():
             self._session.close()
         self._held.clear()

@@ -1,4 +1,4 @@
-"""Faults on purpose, on the way from a participant to its consumers (docs/faults.md)."""
+"""Injected faults, between a participant and its consumers (docs/faults.md)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from stepbus_participant.ticket import Endpoint, MessageFault
 from stepbus_schemas import Decoder, Outputs
 
-from .ticket import Endpoint, MessageFault
 from .zenoh_bus import ZenohBus
 
 _decode_outputs = Decoder(Outputs)
@@ -18,10 +18,10 @@ _PADDING = b"\xa7padding\xc6" + (1 << 20).to_bytes(4, "big") + bytes(1 << 20)
 
 
 class FaultyBus(ZenohBus):
-    """A bus that treats some of the outputs of one participant badly.
+    """A bus that injects faults into the outputs of one participant.
 
-    name: the participant. faults: what to do to which step. Its log to the orchestrator stays as
-    it is: it says what was published, not what arrived.
+    name: the participant. faults: what to do at which step. The log to the orchestrator stays
+    intact: it reports what was published, not what arrived.
     """
 
     def __init__(
@@ -32,15 +32,15 @@ class FaultyBus(ZenohBus):
         self._faults = list(faults)
 
     def publisher(self, key: str, encoding: str) -> Callable[..., None]:
-        """Return a function that publishes bytes, or mistreats them."""
+        """Return a function that publishes bytes, with faults where they are outputs."""
         put = super().publisher(key, encoding)
         return FaultyPublisher(put, self._faults) if key == self._key else put
 
 
 class FaultyPublisher:
-    """Publishes outputs, and does to those of some steps what their faults say.
+    """Publishes outputs, and injects the faults of their steps.
 
-    Several faults of one step act one after the other, in their order.
+    Several faults of one step apply one after the other, in their order.
     """
 
     def __init__(self, put: Callable[..., None], faults: Sequence[MessageFault]) -> None:
@@ -51,7 +51,7 @@ class FaultyPublisher:
         self._held: list[bytes] = []
 
     def __call__(self, data: bytes, **more: Any) -> None:
-        """Publish the outputs of a step; `more` is handed on."""
+        """Publish the outputs of a step; `more` goes to the bus unchanged."""
         held, self._held = self._held, []
         messages = [data]
         for fault in self._faults.get(_decode_outputs(data).step, ()):
@@ -60,7 +60,7 @@ class FaultyPublisher:
             self._put(message, **more)
 
     def _apply(self, fault: MessageFault, messages: list[bytes]) -> list[bytes]:
-        """Return what is published now instead of some messages."""
+        """Return the messages to publish now instead."""
         if fault.type == "drop":
             return []
         if fault.type == "reorder":
@@ -77,10 +77,10 @@ class FaultyPublisher:
 
 
 def _corrupt(message: bytes) -> bytes:
-    """Return a message that begins with 0xc1, which stands for nothing in MessagePack."""
+    """Return a message that starts with 0xc1, which MessagePack reserves."""
     return b"\xc1" + message[1:]
 
 
 def _oversize(message: bytes) -> bytes:
-    """Return a message with one more field, which every reader ignores, of 1 MiB."""
+    """Return a message with one more field of 1 MiB, which every reader ignores."""
     return bytes((message[0] + 1,)) + message[1:] + _PADDING

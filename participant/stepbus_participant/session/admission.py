@@ -1,0 +1,94 @@
+"""Admission to a run: `Hello`, and the orchestrator's answer."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+
+from stepbus_participant.bus import Bus
+from stepbus_participant.ticket import Ticket
+from stepbus_schemas import (
+    PROTOCOL_VERSION,
+    Decoder,
+    Hello,
+    MessageError,
+    Refusal,
+    RunError,
+    Welcome,
+    encode,
+    encoding_of,
+)
+
+_decode_welcome = Decoder(Welcome)
+_decode_refusal = Decoder(Refusal)
+_RETRY_S = 0.05
+
+
+class AdmissionRefused(RunError, PermissionError):
+    """The orchestrator did not admit this participant."""
+
+
+def join(
+    bus: Bus,
+    ticket: Ticket,
+    inputs: Mapping[str, str] | None = None,
+    outputs: Mapping[str, str] | None = None,
+) -> Welcome:
+    """Ask the orchestrator for admission until it answers (P4.2).
+
+    inputs, outputs: port → type, for a program that only works with certain ones.
+
+    The first valid `Welcome` counts; an answer from anybody else only where there is none.
+    Raises AdmissionRefused, or RunError when nobody answers within the join time-out.
+    """
+    hello = Hello(
+        protocol=PROTOCOL_VERSION,
+        name=ticket.name,
+        token=ticket.token,
+        pid=os.getpid(),
+        language="python",
+        sdk=f"stepbus {version('stepbus')}",
+        inputs=None if inputs is None else dict(inputs),
+        outputs=None if outputs is None else dict(outputs),
+    )
+    deadline = time.monotonic() + ticket.join_timeout_s
+    while time.monotonic() < deadline:
+        refusal: RunError | None = None
+        for answer in bus.query("join", encode(hello), encoding_of("Hello/1"), _left_s(deadline)):
+            try:
+                return _read_answer(answer, ticket)
+            except RunError as exc:
+                refusal = refusal or exc
+        if refusal is not None:
+            raise refusal
+        time.sleep(_RETRY_S)
+    raise RunError(
+        f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
+        f"{ticket.join_timeout_s} s; is it still running?"
+    )
+
+
+def _left_s(deadline: float) -> float:
+    """Return the time until a deadline, never 0, which means no time-out [s]."""
+    return max(_RETRY_S, deadline - time.monotonic())
+
+
+def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
+    try:
+        welcome = _decode_welcome(answer)
+    except MessageError as exc:
+        try:
+            raise AdmissionRefused(_decode_refusal(answer).reason) from None
+        except MessageError:
+            raise RunError(f"the answer to our Hello is {exc}") from exc
+    if welcome.protocol != PROTOCOL_VERSION:
+        raise AdmissionRefused(
+            f"the orchestrator speaks protocol {welcome.protocol}, this program {PROTOCOL_VERSION}"
+        )
+    if (welcome.token, welcome.name) != (ticket.token, ticket.name):
+        raise AdmissionRefused(
+            f"the answer to our Hello is for {welcome.name!r} or for another run"
+        )
+    return welcome

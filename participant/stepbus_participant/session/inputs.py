@@ -1,0 +1,77 @@
+"""The inputs of a participant: which message is due at a step, and which one is held."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from stepbus_schemas import (
+    Decoder,
+    InputConfig,
+    Message,
+    MessageError,
+    RunError,
+    due_step,
+    message_class,
+)
+
+
+class PeerFault(RunError):
+    """Another participant broke the protocol; `blames` names it."""
+
+    def __init__(self, blames: str, message: str) -> None:
+        super().__init__(message)
+        self.blames = blames
+
+
+class Input:
+    """One input port: it holds its newest due message until the next one is due (P6.3).
+
+    value: that message; None while the input is absent. fresh: whether it is new at this step.
+    """
+
+    def __init__(self, name: str, config: InputConfig) -> None:
+        self.name = name
+        self.config = config
+        self.value: Message | None = None
+        self.fresh = False
+        self._decode = Decoder(message_class(config.type))
+        self._pending: deque[tuple[int, Any]] = deque()
+
+    def due(self, step: int) -> int:
+        """Return the step whose message is due at `step`; negative: none."""
+        return due_step(step, self.config.delay, self.config.every)
+
+    def offer(self, step: int, data: Any) -> None:
+        """Keep what the source published at a step until it is due (P6.2)."""
+        self._pending.append((step, data))
+
+    def settle(self, step: int) -> None:
+        """Take the newest message that is due at a step.
+
+        Raises PeerFault when it is not of the port's type (P8.2).
+        """
+        self.fresh = False
+        pending = self._pending
+        if not pending:
+            return
+        due = self.due(step)
+        while pending and pending[0][0] <= due:
+            source_step, data = pending.popleft()
+            self.fresh = True
+            try:
+                self.value = self._decode(data)
+            except MessageError as exc:
+                where = f"{self.config.source}.{self.config.port}"
+                raise PeerFault(
+                    self.config.source, f"step {source_step}: {where} (input {self.name}): {exc}"
+                ) from exc
+
+
+def make_inputs(configs: Mapping[str, InputConfig]) -> dict[str, Input]:
+    """Return the inputs of a participant by name.
+
+    Raises WiringError for an unknown message type.
+    """
+    return {name: Input(name, config) for name, config in configs.items()}

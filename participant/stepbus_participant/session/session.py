@@ -1,0 +1,150 @@
+"""One participant's part in a run, from its `Welcome` to its last log."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections import Counter
+from collections.abc import Callable
+
+from stepbus_participant.bus import Bus
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant
+from stepbus_schemas import Fault, Ready, RunError, Welcome, WiringError, encode, encoding_of
+
+from .answers import Answers
+from .control import Control, OrchestratorLost, Stopped
+from .handshake import await_start
+from .inputs import PeerFault, make_inputs
+from .outbox import Outbox, OutputError
+from .sources import make_sources
+from .step_loop import StepLoop
+
+_STOP_WAIT_S = 1.0
+_AFTER_THE_RUN = 1 << 62
+
+
+class Terminated(RunError):
+    """A signal asked the process to end."""
+
+
+class Session:
+    """Runs one participant from its `Welcome` on.
+
+    factory: makes the participant from its configuration.
+    """
+
+    def __init__(
+        self, factory: Callable[[Config], Participant], welcome: Welcome, bus: Bus
+    ) -> None:
+        self._factory = factory
+        self._welcome = welcome
+        self._bus = bus
+        self._inputs = make_inputs(welcome.inputs)
+        self._sources = make_sources(self._inputs, welcome.token)
+        self._subscribe()
+        wake = [queue for s in self._sources for queue in (s.queue, *s.bulk_queues.values())]
+        self._control = Control(bus, welcome.token, wake, welcome.name)
+        self._outbox = Outbox(welcome, bus, self._drops)
+        self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
+        self._step = -1
+
+    def _subscribe(self) -> None:
+        for source in self._sources:
+            self._bus.subscribe(f"out/{source.name}", source.queue.put)
+            for port, queue in source.bulk_queues.items():
+                self._bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
+
+    def _drops(self) -> dict[str, int]:
+        """Return cause → number of dropped messages."""
+        total = Counter(unauthenticated=self._control.unauthenticated)
+        for source in self._sources:
+            total.update(source.drops)
+        return dict(+total)
+
+    def work(self) -> None:
+        """Make the participant, run it, and close it on every path.
+
+        Raises RunError when it cannot continue, once the orchestrator knows why.
+        """
+        participant: Participant | None = None
+        try:
+            participant = self._factory(Config.from_welcome(self._welcome))
+            self._run(participant)
+        except Stopped:
+            pass
+        except (OrchestratorLost, Terminated):
+            raise
+        except Exception as exc:
+            self._report(exc)
+            raise RunError(f"step {self._step}: {exc}") from exc
+        finally:
+            if participant is not None:
+                participant.close()
+
+    def _run(self, participant: Participant) -> None:
+        descriptions = await_start(
+            self._bus, self._ready(participant), self._sources, self._outbox, self._control
+        )
+        participant.start(descriptions)
+        loop = StepLoop(
+            participant=participant,
+            welcome=self._welcome,
+            bus=self._bus,
+            inputs=self._inputs,
+            sources=self._sources,
+            outbox=self._outbox,
+            control=self._control,
+            answers=Answers(participant.calls(), self._welcome, self._bus),
+        )
+        try:
+            loop.run()
+        finally:
+            self._step = loop.step.index
+
+    def _ready(self, participant: Participant) -> Ready:
+        """Return what the participant reports before the start; raises OutputError when large."""
+        ready = Ready(
+            name=self._welcome.name,
+            token=self._welcome.token,
+            outputs=dict(participant.describe()),
+            versions=dict(participant.versions()),
+            calls={name: method.description for name, method in participant.calls().items()},
+        )
+        size, limit = len(encode(ready)), self._welcome.max_outputs_bytes
+        if size > limit:
+            raise OutputError(
+                f"descriptions of {size} bytes exceed the bus's limit of {limit}; "
+                "set bus.low_latency: false"
+            )
+        return ready
+
+    def _report(self, exc: Exception) -> None:
+        """Report the fault to the orchestrator, and wait for its stop (P10.1)."""
+        fault = Fault(
+            name=self._welcome.name,
+            token=self._welcome.token,
+            step=self._step,
+            type=_fault_type(exc),
+            message=_sentence(exc)[:2000],
+            traceback=traceback.format_exc()[-20_000:],
+            blames=exc.blames if isinstance(exc, PeerFault) else None,
+        )
+        sys.stderr.write(fault.traceback)
+        self._put_fault(encode(fault))
+        try:
+            self._control.enter(_AFTER_THE_RUN)
+            while self._control.wait(_STOP_WAIT_S):
+                continue
+        except (Stopped, OrchestratorLost):
+            return
+
+
+def _sentence(exc: Exception) -> str:
+    return f"{type(exc).__name__}: {exc}" if _fault_type(exc) == "raised" else str(exc)
+
+
+def _fault_type(exc: Exception) -> str:
+    if isinstance(exc, PeerFault | OutputError):
+        return "message"
+    return "wiring" if isinstance(exc, WiringError) else "raised"

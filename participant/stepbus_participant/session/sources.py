@@ -1,0 +1,122 @@
+"""The participants that one participant reads from: which of their messages are accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from queue import SimpleQueue
+from typing import Any
+
+import msgspec
+
+from stepbus_schemas import HANDSHAKE_STEP, Decoder, MessageError, Outputs, due_step
+
+from .inputs import Input, PeerFault
+
+_decode_outputs = Decoder(Outputs)
+
+
+class _Signed(msgspec.Struct):
+    """The one field that tells a broken message of a peer from noise."""
+
+    token: str
+
+
+_decode_signed = msgspec.msgpack.Decoder(_Signed).decode
+
+
+def carries_token(data: bytes, token: str) -> bool:
+    """Return whether malformed bytes are at least a map with the run's token (P8.1)."""
+    try:
+        return _decode_signed(data).token == token
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return False
+
+
+class Source:
+    """One participant to read from: its `Outputs` in the order of their steps.
+
+    queue: where the bus puts its samples. step: the newest step accepted. connected: whether a
+    handshake has arrived. drops: cause → number of dropped messages.
+    """
+
+    def __init__(self, name: str, inputs: list[Input], token: str) -> None:
+        self.name = name
+        self.queue: SimpleQueue[Any] = SimpleQueue()
+        self.bulk_queues: dict[str, SimpleQueue[Any]] = {
+            item.config.port: SimpleQueue() for item in inputs if item.config.bulk
+        }
+        self.connected = False
+        self.every = inputs[0].config.every
+        self.step = -self.every
+        self.drops: dict[str, int] = {}
+        self._inputs = inputs
+        self._token = token
+        self._newest = b""
+        self._delay = min(item.config.delay for item in inputs)
+
+    def due(self, step: int) -> int:
+        """Return the newest step of this source that any input needs at `step`."""
+        return due_step(step, self._delay, self.every)
+
+    def accept(self, data: bytes) -> Outputs | None:
+        """Check one message against P8.1; return it when it is the next one, None when dropped.
+
+        Raises PeerFault when it is malformed, contradicts an earlier one or skips a step.
+        """
+        try:
+            outputs = _decode_outputs(data)
+        except MessageError as exc:
+            if not carries_token(data, self._token):
+                self.drop("malformed")
+                return None
+            raise PeerFault(self.name, f"after step {self.step}: {self.name} sent {exc}") from exc
+        if outputs.token != self._token:
+            self.drop("unauthenticated")
+            return None
+        if outputs.step == HANDSHAKE_STEP:
+            self.connected = True
+            return None
+        if outputs.step != self.step + self.every:
+            self._drop_or_blame(outputs, data)
+            return None
+        self.step = outputs.step
+        self._newest = data
+        self._offer(outputs)
+        return outputs
+
+    def _offer(self, outputs: Outputs) -> None:
+        for item in self._inputs:
+            data = outputs.ports.get(item.config.port)
+            if data is not None:
+                item.offer(outputs.step, data)
+
+    def offer_bulk(self, outputs: Outputs, port: str, content: bytes) -> None:
+        """Offer the content of a bulk port to the inputs that read it."""
+        for item in self._inputs:
+            if item.config.port == port:
+                item.offer(outputs.step, content)
+
+    def _drop_or_blame(self, outputs: Outputs, data: bytes) -> None:
+        if outputs.step > self.step:
+            raise PeerFault(
+                self.name,
+                f"{self.name} skipped from step {self.step} to {outputs.step} "
+                f"(expected {self.step + self.every}); was a message lost or reordered?",
+            )
+        if outputs.step == self.step and data != self._newest:
+            raise PeerFault(
+                self.name, f"{self.name} published step {self.step} twice with different content"
+            )
+        self.drop("duplicate" if outputs.step == self.step else "stale")
+
+    def drop(self, cause: str) -> None:
+        """Count a dropped message."""
+        self.drops[cause] = self.drops.get(cause, 0) + 1
+
+
+def make_sources(inputs: Mapping[str, Input], token: str) -> list[Source]:
+    """Return one source per participant that the inputs read from, in the order of the inputs."""
+    by_source: dict[str, list[Input]] = {}
+    for item in inputs.values():
+        by_source.setdefault(item.config.source, []).append(item)
+    return [Source(name, items, token) for name, items in by_source.items()]

@@ -1,0 +1,40 @@
+"""When a participant ends, whatever is still under way to it."""
+
+import pytest
+from scripted_bus_support import command, run_plant, stop
+
+from stepbus_participant import JointCommand, JointState, Participant
+
+
+class Plant(Participant):
+    def output(self, step):
+        return {"joint_state": JointState(position=[step.t])}
+
+    def update(self, step):
+        step.read("command", JointCommand)
+
+
+def published(*script):
+    """Return the steps that a plant publishes."""
+    return [outputs["step"] for outputs in run_plant(Plant, *script)]
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        [command(0), command(1), stop(2)],
+        [command(0), stop(2), command(1)],
+        [stop(2), command(0), command(1)],
+        [stop(2), stop(2), command(0), stop(2), command(1)],
+    ],
+)
+def test_the_steps_before_the_stop_are_finished_in_whatever_order_messages_come(script):
+    assert published(*script) == [0, 1, 2]
+
+
+def test_a_stop_at_a_step_that_is_behind_ends_at_once():
+    assert published(command(0), command(1), command(2), stop(2))[:3] == [0, 1, 2]
+
+
+def test_a_negative_step_ends_at_once():
+    assert published(stop(-1)) in ([], [0])
