@@ -16,7 +16,8 @@ _IS_SINUSOID = 1e-6
 class SinusoidFit:
     """One joint that follows a sinusoid.
 
-    wanted, measured: amplitudes [rad]. lag_s: how far the measured one is behind [s].
+    wanted, measured: amplitudes [rad]. lag_s: how far the measured one is behind [s]; NaN for a
+    joint that never moved.
     """
 
     joint: str
@@ -58,7 +59,7 @@ def _fit(tracking: Tracking, joint: str, after_s: float) -> SinusoidFit | None:
         joint=joint,
         wanted=abs(first),
         measured=abs(second),
-        lag_s=float(np.angle(first / second)) / omega,
+        lag_s=float(np.angle(first / second)) / omega if second else float("nan"),
     )
 
 
@@ -76,6 +77,8 @@ def _omega(reference: Signal, joint: str) -> float | None:
 def _phasor(t: Array, q: Array, omega: float, since: float, until: float) -> complex:
     """Return amplitude and phase of the part of a signal that has a frequency, as one number."""
     chosen = (t >= since - 1e-9) & (t < until - 1e-9)
+    if np.ptp(q[chosen]) == 0.0:
+        return 0j
     angle = omega * t[chosen]
     columns = np.column_stack((np.sin(angle), np.cos(angle), np.ones_like(angle)))
     sine, cosine, _ = np.linalg.lstsq(columns, q[chosen], rcond=None)[0]
@@ -83,7 +86,7 @@ def _phasor(t: Array, q: Array, omega: float, since: float, until: float) -> com
 
 
 def motion_at_rest(tracking: Tracking) -> tuple[str, float] | None:
-    """Return which of the joints that shall stand still moves most, and how far [rad]."""
+    """Return which of the joints that should stand still moves most, and how far [rad]."""
     state, reference = tracking.state, tracking.reference
     if state is None or reference is None:
         return None
@@ -98,13 +101,17 @@ def motion_at_rest(tracking: Tracking) -> tuple[str, float] | None:
 def sinusoid_lines(tracking: Tracking, after_s: float) -> list[str]:
     """Return what a summary says of the joints that follow a sinusoid, angles in degrees."""
     fits = fit_sinusoids(tracking, after_s)
-    lines = [
-        f"sinusoid  {fit.joint}: {np.degrees(fit.measured):.3f}° of {np.degrees(fit.wanted):.3f}° "
-        f"({100 * fit.excess:+.2f} %), lag {1e3 * fit.lag_s:.1f} ms"
-        for fit in fits
-    ]
+    lines = [f"sinusoid  {fit.joint}: {_amplitude(fit)}" for fit in fits]
     still = motion_at_rest(tracking)
     if fits and still is not None:
         joint, angle = still
         lines.append(f"at rest   {joint} moves most, {np.degrees(angle):.4f}°")
     return lines
+
+
+def _amplitude(fit: SinusoidFit) -> str:
+    wanted = f"{np.degrees(fit.wanted):.3f}°"
+    if not fit.measured:
+        return f"did not move; its reference has {wanted}"
+    measured = f"{np.degrees(fit.measured):.3f}°"
+    return f"{measured} of {wanted} ({100 * fit.excess:+.2f} %), lag {1e3 * fit.lag_s:.1f} ms"

@@ -142,14 +142,24 @@ class Port:
 
     def _read(self, fields: Sequence[str]) -> None:
         columns: dict[str, list[Any]] = {field: [] for field in fields}
-        for _, message in self.messages():
+        decode = Decoder(message_class(self.type))
+        clock = []
+        for entry in self.entries():
+            message = decode(entry.data)
+            clock.append((entry.step, entry.t_ns))
             for field, column in columns.items():
                 column.append(getattr(message, field))
+        self._keep_times(clock)
         self._arrays |= {field: array_of(column) for field, column in columns.items()}
 
     def _times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         if self._clock is None:
-            rows = [(entry.step, entry.t_ns) for entry in self.entries()]
-            clock = np.array(rows, dtype=np.int64).reshape(-1, 2)
-            self._clock = clock[:, 0], clock[:, 1]
+            return self._keep_times([(entry.step, entry.t_ns) for entry in self.entries()])
+        return self._clock
+
+    def _keep_times(
+        self, rows: Sequence[tuple[int, int]]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        clock = np.array(rows, dtype=np.int64).reshape(-1, 2)
+        self._clock = clock[:, 0], clock[:, 1]
         return self._clock
