@@ -47,11 +47,12 @@ class Signal:
 
 def read_signal(port: Port, quantities: Sequence[str]) -> Signal | None:
     """Return a port as arrays; None when it has no messages, or none of a constant width."""
+    arrays = port.arrays(*quantities)
     if not len(port):
         return None
     fields = {
         quantity: values.astype(float)
-        for quantity, values in port.arrays(*quantities).items()
+        for quantity, values in arrays.items()
         if values is not None and values.dtype != object and values.ndim == 2
     }
     width = max((values.shape[1] for values in fields.values()), default=0)

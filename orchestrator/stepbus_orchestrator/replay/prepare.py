@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.processes.endpoints import low_latency
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
@@ -64,8 +65,16 @@ def _programs(recording: Recording) -> dict[str, tuple[str, ...]]:
 
 
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
-    """Return the scenario with the steps that can be replayed, and with another window."""
+    """Return the scenario with the steps that can be replayed, and with another window.
+
+    Raises RecordingFailed when the recording is damaged before the first one.
+    """
     steps = replayable_steps(recording, scenario, participant)
+    if not steps and recording.damage:
+        raise RecordingFailed(
+            f"{recording.path} is damaged before the first step of {participant}: "
+            f"{recording.damage}"
+        )
     return dataclasses.replace(scenario, steps=steps, window=window, batch=max(1, window // 2))
 
 

@@ -23,6 +23,7 @@ from stepbus_orchestrator.recording.records import (
 from .index import Block, read_index
 
 _CACHE_BYTES = 64 * 1024 * 1024
+_LATEST_NS = 2**63 - 1
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -116,6 +117,8 @@ def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Entry]:
         if length < MESSAGE_HEAD.size:
             raise DamagedRecord(f"inside a chunk: a message of {length} bytes")
         channel, step, t_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
+        if t_ns > _LATEST_NS:
+            raise DamagedRecord(f"inside a chunk: a message has the time {t_ns} ns")
         if channel in channels:
             yield Entry(step=step, t_ns=t_ns, data=data[start + MESSAGE_HEAD.size : offset])
 

@@ -95,7 +95,7 @@ def _resolve(
     seen: set[tuple[str, str]],
 ) -> Description:
     """Return an output's description, with the names of the input it is `like`."""
-    description = outputs[name].get(port, Description())
+    description = outputs.get(name, {}).get(port, Description())
     spec = next(spec for spec in scenario.participants if spec.name == name)
     origin = spec.inputs.get(description.like or "")
     if origin is None or (name, port) in seen:
