@@ -20,7 +20,7 @@ NEED_ROBOTS = [
     "perception/test_participant.py",
     "planner/test_participant.py",
     "planner/test_run.py",
-    "planner/test_ways.py",
+    "planner/test_paths.py",
     "scenarios/test_store_scene.py",
 ]
 """Files whose imports need what the extra `robots` installs."""

@@ -166,7 +166,7 @@ def test_around_what_blocks_the_first_way_another_one_is_taken(tmp_path):
     result = store(tmp_path, script(f"at: 3s, {POST_ASIDE}", POST_AWAY))
     recording = Recording.open(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
-    assert texts(recording, "planner/events")[0].startswith("plan 1: way around of ")
+    assert texts(recording, "planner/events")[0].startswith("plan 1: detour of ")
     assert_nothing_was_touched(recording, "pillar_post")
 
 
@@ -175,11 +175,11 @@ def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
     recording = Recording.open(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
     plans = texts(recording, "planner/events")
-    assert plans[0].startswith("plan 1: straight way of ")
-    assert plans[1].startswith("plan 1: pillar_post has come into the way, ")
-    assert plans[2].startswith("plan 2: way around of ")
+    assert plans[0].startswith("plan 1: straight path of ")
+    assert plans[1].startswith("plan 1: pillar_post blocks the path ")
+    assert plans[2].startswith("plan 2: detour of ")
     (said,) = [text for text in texts(recording, "mission/events") if "another" in text]
-    assert said.startswith(f"sale 1 ({ITEM}): pillar_post has come into the way, ")
+    assert said.startswith(f"sale 1 ({ITEM}): pillar_post blocks the path ")
     assert said.endswith("; stopped, asked for another way (1 of 3)")
     assert_nothing_was_touched(recording, "pillar_post")
 

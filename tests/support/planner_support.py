@@ -12,7 +12,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from stepbus_participant import Config
 from stepbus_planner import PlannerParticipant
-from stepbus_planner.planning import WayPlanner
 from stepbus_planner.scene import Margins, Scene, Surroundings
 from stepbus_schemas import Description, InputConfig, OutputConfig, Plan, PlanRequest, Poses
 
@@ -127,16 +126,16 @@ def scene_of(
     planner: PlannerParticipant, start: list[float], *things: Thing, **around: Any
 ) -> Scene:
     """Return a scene without margins."""
-    way: WayPlanner = planner._planner
-    placements = way._world.placements(scenery(*things)[1])
-    surroundings = Surroundings(links=way._world.links, placements=placements, tip="tip", **around)
+    obstacles = planner.planner.obstacles
+    placements = obstacles.placements(scenery(*things)[1])
+    surroundings = Surroundings(links=obstacles.links, placements=placements, tip="tip", **around)
     margins = Margins(robot=0, held=0, standing=0)
-    return Scene(planner._params.robot, surroundings, np.array(start), margins)
+    return Scene(planner.planner.robot, surroundings, np.array(start), margins)
 
 
 def looked_at(planner: PlannerParticipant, *things: Thing) -> list[str]:
     """Return the names of the things that a plan heeds."""
-    links = scene_of(planner, START, *things)._links
+    links = scene_of(planner, START, *things).links
     return [name for name, _, _ in things if name in links]
 
 

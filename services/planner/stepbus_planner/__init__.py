@@ -1,4 +1,4 @@
-"""The planner: finds ways of a robot's joints that touch nothing, timed within its limits."""
+"""The planner: finds collision-free paths of a robot's joints, timed within its limits."""
 
 from .participant import PlannerParticipant
 

@@ -11,7 +11,7 @@ from stepbus_participant import parse_duration
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
-from .planning import Task
+from .planning import PlanningSettings
 from .robot import PlannedRobot
 from .scene import Margins
 from .timing import Limits
@@ -28,7 +28,7 @@ class Params:
     """
 
     robot: PlannedRobot
-    task: Task
+    planning: PlanningSettings
     frame: str
     latency_ns: int
 
@@ -57,8 +57,8 @@ def read_params(settings: Settings) -> Params:
         acceleration=np.array(acceleration),
         effort=_EFFORT_SHARE * robot.effort_limit,
     )
-    task = Task(tip=tip, margins=margins, limits=limits, max_checks=int(max_checks))
-    return Params(robot=robot, task=task, frame=frame, latency_ns=latency_ns)
+    planning = PlanningSettings(tip=tip, margins=margins, limits=limits, max_checks=int(max_checks))
+    return Params(robot=robot, planning=planning, frame=frame, latency_ns=latency_ns)
 
 
 def _read_robot(settings: Settings, links: Mapping[str, str]) -> PlannedRobot | None:

@@ -1,4 +1,4 @@
-"""The planner as a participant: answers a request a fixed time later."""
+"""The planner as a participant: answers each request after a fixed latency."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Pose
 
 from . import search, timing
 from .libraries import need
-from .obstacles import World
+from .obstacles import Obstacles
 from .params import read_params
-from .path_monitor import Way, WayWatch, last_step
-from .planning import WayPlanner
+from .path_monitor import PathMonitor, PlannedPath, last_step
+from .planning import PathPlanner
 
 Level = Literal["info", "warning"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Pending:
-    """A request that is being worked on; due: step at which it is answered."""
+    """A request in progress; due: step at which to answer it."""
 
     due: int
     cancelled: threading.Event
@@ -35,27 +35,25 @@ class _Pending:
 
 
 class PlannerParticipant(Participant):
-    """Finds ways of a robot's joints that touch nothing.
+    """Plans collision-free paths of a robot's joints.
 
     Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender
-    describes with `details` `shape` and `body`. Outputs: one Plan/1 and, where the scenario wires
-    it, one Event/1 that tells of every answer.
+    describes with `details` `shape` and `body`. Outputs: one Plan/1 and, if the scenario wires it,
+    one Event/1 that reports every answer.
 
-    A request that is new at a step is answered exactly `latency` later, however long the work
-    takes: it is done beside the steps, and the step of the answer waits for it. A newer request
-    cancels the one before. The world stands still at the poses of the request's step; when
-    something then moves into the way while the robot goes it, a second answer of the same id says
-    so, with cause `blocked`.
+    The answer to a request comes exactly `latency` later, however long the computation takes: it
+    runs beside the steps, and the step of the answer waits for it. A newer request cancels the one
+    before. Planning uses the poses at the step of the request; if an object then blocks the path
+    while the robot follows it, a second answer with the same id has cause `blocked`.
 
     Parameters: model: URDF or xacro. joints: those to plan for, in the order of the requests.
-    posture: map from other joints to where they stand, neutral otherwise [rad or m]. srdf: pairs
-    of links that never or always touch; without it the neighbours and those that touch in that
-    posture. frame (`chassis`): link by which the robot is found among the poses; it has to be
-    the root of the URDF. tip (`grasp`): frame that held things move with. margin (0.01): how
-    close the robot may come to anything, held_margin (0.003): the same of held things [m].
-    velocity_limit (1.5), acceleration_limit (3.0): one number for all joints, a list, or a map
-    by name [rad/s, rad/s²]. max_checks (20000): positions that a search looks at. latency
-    (200ms): rounded up to a multiple of the planner's own period.
+    posture: map from other joints to their positions, neutral otherwise [rad or m]. srdf: pairs
+    of links not to check; without it, neighbours and pairs that touch in that posture. frame
+    (`chassis`): link that identifies the robot among the poses, the root of the URDF. tip
+    (`grasp`): frame that held objects move with. margin (0.01): of the robot, held_margin (0.003):
+    of held objects [m]. velocity_limit (1.5), acceleration_limit (3.0): one number for all joints,
+    a list, or a map by name [rad/s, rad/s²]. max_checks (20000): limit on collision checks of a
+    search. latency (200ms): rounded up to a multiple of the planner's period.
     """
 
     def __init__(self, config: Config) -> None:
@@ -75,13 +73,12 @@ class PlannerParticipant(Participant):
         self._latency = -(-self._params.latency_ns // period_ns) * config.every
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._pending: _Pending | None = None
-        self._watch: WayWatch | None = None
+        self._monitor: PathMonitor | None = None
         self._request_id = -1
-        self._news: list[str] = []
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
-        robot, limits = self._params.robot, self._params.task.limits
+        robot, limits = self._params.robot, self._params.planning.limits
         described = {
             self._plan_port: Description(
                 names=list(robot.joints),
@@ -97,51 +94,50 @@ class PlannerParticipant(Participant):
         return described
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Take in the shapes of the world.
+        """Read the shapes of the obstacles.
 
-        Raises WiringError where they are not described, or where requests are of other joints.
+        Raises WiringError if they are not described, and for requests for other joints.
         """
-        params, asked = self._params, inputs[self._request_port].names
-        if asked and tuple(asked) != params.robot.joints:
+        params, requested = self._params, inputs[self._request_port].names
+        if requested and tuple(requested) != params.robot.joints:
             raise WiringError(
-                f"{self.config.name}: input {self._request_port!r} is of joints "
-                f"{', '.join(asked)}, params.joints are {', '.join(params.robot.joints)}"
+                f"{self.config.name}: input {self._request_port!r} has joints "
+                f"{', '.join(requested)}, params.joints are {', '.join(params.robot.joints)}"
             )
         try:
-            world = World(self._poses_port, inputs[self._poses_port], params.frame)
+            obstacles = Obstacles(self._poses_port, inputs[self._poses_port], params.frame)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
-        self._planner = WayPlanner(params.robot, world, params.task, self.config.seed)
-        self._world = world
-        if world.unseen:
-            self._news.append(
-                f"nothing is known of the shape of {', '.join(world.unseen)}; ways may touch them"
-            )
+        self.planner = PathPlanner(params.robot, obstacles, params.planning, self.config.seed)
+        self._obstacles = obstacles
+        self._unknown = obstacles.unknown
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Take in a new request, and return the answer that is due."""
+        """Start a new request, and return the answer that is due."""
         messages: dict[str, Message] = {}
-        if self._news:
-            self._tell(messages, "warning", "; ".join(self._news))
-            self._news = []
+        if self._unknown:
+            links = ", ".join(self._unknown)
+            text = f"the shape of {links} is unknown; paths may touch them"
+            self._report(messages, "warning", text)
+            self._unknown = []
         if step.is_new(self._poses_port):
-            self._world.check(step.read(self._poses_port, Poses))
+            self._obstacles.check(step.read(self._poses_port, Poses))
         request = step.get(self._request_port, PlanRequest)
         if request is not None and request.id != self._request_id:
-            self._begin(step, request)
+            self._start_planning(step, request)
         if self._pending is not None and step.index >= self._pending.due:
             self._finish(messages, self._pending, step)
-        elif self._watch is not None and step.is_new(self._poses_port):
-            self._look(messages, self._watch, step)
+        elif self._monitor is not None and step.is_new(self._poses_port):
+            self._check_path(messages, self._monitor, step)
         return messages
 
-    def _begin(self, step: Step, request: PlanRequest) -> None:
+    def _start_planning(self, step: Step, request: PlanRequest) -> None:
         self._cancel()
         self._request_id = request.id
         cancelled = threading.Event()
         poses = step.get(self._poses_port, Poses)
-        answer = self._worker.submit(self._planner.plan, request, poses, cancelled.is_set)
+        answer = self._worker.submit(self.planner.plan, request, poses, cancelled.is_set)
         self._pending = _Pending(
             due=step.index + self._latency,
             cancelled=cancelled,
@@ -157,28 +153,31 @@ class PlannerParticipant(Participant):
             self._publish(messages, plan)
             if not plan.cause and pending.poses is not None:
                 last = last_step(plan, step.index, self.config.step_ns * 1e-9)
-                way = Way(request=pending.request, plan=plan, poses=pending.poses, last_step=last)
-                self._watch = WayWatch(self._params.robot, self._world, self._params.task, way)
+                path = PlannedPath(
+                    request=pending.request, plan=plan, poses=pending.poses, last_step=last
+                )
+                robot, planning = self._params.robot, self._params.planning
+                self._monitor = PathMonitor(robot, self._obstacles, planning, path)
 
-    def _look(self, messages: dict[str, Message], watch: WayWatch, step: Step) -> None:
-        """Say so where something has come into the way that is being gone."""
-        text = watch.look(step.read(self._poses_port, Poses), step.index)
+    def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:
+        """Report an object that blocks the path in use."""
+        text = monitor.check(step.read(self._poses_port, Poses), step.index)
         if text:
             self._publish(messages, Plan(id=self._request_id, cause="blocked", text=text))
-        if text or watch.is_over:
-            self._watch = None
+        if text or monitor.is_over:
+            self._monitor = None
 
     def _publish(self, messages: dict[str, Message], plan: Plan) -> None:
         messages[self._plan_port] = plan
         level: Level = "warning" if plan.cause else "info"
-        self._tell(messages, level, f"plan {plan.id}: {plan.text}")
+        self._report(messages, level, f"plan {plan.id}: {plan.text}")
 
-    def _tell(self, messages: dict[str, Message], level: Level, text: str) -> None:
+    def _report(self, messages: dict[str, Message], level: Level, text: str) -> None:
         if self._event_port is not None:
             messages[self._event_port] = Event(level=level, text=text)
 
     def _cancel(self) -> None:
-        self._watch = None
+        self._monitor = None
         if self._pending is not None:
             self._pending.cancelled.set()
             self._pending = None
@@ -188,6 +187,6 @@ class PlannerParticipant(Participant):
         return {name: version(name) for name in ("numpy", "pin", "coal", "ompl", "toppra")}
 
     def close(self) -> None:
-        """Give up what is being worked on."""
+        """Cancel the request in progress."""
         self._cancel()
         self._worker.shutdown(wait=True, cancel_futures=True)

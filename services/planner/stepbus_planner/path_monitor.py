@@ -1,4 +1,4 @@
-"""Looks whether a way that was found is still free while the robot goes along it."""
+"""Monitors whether a planned path stays free while the robot follows it."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ import numpy as np
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
 
-from .obstacles import World
-from .planning import Task
+from .obstacles import Obstacles
+from .planning import PlanningSettings
 from .robot import PlannedRobot
 from .scene import Checker, Scene, Surroundings
 from .timing import dense
 
 _MOVED = 0.01
-"""From so far on, a thing has moved, and so has the base [m]."""
+"""Displacement from which an object, or the base, counts as moved [m]."""
 
 _TURNED = 0.05
-"""From so far on, a thing has turned [rad]."""
+"""Rotation from which an object counts as turned [rad]."""
 
 _MOVED_ON = 2e-3
-"""A thing that has moved is looked at again when it has moved on by so much [m]."""
+"""Further displacement after which a moved object is checked again [m]."""
 
 _ARRIVED = 1e-3
-"""So near to the end of its way, the tip has arrived [m]."""
+"""Distance from the end of its path at which the tip has arrived [m]."""
 
 _SHARE = 0.5
-"""Share of the margins that has to be left, as for a motion that is new."""
+"""Share of the margins that has to remain, as for a new trajectory."""
 
 _LONGEST = 10.0
-"""A way is watched for so many times its duration: near things it is gone slowly."""
+"""Multiple of its duration for which a path is monitored: near obstacles the robot is slow."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
-    """A way that was found.
+class PlannedPath:
+    """A path to monitor.
 
-    poses: those that it was planned with. last_step: after it nobody goes this way any more.
+    poses: those that it was planned with. last_step: after it the path is no longer in use.
     """
 
     request: PlanRequest
@@ -51,104 +51,108 @@ class Way:
 
 
 def last_step(plan: Plan, step: int, period: float) -> int:
-    """Return until which step a plan of a step is watched; period: between two steps [s]."""
+    """Return the last step at which to monitor a plan; period: between two steps [s]."""
     return step + math.ceil(_LONGEST * plan.times[-1] / period)
 
 
-class WayWatch:
-    """Watches one way, from its plan on until the tip has arrived, or the base moves."""
+class PathMonitor:
+    """Monitors one path until the tip has arrived or the base moves."""
 
-    def __init__(self, robot: PlannedRobot, world: World, task: Task, way: Way) -> None:
-        request, poses = way.request, way.poses
-        self._robot, self._world, self._task = robot, world, task
-        self._request, self._before, self._last_step = request, poses, way.last_step
-        self._way = np.array(way.plan.position)
-        self._looked_at: Mapping[str, Any] = {}
-        self._tip_at = world.place_of(task.tip)
+    def __init__(
+        self,
+        robot: PlannedRobot,
+        obstacles: Obstacles,
+        settings: PlanningSettings,
+        path: PlannedPath,
+    ) -> None:
+        request, poses = path.request, path.poses
+        self._robot, self._obstacles, self._settings = robot, obstacles, settings
+        self._request, self._before, self._last_step = request, poses, path.last_step
+        self._path = np.array(path.plan.position)
+        self._checked: Mapping[str, Any] = {}
+        self._tip_index = obstacles.index_of(settings.tip)
         self._tips: Vector = np.array(
-            [robot.frame_pose(q, task.tip).translation for q in self._way]
+            [robot.frame_pose(q, settings.tip).translation for q in self._path]
         )
-        self._start_of_held = world.placements(poses).get(request.held)
+        self._start_of_held = obstacles.placements(poses).get(request.held)
         self._at = 0
         self.is_over = False
 
-    def look(self, poses: Poses, step: int) -> str:
-        """Return what is in the way now, as a sentence; empty: nothing."""
-        if step > self._last_step or self._world.base_moved(self._before, poses) > _MOVED:
+    def check(self, poses: Poses, step: int) -> str:
+        """Return which object blocks the path, as a sentence; empty: none."""
+        if step > self._last_step or self._obstacles.base_moved(self._before, poses) > _MOVED:
             self.is_over = True
-        if not self.is_over and self._tip_at is not None:
-            self._follow(self._world.placement(poses, self._tip_at).translation)
+        if not self.is_over and self._tip_index is not None:
+            self._follow(self._obstacles.placement(poses, self._tip_index).translation)
         if self.is_over:
             return ""
         moved = self._moved(poses)
         if not moved:
             return ""
-        self._looked_at = moved
+        self._checked = moved
         return self._blocked(moved, poses)
 
     def _follow(self, tip: Vector) -> None:
-        """Find how far the tip has come on its way; behind it nothing matters any more."""
+        """Update the progress of the tip along the path; obstacles behind it do not matter."""
         away = np.linalg.norm(self._tips - tip, axis=1)
         while self._at + 1 < len(away) and away[self._at + 1] <= away[self._at]:
             self._at += 1
         self.is_over = self._at + 1 == len(away) and bool(away[-1] < _ARRIVED)
 
     def _moved(self, poses: Poses) -> Mapping[str, Any]:
-        """Return what has moved since the plan, with its pose, if that is new."""
+        """Return the links that have moved since the plan, with their positions, if any is new."""
         request = self._request
-        soft = {request.held, *request.touches}
-        links = [link for name, link in self._world.links.items() if name not in soft]
+        touchable = {request.held, *request.touches}
+        links = [link for name, link in self._obstacles.links.items() if name not in touchable]
         moved = {
-            link.name: poses.position[link.place]
+            link.name: poses.position[link.index]
             for link in links
-            if _differ(self._before, poses, link.place)
+            if _differ(self._before, poses, link.index)
         }
         is_new = any(
-            name not in self._looked_at or _gap(self._looked_at[name], at) > _MOVED_ON
+            name not in self._checked or _distance(self._checked[name], at) > _MOVED_ON
             for name, at in moved.items()
         )
         return moved if is_new else {}
 
     def _blocked(self, moved: Mapping[str, Any], poses: Poses) -> str:
         checker = self._checker(moved, poses)
-        ahead = dense(self._way[self._at :], self._task.resolution)
+        ahead = dense(self._path[self._at :], self._settings.resolution)
         hit = next((q for q in ahead if not checker.is_free(q)), None)
         if hit is None:
             return ""
         which = next((n for n in moved if not self._checker([n], poses).is_free(hit)), "")
-        place = self._robot.frame_pose(hit, self._task.tip).translation
-        here = self._robot.frame_pose(ahead[0], self._task.tip).translation
-        return (
-            f"{which} has come into the way, {np.linalg.norm(place - here):.2f} m ahead of "
-            f"{self._task.tip}"
-        )
+        tip = self._settings.tip
+        there = self._robot.frame_pose(hit, tip).translation
+        here = self._robot.frame_pose(ahead[0], tip).translation
+        return f"{which} blocks the path {np.linalg.norm(there - here):.2f} m ahead of {tip}"
 
     def _checker(self, names: Iterable[str], poses: Poses) -> Checker:
-        """Return a check against some things where they are now, and nothing else."""
-        held, world = self._request.held, self._world
-        placements = world.placements(poses)
+        """Return a checker against some links at their current poses, and no others."""
+        held, obstacles = self._request.held, self._obstacles
+        placements = obstacles.placements(poses)
         if held:
-            # It keeps its place in the tip, as it was at the start of the way.
+            # It keeps the pose in the tip that it had at the start of the path.
             placements[held] = self._start_of_held
         around = Surroundings(
-            links={name: world.links[name] for name in (*names, held) if name},
+            links={name: obstacles.links[name] for name in (*names, held) if name},
             placements=placements,
             held=held,
             touches=frozenset(self._request.touches),
-            tip=self._task.tip,
+            tip=self._settings.tip,
         )
-        scene = Scene(self._robot, around, self._way[0], self._task.margins)
+        scene = Scene(self._robot, around, self._path[0], self._settings.margins)
         return scene.checker_of(frozenset(names), _SHARE)
 
 
-def _differ(before: Poses, now: Poses, place: int) -> bool:
+def _differ(before: Poses, now: Poses, index: int) -> bool:
     """Return whether a link has moved or turned."""
-    if _gap(before.position[place], now.position[place]) > _MOVED:
+    if _distance(before.position[index], now.position[index]) > _MOVED:
         return True
     # For two unit quaternions, |a · b| is the cosine of half the angle between them.
-    same = abs(float(np.dot(before.orientation[place], now.orientation[place])))
+    same = abs(float(np.dot(before.orientation[index], now.orientation[index])))
     return same < math.cos(_TURNED / 2)
 
 
-def _gap(a: Any, b: Any) -> float:
+def _distance(a: Any, b: Any) -> float:
     return float(np.linalg.norm(np.subtract(a, b)))

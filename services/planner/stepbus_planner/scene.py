@@ -1,4 +1,4 @@
-"""One request's scene: the robot among the things around it, and what may touch what."""
+"""The scene of one request: the robot, the obstacles, and which pairs to check."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .obstacles import Link
 from .robot import PlannedRobot
 
 _CLOSER = 0.5
-"""Share of a gap at the start or the goal that is left where the gap is below the margin."""
+"""Share of the gap at the start or the goal to keep if that gap is below the margin."""
 
 _DEEPER = 5e-4
-"""How much deeper a held thing may get into what it stands on [m]."""
+"""How much deeper a held object may penetrate what it stands on [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Margins:
-    """How close links may come [m].
+    """Minimum distances [m].
 
-    robot: the robot to the world and to itself. held: a held thing to the world and the robot.
-    standing: how deep a held thing may be in what it stands on, at the start and at the goal.
+    robot: of the robot to obstacles and to itself. held: of a held object to obstacles and the
+    robot. standing: how deep a held object may penetrate what it stands on, at start and goal.
     """
 
     robot: float = 0.01
@@ -36,11 +36,11 @@ class Margins:
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """What is around the robot at the time of a request.
+    """The obstacles at the time of a request.
 
-    links: of the world, by name. placements: of each, in the root link of the robot. held: name
-    of the link in the gripper, or empty. touches: names of links that the robot may touch.
-    tip: frame of the robot that the held link moves with.
+    links: by name. placements: of each, in the root link of the robot. held: name of the link in
+    the gripper, or empty. touches: names of links that the robot may touch. tip: frame of the robot
+    that the held link moves with.
     """
 
     links: Mapping[str, Link]
@@ -52,7 +52,7 @@ class Surroundings:
 
 @dataclass(frozen=True, kw_only=True)
 class Touch:
-    """Two links that touch; distance: between them, below 0: how deep they are in [m]."""
+    """Two links that touch; distance: between them, negative if they penetrate [m]."""
 
     first: str
     second: str
@@ -64,10 +64,10 @@ class Touch:
 
 
 class Scene:
-    """Checks positions of the joints against everything that they might touch.
+    """Checks joint positions for collisions.
 
-    start: where the joints are, shape (n,) [rad]; a held thing keeps its place in the tip from
-    there on. Things out of reach are left out.
+    start: current joint positions, shape (n,) [rad]; a held object keeps its pose in the tip from
+    there. links: name of the link of each shape. Obstacles out of reach are left out.
     """
 
     def __init__(
@@ -76,10 +76,10 @@ class Scene:
         self._robot = robot
         self._data = robot.model.createData()
         self._geometry = robot.geometry.copy()
-        self._links = [
+        self.links = [
             robot.model.frames[item.parentFrame].name for item in robot.geometry.geometryObjects
         ]
-        own = range(len(self._links))
+        own = range(len(self.links))
         held = self._add_held(around, start)
         world = self._add_world(around, held)
         self._pair(own, held, world, around.touches)
@@ -90,7 +90,7 @@ class Scene:
         self._distances = self._geometry.createData()
 
     def _add_held(self, around: Surroundings, start: Vector) -> list[int]:
-        """Add the shapes of the held link to the link that the tip is rigid with."""
+        """Attach the shapes of the held link to the joint that moves the tip."""
         if not around.held:
             return []
         robot = self._robot
@@ -106,19 +106,19 @@ class Scene:
         near: list[int] = []
         for name, link in around.links.items():
             if name != around.held:
-                at = around.placements[name]
-                away = float(np.linalg.norm(at.translation - centre))
+                placement = around.placements[name]
+                away = float(np.linalg.norm(placement.translation - centre))
                 if any(away < reach + radius_from(s.placement, s.geometry) for s in link.shapes):
-                    near += self._add(link, 0, at)
+                    near += self._add(link, 0, placement)
         return near
 
-    def _add(self, link: Link, joint: int, at: Any) -> list[int]:
+    def _add(self, link: Link, joint: int, placement: Any) -> list[int]:
         numbers = []
         for shape in link.shapes:
-            name = f"world/{len(self._links)}"
-            item = pin.GeometryObject(name, joint, at * shape.placement, shape.geometry)
+            name = f"world/{len(self.links)}"
+            item = pin.GeometryObject(name, joint, placement * shape.placement, shape.geometry)
             numbers.append(self._geometry.addGeometryObject(item))
-            self._links.append(link.name)
+            self.links.append(link.name)
         return numbers
 
     def _pair(
@@ -128,21 +128,21 @@ class Scene:
         world: Iterable[int],
         touches: frozenset[str],
     ) -> None:
-        """Let the moving robot be checked against the world, and the held thing against both."""
+        """Check the moving robot against the obstacles, and the held object against both."""
         items, add = self._geometry.geometryObjects, self._geometry.addCollisionPair
         for other in world:
             for mine in own:
-                if items[mine].parentJoint and self._links[other] not in touches:
+                if items[mine].parentJoint and self.links[other] not in touches:
                     add(pin.CollisionPair(mine, other))
-            for thing in held:
-                add(pin.CollisionPair(thing, other))
-        for thing in held:
+            for part in held:
+                add(pin.CollisionPair(part, other))
+        for part in held:
             for mine in own:
-                if items[mine].parentJoint != items[thing].parentJoint:
-                    add(pin.CollisionPair(mine, thing))
+                if items[mine].parentJoint != items[part].parentJoint:
+                    add(pin.CollisionPair(mine, part))
 
     def touch(self, q: Vector) -> Touch | None:
-        """Return the two links that touch most at q, shape (n,) [rad]; None: none do."""
+        """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch."""
         distance = self._distances_at(q)
         if not len(distance):
             return None
@@ -150,7 +150,7 @@ class Scene:
         if distance[worst] > self._deepest[worst]:
             return None
         pair = self._geometry.collisionPairs[worst]
-        first, second = self._links[pair.first], self._links[pair.second]
+        first, second = self.links[pair.first], self.links[pair.second]
         return Touch(first=first, second=second, distance=float(distance[worst]))
 
     def _distances_at(self, q: Vector) -> Vector:
@@ -161,10 +161,10 @@ class Scene:
         return np.array([result.min_distance for result in self._distances.distanceResults])
 
     def checker(self, ends: Iterable[Vector], share: float = 1.0) -> Checker:
-        """Return a check of positions between two ends that do not touch anything.
+        """Return a checker for positions between two collision-free ends.
 
-        Pairs that are closer than the margin at an end may be almost as close on the way. share:
-        of every margin that is wanted.
+        Pairs closer than the margin at an end may be almost as close on the path. share: of every
+        margin, to be kept.
         """
         allowed = self._allowed
         for q in ends:
@@ -174,22 +174,22 @@ class Scene:
         return Checker(self._robot, self._geometry, wanted)
 
     def checker_of(self, names: frozenset[str], share: float = 1.0) -> Checker:
-        """Return a check against some links of the world alone, wherever start and goal are.
+        """Return a checker against some of the obstacles only, whatever start and goal are.
 
-        share: of every margin that is wanted.
+        share: of every margin, to be kept.
         """
         geometry = self._geometry.copy()
         geometry.removeAllCollisionPairs()
         wanted = []
-        for place, pair in enumerate(self._geometry.collisionPairs):
-            if not names.isdisjoint((self._links[pair.first], self._links[pair.second])):
+        for index, pair in enumerate(self._geometry.collisionPairs):
+            if not names.isdisjoint((self.links[pair.first], self.links[pair.second])):
                 geometry.addCollisionPair(pin.CollisionPair(pair.first, pair.second))
-                wanted.append(self._allowed[place] * share)
+                wanted.append(self._allowed[index] * share)
         return Checker(self._robot, geometry, np.array(wanted))
 
 
 class Checker:
-    """Fast check of whether anything is closer than its margin.
+    """Fast check whether any pair is closer than its margin.
 
     margins: of each pair, shape (pairs,) [m].
     """
@@ -200,14 +200,14 @@ class Checker:
         results = geometry.createData()
         for request, margin in zip(results.collisionRequests, margins, strict=True):
             request.security_margin = float(margin)
-        # The manager only refers to them; without this it would read freed memory.
-        self._referred = (geometry, results)
-        # For tens of shapes faster than the trees: 31 µs against 59 µs for UR5 and 30 shapes.
+        # The manager does not own them; without these references it would read freed memory.
+        self._owned = (geometry, results)
+        # Faster than trees for tens of shapes: 31 µs instead of 59 µs for a UR5 and 30 shapes.
         self._broad = pin.BroadPhaseManager_NaiveCollisionManager(robot.model, geometry, results)
         self.checks = 0
 
     def is_free(self, q: Vector) -> bool:
-        """Return whether everything keeps its distance at q, shape (n,) [rad]."""
+        """Return whether all pairs keep their margins at q, shape (n,) [rad]."""
         self.checks += 1
         robot = self._robot
         found: bool = pin.computeCollisions(

@@ -1,4 +1,4 @@
-"""How fast a way can be gone, by toppra."""
+"""Time parametrization of paths with toppra."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from stepbus_kinematics import Vector
 from .libraries import need
 
 MODULES = ("toppra", "toppra.constraint", "toppra.algorithm")
-"""What it is made of; importing it takes a second."""
+"""The libraries it needs; importing them takes a second."""
 
 _DENSE = 0.02
-"""Distance of the points that the spline goes through [rad]; between further ones it strays."""
+"""Distance of the spline's points [rad]; with larger distances it deviates from the path."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Of the motion, each of shape (n,) [rad/s, rad/s², N·m]."""
+    """Limits of the motion, each of shape (n,) [rad/s, rad/s², N·m]."""
 
     velocity: Vector
     acceleration: Vector
@@ -31,7 +31,7 @@ class Limits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timed:
+class Trajectory:
     """A motion from rest to rest: times, shape (k,) [s]; position, velocity, shape (k, n)."""
 
     times: Vector
@@ -42,22 +42,22 @@ class Timed:
 Torques = Callable[[Vector, Vector, Vector], Vector]
 
 
-def timed(way: Vector, limits: Limits, torques: Torques, period: float) -> Timed | None:
-    """Return a way as a motion; None: it cannot be gone within the limits.
+def parametrize(path: Vector, limits: Limits, torques: Torques, period: float) -> Trajectory | None:
+    """Return the fastest trajectory along a path; None: the limits allow none.
 
-    way: shape (k, n) [rad], no two points the same. torques: of position, velocity, acceleration.
-    period: distance of the times [s]. By Pham and Pham, A new approach to time-optimal path
-    parameterization based on reachability analysis, 2018.
+    path: shape (k, n) [rad], without duplicate points. torques: of position, velocity,
+    acceleration. period: between two samples [s]. After Pham and Pham, A new approach to
+    time-optimal path parameterization based on reachability analysis, 2018.
     """
     toppra, constraint, algorithm = need(*MODULES)
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    points = dense(way, _DENSE)
+    points = dense(path, _DENSE)
     along = np.concatenate([[0.0], np.cumsum(_lengths(points))])
-    path = toppra.SplineInterpolator(along, points)
-    # The acceleration of a cubic spline is largest at its points; the grid has to have them all.
+    spline = toppra.SplineInterpolator(along, points)
+    # The acceleration of a cubic spline peaks at its points; the grid has to include them all.
     grid = np.interp(np.arange(0, len(along) - 0.75, 0.5), np.arange(len(along)), along)
     velocity, acceleration = limits.velocity, limits.acceleration
-    wanted = [
+    constraints = [
         constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
         constraint.JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
         constraint.JointTorqueConstraint(
@@ -66,18 +66,18 @@ def timed(way: Vector, limits: Limits, torques: Torques, period: float) -> Timed
             np.zeros(len(limits.effort)),
         ),
     ]
-    motion = algorithm.TOPPRA(wanted, path, gridpoints=grid, solver_wrapper="seidel")
-    found = motion.compute_trajectory(0.0, 0.0)
-    return None if found is None else _sampled(found, way, limits, period)
+    solver = algorithm.TOPPRA(constraints, spline, gridpoints=grid, solver_wrapper="seidel")
+    found = solver.compute_trajectory(0.0, 0.0)
+    return None if found is None else _sampled(found, path, limits, period)
 
 
-def dense(way: Vector, distance: float) -> Vector:
-    """Return a way with points between its own, so that no two are further apart [rad]."""
-    rows = [way[:1]]
-    for a, b, length in zip(way[:-1], way[1:], _lengths(way), strict=True):
+def dense(path: Vector, distance: float) -> Vector:
+    """Return a path with points inserted, so that none are farther apart than this [rad]."""
+    segments = [path[:1]]
+    for a, b, length in zip(path[:-1], path[1:], _lengths(path), strict=True):
         share = np.linspace(0.0, 1.0, max(math.ceil(length / distance), 1) + 1)[1:, None]
-        rows.append(a + share * (b - a))
-    return np.concatenate(rows)
+        segments.append(a + share * (b - a))
+    return np.concatenate(segments)
 
 
 def _lengths(points: Vector) -> Vector:
@@ -85,32 +85,32 @@ def _lengths(points: Vector) -> Vector:
     return length
 
 
-def _sampled(found: Any, way: Vector, limits: Limits, period: float) -> Timed:
-    """Return the motion every period, slowed so that it takes a whole number of them.
+def _sampled(found: Any, path: Vector, limits: Limits, period: float) -> Trajectory:
+    """Return the motion sampled every period, slowed to a whole number of periods.
 
-    Between the points of toppra's grid it may be a little over the limits; it is slowed for that.
+    Between the points of toppra's grid it may slightly exceed the limits; it is slowed for that.
     """
-    motion = _slowed(found, way, max(math.ceil(found.duration / period), 1), period)
-    # Every new sampling may meet a sharper spot; one or two rounds do.
+    motion = _slowed(found, path, max(math.ceil(found.duration / period), 1), period)
+    # A new sampling may hit a higher peak; one or two rounds suffice.
     for _ in range(10):
         factor = _too_fast(motion, limits, period)
         if factor <= 1.0:
             break
-        motion = _slowed(found, way, math.ceil((len(motion.times) - 1) * factor), period)
+        motion = _slowed(found, path, math.ceil((len(motion.times) - 1) * factor), period)
     return motion
 
 
-def _slowed(found: Any, way: Vector, count: int, period: float) -> Timed:
-    """Return the motion in a number of periods."""
-    at = np.linspace(0.0, found.duration, count + 1)
-    position, velocity = found(at), found(at, 1) * (found.duration / (count * period))
-    position[[0, -1]], velocity[[0, -1]] = way[[0, -1]], 0.0
+def _slowed(found: Any, path: Vector, count: int, period: float) -> Trajectory:
+    """Return the motion stretched to a number of periods."""
+    t = np.linspace(0.0, found.duration, count + 1)
+    position, velocity = found(t), found(t, 1) * (found.duration / (count * period))
+    position[[0, -1]], velocity[[0, -1]] = path[[0, -1]], 0.0
     times: Vector = np.arange(count + 1) * np.float64(period)
-    return Timed(times=times, position=position, velocity=velocity)
+    return Trajectory(times=times, position=position, velocity=velocity)
 
 
-def _too_fast(motion: Timed, limits: Limits, period: float) -> float:
-    """Return by which factor a motion has to be slowed, 1 where it is within its limits."""
+def _too_fast(motion: Trajectory, limits: Limits, period: float) -> float:
+    """Return the factor by which to slow a motion; 1: it is within its limits."""
     between = np.diff(motion.position, axis=0) / period
     fastest = np.abs([*motion.velocity, *between]).max(axis=0)
     sharpest = np.abs(np.diff(motion.velocity, axis=0) / period).max(axis=0)

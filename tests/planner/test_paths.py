@@ -17,7 +17,7 @@ from planner_support import (
     write_arm,
 )
 
-from stepbus_planner.search import Search, find_way
+from stepbus_planner.search import Search, find_paths
 
 CAN_AHEAD = ("can", "cylinder 0.03 0.1", (0.95, 0.0, 0.5))
 """At the tip of the arm that is stretched out along x."""
@@ -34,7 +34,7 @@ def test_where_nothing_is_in_the_way_it_goes_straight(tmp_path):
     plan, _ = answer(tmp_path)
     rows = np.array(plan.position)
     assert (plan.cause, plan.id) == ("", 1)
-    assert plan.text.startswith("straight way of 2.00 rad in ")
+    assert plan.text.startswith("straight path of 2.00 rad in ")
     assert np.abs(rows[:, 1:]).max() < 1e-9
     assert np.all(np.diff(rows[:, 0]) >= 0)
 
@@ -48,7 +48,7 @@ def test_a_plan_leads_from_rest_at_the_start_to_rest_at_the_goal(tmp_path):
 
 def test_it_goes_around_a_pillar_and_touches_nothing_at_any_millisecond(tmp_path):
     plan, planner = answer(tmp_path, PILLAR)
-    assert plan.text.startswith("way around of ")
+    assert plan.text.startswith("detour of ")
     assert touched(planner, plan, PILLAR) == []
 
 
@@ -67,7 +67,7 @@ def test_velocity_and_acceleration_stay_within_their_limits(tmp_path):
 
 def test_where_a_wall_is_in_the_way_it_says_after_how_many_checks_it_gave_up(tmp_path):
     plan, _ = answer(tmp_path, WALL, max_checks=1000)
-    assert (plan.cause, plan.times) == ("no_way", [])
+    assert (plan.cause, plan.times) == ("no_path", [])
     assert 1000 <= int(plan.text.split()[-2]) <= 1300
 
 
@@ -87,7 +87,7 @@ def test_a_goal_closer_than_the_margin_is_reached(tmp_path):
 
 def test_what_may_be_touched_is_gone_through(tmp_path):
     plan, _ = answer(tmp_path, PILLAR, request={"touches": ["pillar"]})
-    assert plan.text.startswith("straight way")
+    assert plan.text.startswith("straight path")
 
 
 def test_a_held_thing_is_kept_off_what_the_empty_hand_passes(tmp_path):
@@ -95,15 +95,15 @@ def test_a_held_thing_is_kept_off_what_the_empty_hand_passes(tmp_path):
     request = {"start": ahead(0.0), "goal": ahead(2.5), "touches": ["can"]}
     free, _ = answer(tmp_path, CAN_AHEAD, post, request=request)
     plan, planner = answer(tmp_path, CAN_AHEAD, post, request={**request, "held": "can"})
-    assert free.text.startswith("straight way")
-    assert plan.text.startswith("way around")
+    assert free.text.startswith("straight path")
+    assert plan.text.startswith("detour")
     assert touched(planner, plan, CAN_AHEAD, post, held="can") == []
 
 
 def test_a_held_thing_may_leave_the_shelf_that_it_stands_on(tmp_path):
     request = {"start": ahead(0.0), "goal": ahead(1.0), "held": "can"}
     plan, _ = answer(tmp_path, CAN_AHEAD, SHELF, request=request)
-    assert plan.text.startswith("straight way")
+    assert plan.text.startswith("straight path")
 
 
 def test_a_held_thing_in_another_thing_is_named(tmp_path):
@@ -124,7 +124,7 @@ def test_the_arm_does_not_go_through_itself(tmp_path):
 def test_things_out_of_reach_are_left_out(tmp_path):
     far = ("far", "box 0.1 0.1 0.1", (0.0, 1.2, 0.5))
     _, planner = answer(tmp_path, PILLAR, far)
-    assert planner._params.robot.reach()[1] == pytest.approx(0.9, abs=0.05)
+    assert planner.planner.robot.reach()[1] == pytest.approx(0.9, abs=0.05)
     assert looked_at(planner, PILLAR, far) == ["pillar"]
 
 
@@ -161,7 +161,7 @@ def test_weak_motors_make_it_slow_and_too_weak_ones_make_it_refuse(tmp_path):
     plan, _ = answer(tmp_path, request=swing)
     assert plan.cause == "not_holdable"
     assert plan.text == (
-        "on the way, one needs 15.2 N·m to stand still, and a motion may use 8.0 N·m"
+        "on the path, one needs 15.2 N·m to stand still, but motions may use 8.0 N·m"
     )
 
 
@@ -182,5 +182,5 @@ def test_a_search_that_nobody_wants_any_more_ends_long_before_its_last_check():
         return bool(abs(q[0]) > 0.2)
 
     start = np.array([1.0, 0.0, 0.0])
-    assert find_way(search, start, -start, is_free, lambda: len(checks) > 100) is None
+    assert find_paths(search, start, -start, is_free, lambda: len(checks) > 100) is None
     assert 100 < len(checks) < 10_000
