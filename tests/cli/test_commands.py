@@ -126,4 +126,4 @@ def test_dropped_messages_are_counted_in_words(tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
     words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
     assert main([*words, "--fault", "duplicate controller at 5"]) == 0
-    assert "messages dropped: 1 by plant; from strangers: 0" in capsys.readouterr().out
+    assert "messages dropped: 1 by plant; unauthenticated: 0" in capsys.readouterr().out

@@ -153,7 +153,7 @@ def test_a_joint_without_effort_fails_the_test(tmp_path, capsys):
     folder = two_link_in(tmp_path, WORLD.replace("MODE", "position"))
     arguments = ["selftest", str(folder), "--set", "plant.params.effort.joint2=0"]
     assert main(arguments) == ExitCode.NONCONFORMING
-    assert "1 of 2 joints do as they are told" in capsys.readouterr().out
+    assert "1 of 2 joints pass" in capsys.readouterr().out
 
 
 def test_a_plant_that_fails_ends_the_test_with_the_code_of_its_run(tmp_path):

@@ -1,4 +1,4 @@
-"""The command line: a thin skin over the library, and the only place that prints or exits."""
+"""The command line: a thin layer over the library, and the only code that prints or exits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`stepbus bridge`: take part in a run in the stead of a program without Zenoh."""
+"""`stepbus bridge`: take part in a run on behalf of a program without Zenoh."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from stepbus_orchestrator.cli.command import Command
 
 COMMAND = Command(
     name="bridge",
-    summary="take part in a run in the stead of a program",
-    description="Joins a run with the ticket of STEPBUS_TICKET, starts a program, and hands it "
+    summary="take part in a run on behalf of a program",
+    description="Joins a run with the ticket of STEPBUS_TICKET, starts a program, and passes it "
     "each step over descriptors 3 and 4 (docs/bridge.md). A scenario starts it with the key "
     "`bridge`; by hand it is `exec: [stepbus, bridge, --format, json, --, node, controller.mjs]`.",
     examples=(

@@ -30,10 +30,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--bridge", choices=_FORMATS, help="start it through `stepbus bridge`")
     parser.add_argument(
-        "--scenario", default="two_link", help="whose ports are played (default: two_link)"
+        "--scenario", default="two_link", help="scenario whose ports are played (default: two_link)"
     )
     parser.add_argument(
-        "--participant", default="controller", metavar="NAME", help="default: controller"
+        "--participant",
+        default="controller",
+        metavar="NAME",
+        help="participant that the program plays (default: controller)",
     )
     parser.add_argument(
         "--set",
@@ -43,7 +46,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="override one value of the scenario, e.g. controller.step_timeout=10s",
     )
     parser.add_argument(
-        "--only", action="append", default=[], metavar="NAME", help="one check; may be repeated"
+        "--only",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="run this check; may be repeated",
     )
     parser.add_argument("--list", action="store_true", help="list the checks and start nothing")
     parser.add_argument("--logs", type=Path, metavar="FOLDER", help="keep the program's logs")
@@ -88,7 +95,7 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _silent(_result: CheckResult) -> None:
-    """Say nothing; the JSON says all."""
+    """Print nothing; the JSON has it all."""
 
 
 class _Display:
@@ -131,9 +138,9 @@ def _conclude(report: Report) -> None:
 COMMAND = Command(
     name="conformance",
     summary="check a program against the protocol",
-    description="Plays orchestrator and peers to one participant, over the real bus, and checks "
-    f"what it does: {len(CHECKS)} checks, each of a clause of docs/protocol.md. The program is "
-    "started anew for each. Exits with 0 when none fails, with 11 when one does.",
+    description="Plays the orchestrator and all peers of one participant, over the real bus, and "
+    f"checks its behaviour: {len(CHECKS)} checks, each of one clause of docs/protocol.md. Starts "
+    "the program again for each check. Exit code 0: no check failed, 11: one did.",
     examples=(
         "stepbus conformance -- ./my_controller",
         "stepbus conformance --bridge json -- node controller.mjs",

@@ -1,4 +1,4 @@
-"""`stepbus selftest`: command a known angle on every joint in turn and read what comes of it."""
+"""`stepbus selftest`: move every joint to a known angle in turn and read it back."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=90.0,
         metavar="DEGREES",
-        help="where joints are sent, as far as their stops allow (default: 90)",
+        help="target angle, as far as the stops of a joint allow (default: 90)",
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
 
@@ -59,7 +59,7 @@ def _show(found: SelfTest) -> None:
     idle = [verdict.joint for verdict in found.joints if verdict.commanded is None]
     tested = len(found.joints) - len(idle)
     say(
-        f"{found.plant}: {tested - len(wrong)} of {tested} joints do as they are told "
+        f"{found.plant}: {tested - len(wrong)} of {tested} joints pass "
         f"({found.simulated_s:.1f} s simulated)"
         + (f"; without a motor: {', '.join(idle)}" if idle else "")
     )
@@ -88,13 +88,13 @@ def _people(verdict: Verdict, value: float) -> str:
 
 COMMAND = Command(
     name="selftest",
-    summary="command a known angle on every joint and read it back",
-    description="Runs the plant of a scenario without its controller and mission, sends every "
-    "joint in turn to 90° and to -90°, or as far as its stops allow, and checks that this joint "
-    "moves, that way, that far, within its limits, and no other. One side is enough: on the other "
-    "the robot may be in its own way. Joints of mode torque are pushed forward and back, and put "
-    "at the angle. Exit code 0: every joint does as it is told, 11: one does "
-    "not; otherwise those of run.",
+    summary="move every joint to a known angle and read it back",
+    description="Runs the plant of a scenario without its controller and mission, moves one joint "
+    "after the other to 90° and to -90°, or as far as its stops allow, and checks that this joint "
+    "moves, in this direction, by this much, within its limits, and that no other does. One side "
+    "is enough: on the other the robot may be in its own way. Joints of mode torque are pushed "
+    "forward and back and put at the angle. Exit code 0: every joint passes, 11: one fails; "
+    "otherwise those of run.",
     examples=(
         "stepbus selftest two_link",
         "stepbus selftest baxter --angle 30",

@@ -32,9 +32,9 @@ def _execute(args: argparse.Namespace) -> int:
 COMMAND = Command(
     name="diff",
     summary="compare two recordings, port by port",
-    description="Compares the messages of two recordings, which may be of different length or cut "
-    "off: to the byte, or within a tolerance. Shows the first difference first. PORT is a topic "
-    "such as controller/command. Exits with 0 when they are equal, else with 10.",
+    description="Compares the messages of two recordings byte for byte, or within a tolerance. The "
+    "recordings may differ in length or be cut off. Shows the first difference first. PORT is a "
+    "topic such as controller/command. Exit code 0: equal, 10: different.",
     examples=(
         "stepbus diff runs/a/run.mcap runs/b/run.mcap",
         "stepbus diff a.mcap b.mcap --abs controller/command.values=1e-9",

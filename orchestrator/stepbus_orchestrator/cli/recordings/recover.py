@@ -1,4 +1,4 @@
-"""`stepbus recover`: make a complete recording of one that is cut off or corrupt."""
+"""`stepbus recover`: rebuild a recording that is cut off or corrupt."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _plain(value: object) -> object:
 
 
 def _lines(recovery: Recovery) -> list[str]:
-    """Return what was saved and what was lost, in sentences."""
+    """Return what was kept and what was lost, in sentences."""
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
     lines = [
         f"{recovery.source}: {recovery.damage or 'undamaged'}",
@@ -57,7 +57,7 @@ def _lines(recovery: Recovery) -> list[str]:
 
 def _loss(recovery: Recovery) -> str:
     if recovery.only_index_lost:
-        return f"lost nothing but the index ({recovery.lost_bytes} bytes), which was made anew"
+        return f"lost nothing but the index ({recovery.lost_bytes} bytes), which was rebuilt"
     lost = f"lost the {recovery.lost_bytes} bytes from byte {recovery.kept_bytes} on"
     if recovery.planned_steps is None:
         return lost
@@ -69,9 +69,9 @@ def _loss(recovery: Recovery) -> str:
 
 COMMAND = Command(
     name="recover",
-    summary="make a complete recording of one that is cut off or corrupt",
-    description="Reads an MCAP file up to its first damaged record and writes all of it to a new "
-    "file, with its attachments, metadata and a new index. Says what was lost.",
+    summary="rebuild a recording that is cut off or corrupt",
+    description="Reads an MCAP file up to its first damaged record and writes what it read to a "
+    "new file, with attachments, metadata and a new index. Reports what was lost.",
     examples=(
         "stepbus recover runs/two_link-20250101-120000/run.mcap",
         "stepbus recover broken.mcap --out fixed.mcap",

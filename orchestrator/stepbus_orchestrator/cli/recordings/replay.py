@@ -20,7 +20,7 @@ from .tolerance_arguments import add_tolerance_arguments, tolerance_of
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, help="the run.mcap of a run")
-    parser.add_argument("--participant", required=True, metavar="NAME", help="whom to start")
+    parser.add_argument("--participant", required=True, metavar="NAME", help="participant to start")
     add_tolerance_arguments(parser)
     parser.add_argument(
         "--set",
@@ -36,15 +36,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--window",
         type=_window,
         default=WINDOW,
-        help=f"steps its peers are played ahead of it (default: {WINDOW})",
+        help=f"how many steps its peers are played ahead of it (default: {WINDOW})",
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
     parser.add_argument(
         "--exec",
         nargs=argparse.REMAINDER,
         metavar="PROGRAM",
-        help="another program than the recorded one: all that follows is its command line; it is "
-        "started in the current folder",
+        help="start this program instead of the recorded one, in the current folder; everything "
+        "after it is its command line",
     )
 
 
@@ -97,11 +97,10 @@ def _conclude(result: ReplayResult) -> None:
 COMMAND = Command(
     name="replay",
     summary="run one participant against its recording and compare",
-    description="Starts one participant of a recorded run, as it was recorded or another program, "
-    "feeds it exactly the recorded inputs in lockstep, and compares each of its outputs with the "
-    "recorded one: to the byte, or within a tolerance. Shows the first divergent step with its "
-    "inputs. Exits with 0 when all are equal, with 10 when not. A recording contains programs: "
-    "replay only one you trust.",
+    description="Starts one participant of a recorded run, or another program in its place, feeds "
+    "it exactly the recorded inputs in lockstep, and compares each output with the recorded one: "
+    "byte for byte, or within a tolerance. Shows the first divergent step with its inputs. Exit "
+    "code 0: equal, 10: different. A recording contains programs: replay only one that you trust.",
     examples=(
         "stepbus replay run.mcap --participant controller",
         "stepbus replay run.mcap --participant controller --set controller.params.kp=101",

@@ -1,4 +1,4 @@
-"""`stepbus rerun`: run again from nothing but a recording."""
+"""`stepbus rerun`: repeat a run from nothing but its recording."""
 
 from __future__ import annotations
 
@@ -93,11 +93,11 @@ def _fields(rerun: Rerun, found: Diff | None) -> dict[str, object]:
 
 COMMAND = Command(
     name="rerun",
-    summary="run again from nothing but a recording",
-    description="Takes the scenario and its files out of a recording into <out>/source, runs "
-    "them, and says whether the new recording is equal to the byte. Notes what is different on "
-    "this machine. Exits with 0 when every message is equal, else with 10. A recording contains "
-    "programs: run only one you trust.",
+    summary="repeat a run from nothing but its recording",
+    description="Extracts the scenario and its files from a recording into <out>/source, runs "
+    "them, and compares the new recording with the old one, byte for byte. Lists what differs on "
+    "this machine. Exit code 0: every message is equal, 10: one differs. A recording contains "
+    "programs: run only one that you trust.",
     examples=(
         "stepbus rerun runs/two_link-20250101-120000/run.mcap",
         "stepbus rerun run.mcap --set window=1 --out /tmp/again",

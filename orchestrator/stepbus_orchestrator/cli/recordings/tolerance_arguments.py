@@ -1,4 +1,4 @@
-"""Options that say how far two messages may be apart."""
+"""Options that say how far two messages may differ."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from stepbus_orchestrator.analysis.tolerance import Tolerance, parse_tolerance, 
 
 def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a comparison."""
-    slack, where = "[PORT[.FIELD]=]NUMBER", "PORT[.FIELD]"
+    number, field = "[PORT[.FIELD]=]NUMBER", "PORT[.FIELD]"
     parser.add_argument(
-        "--abs", action="append", default=[], metavar=slack, help="absolute tolerance, e.g. 1e-9"
+        "--abs", action="append", default=[], metavar=number, help="absolute tolerance, e.g. 1e-9"
     )
     parser.add_argument(
-        "--rel", action="append", default=[], metavar=slack, help="relative tolerance"
+        "--rel", action="append", default=[], metavar=number, help="relative tolerance"
     )
     parser.add_argument(
-        "--ignore", action="append", default=[], metavar=where, help="a port or field to leave out"
+        "--ignore", action="append", default=[], metavar=field, help="leave out a port or field"
     )
     parser.add_argument(
         "--tolerance", type=Path, metavar="FILE", help="YAML file of tolerances (docs/replay.md)"
@@ -26,6 +26,6 @@ def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tolerance_of(args: argparse.Namespace, participant: str = "") -> Tolerance:
-    """Return the tolerance of the options, those of the command line on top of the file's."""
+    """Return the tolerance of the options; the command line takes precedence over the file."""
     from_file = Tolerance() if args.tolerance is None else read_tolerance(args.tolerance)
     return from_file | parse_tolerance(args.abs, args.rel, args.ignore, participant)

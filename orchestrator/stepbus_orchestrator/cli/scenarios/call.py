@@ -1,4 +1,4 @@
-"""`stepbus call`: ask a participant of a run that goes on, from a second terminal."""
+"""`stepbus call`: ask a participant something while it runs, from a second terminal."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from stepbus_schemas import WiringError
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run", type=Path, help="folder of a run that goes on")
+    parser.add_argument("run", type=Path, help="folder of a running run")
     parser.add_argument(
         "participant",
         nargs="?",
         default="",
-        help="whom to ask; without it, lists what can be asked",
+        help="participant to ask; without it, lists all methods",
     )
-    parser.add_argument("method", nargs="?", default="", help="what to ask")
+    parser.add_argument("method", nargs="?", default="", help="method to call")
     parser.add_argument("args", nargs="*", metavar="ARG", help="arguments, as YAML values")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON only")
 
@@ -48,14 +48,14 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json: bool) -> None:
     if participant and participant not in offered:
-        who = nearest(participant, offered) if offered else "nobody in this run does"
+        who = nearest(participant, offered) if offered else "no participant of this run does"
         raise WiringError(f"{participant!r} answers no calls; {who}")
     rows = {name: methods for name, methods in offered.items() if participant in {"", name}}
     if as_json:
         say_json(rows)
         return
     table = Table(box=None, pad_edge=False)
-    for column in ("participant", "call", "arguments and answer", "changes the run"):
+    for column in ("participant", "method", "arguments and answer", "changes the run"):
         table.add_column(column, overflow="fold")
     for name, methods in rows.items():
         for method, item in methods.items():
@@ -65,10 +65,10 @@ def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json
 
 COMMAND = Command(
     name="call",
-    summary="ask a participant of a run that goes on",
-    description="Asks a participant something while its run goes on, from a second terminal. It "
-    "answers between two steps, without any effect on the result; a call that changes something is "
-    "recorded with its step, and done again by rerun and replay.",
+    summary="ask a participant something while it runs",
+    description="Asks a participant something while it runs, from a second terminal. It answers "
+    "between two steps, and the question does not affect the result. A call that changes the run "
+    "is recorded with its step; rerun and replay repeat it there.",
     examples=(
         "stepbus call runs/two_link-20260101-120000",
         "stepbus call runs/two_link-20260101-120000 plant joint_position joint1",

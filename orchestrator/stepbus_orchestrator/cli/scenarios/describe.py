@@ -1,4 +1,4 @@
-"""`stepbus describe`: who takes part, with which ports, joints and limits."""
+"""`stepbus describe`: the participants with their ports, joints and limits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _show(portraits: list[Portrait]) -> None:
-    # Where nobody looks at it, a table is not folded to the width of a terminal.
+    # A table that goes to a file or a pipe is not folded to the width of a terminal.
     console = Console(width=None if sys.stdout.isatty() else _PLAIN_COLUMNS)
     for portrait in portraits:
         say(portrait.participant)
@@ -64,7 +64,7 @@ def _headline(output: OutputPort) -> str:
 
 
 def _joint_table(joints: list[JointRow]) -> Table:
-    """Return one row per joint; columns that nobody has anything for are left out."""
+    """Return one row per joint, without empty columns."""
     rows = [msgspec.structs.asdict(joint) for joint in joints]
     columns = [
         c for c in JointRow.__struct_fields__ if any(row[c] not in ("", None) for row in rows)
@@ -106,11 +106,11 @@ def _number(value: float) -> str:
 
 COMMAND = Command(
     name="describe",
-    summary="list ports, joints and limits without a step",
-    description="Starts every participant, lets it load its model, and prints its inputs and "
-    "what it says of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and "
-    "whether a joint's motor is on: it is off without a motor, in mode teleport, at no effort. "
-    "No step is made and nothing is recorded. Exit codes are those of run.",
+    summary="list ports, joints and limits; make no step",
+    description="Starts every participant, lets it load its model, and prints its inputs and the "
+    "descriptions of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and "
+    "whether the motor of a joint is on. It is off in the modes passive and teleport, and when its "
+    "effort limit is 0. Makes no step and records nothing. Exit codes are those of run.",
     examples=(
         "stepbus describe two_link",
         "stepbus describe two_link/pd --set plant.params.world=world.yaml",

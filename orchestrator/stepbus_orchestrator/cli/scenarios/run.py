@@ -1,4 +1,4 @@
-"""`stepbus run`: run a scenario, watch it, and say what came of it."""
+"""`stepbus run`: run a scenario, show its progress and its result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
-from stepbus_orchestrator.cli.terminal.keys import has_terminal, steered
+from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import make_display
 from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
 from stepbus_orchestrator.report import write_report
@@ -18,7 +18,7 @@ from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, 
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_schemas import WiringError
 
-# So many warnings stand in the summary; all of them were shown when they came.
+# The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
 
 
@@ -26,7 +26,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument("--out", type=Path, help="folder of this run (default: runs/<name>-<time>)")
     parser.add_argument("--window", type=int, help="steps in flight; 1: synchronous mode")
-    parser.add_argument("--transport", choices=("unix", "tcp"), help="how processes are linked")
+    parser.add_argument("--transport", choices=("unix", "tcp"), help="how the processes are linked")
     parser.add_argument(
         "--fault",
         action="append",
@@ -40,7 +40,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="PARTICIPANT",
-        help="give a participant this terminal and no deadline, so that it can run in a debugger",
+        help="give a participant this terminal and no deadlines, for a debugger",
     )
     parser.add_argument(
         "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
@@ -63,8 +63,8 @@ def _execute(args: argparse.Namespace) -> int:
     scenario = without_deadlines(load(args.scenario, _overrides(args), args.fault), args.debug)
     if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
         raise WiringError(
-            "--pause-at needs a terminal whose keys let the run go on; it goes with neither "
-            "--json nor --debug"
+            "--pause-at needs a terminal whose keys let the run continue; it excludes --json "
+            "and --debug"
         )
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
@@ -79,12 +79,12 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _run(scenario: Scenario, options: Options, pace: Pace, *, quiet: bool) -> Result:
-    """Run with a display; Ctrl-C and SIGTERM end the run cleanly, keys steer it."""
+    """Run with a display; Ctrl-C and SIGTERM end the run cleanly, keys control it."""
     display = None if quiet else make_display(scenario.name, plain=bool(options.debug))
     try:
         with interruptible() as interrupt:
-            # Whoever is debugged reads the keys.
-            keys = nullcontext() if quiet or options.debug else steered(pace, interrupt)
+            # A participant in a debugger reads the keys itself.
+            keys = nullcontext() if quiet or options.debug else controlled(pace, interrupt)
             with keys:
                 return run(scenario, options, display, interrupt)
     finally:
@@ -93,7 +93,7 @@ def _run(scenario: Scenario, options: Options, pace: Pace, *, quiet: bool) -> Re
 
 
 def _report(result: Result) -> list[str]:
-    """Make the plots and return what the summary says of the recording."""
+    """Make the plots and return the lines of the summary about the recording."""
     if not result.recording.exists() or result.steps == 0:
         return []
     return write_report(result.recording)
@@ -116,7 +116,7 @@ def _summarise(result: Result, lines: list[str]) -> None:
         say(line)
     dropped = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
     if dropped or result.unauthenticated:
-        say(f"messages dropped: {dropped or 'none'}; from strangers: {result.unauthenticated}")
+        say(f"messages dropped: {dropped or 'none'}; unauthenticated: {result.unauthenticated}")
     for line in _warnings(result):
         say(line)
     if result.faults:
@@ -140,9 +140,9 @@ COMMAND = Command(
     name="run",
     summary="run a scenario and record it",
     description="Starts every participant of a scenario, drives them in lockstep, and records "
-    "everything to run.mcap. Ctrl-C ends the run cleanly; on a terminal, p pauses it and goes on, "
-    "s does one step, q stops it, without any effect on the result. The exit code tells the cause "
-    "of a failure (docs/exit-codes.md).",
+    "everything to run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and continues, s "
+    "makes one step, q stops; none of them affects the result. The exit code gives the cause of a "
+    "failure (docs/exit-codes.md).",
     examples=(
         "stepbus run two_link",
         "stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s",

@@ -1,4 +1,4 @@
-"""`stepbus validate`: check a scenario and show who works when."""
+"""`stepbus validate`: check a scenario and show its schedule."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def _execute(args: argparse.Namespace) -> int:
 COMMAND = Command(
     name="validate",
     summary="check a scenario and show its schedule",
-    description="Checks a scenario without starting anything. All problems are listed at once, "
-    "with file, line and path. Prints who publishes at which step.",
+    description="Checks a scenario without starting anything. Lists all problems at once, with "
+    "file, line and path. Prints who publishes at which step.",
     examples=("stepbus validate two_link", "stepbus validate my/scenario.yaml --steps 20"),
     add_arguments=_add_arguments,
     execute=_execute,

@@ -1,4 +1,4 @@
-"""`stepbus verify`: the same result under other circumstances, or the first step that differs."""
+"""`stepbus verify`: the same result under different conditions, or the first step that differs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _SHOWN_HASH = 12
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
-    parser.add_argument("-n", type=_count, default=_RUNS, help="how often to run it (default: 5)")
+    parser.add_argument("-n", type=_count, default=_RUNS, help="number of runs (default: 5)")
     parser.add_argument(
-        "--seed", type=_seed, default=0, help="of the start orders and delays (default: 0)"
+        "--seed", type=_seed, default=0, help="seed of the start orders and delays (default: 0)"
     )
     parser.add_argument(
         "--keep", type=Path, metavar="FOLDER", help="keep the runs in this new folder"
@@ -124,7 +124,7 @@ COMMAND = Command(
     summary="run a scenario several times and compare the recordings",
     description="Runs a scenario several times: once as it is, then with shuffled start order, "
     "random delays in every participant, and other windows and transports. All recordings must "
-    "be equal to the byte; otherwise it shows the first difference and exits with 10.",
+    "be equal byte for byte. Exit code 10: two differ; the first difference is shown.",
     examples=(
         "stepbus verify two_link",
         "stepbus verify two_link -n 10 --set duration=2s --seed 1",

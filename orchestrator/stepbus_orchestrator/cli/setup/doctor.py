@@ -1,4 +1,4 @@
-"""`stepbus doctor`: whether this machine has what stepbus needs."""
+"""`stepbus doctor`: check whether this machine has what stepbus needs."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def _execute(args: argparse.Namespace) -> int:
 COMMAND = Command(
     name="doctor",
     summary="check this machine: versions, bus, ports, disk, extras",
-    description="Looks at versions, passes a message over the bus, and looks for free ports and "
-    "disk space and missing extras. Exit code 1 when something is broken.",
+    description="Checks versions, native libraries, the bus (with a message), free ports, disk "
+    "space and missing extras. Exit code 1: something is broken.",
     examples=("stepbus doctor",),
     add_arguments=_add_arguments,
     execute=_execute,

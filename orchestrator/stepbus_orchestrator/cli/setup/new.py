@@ -1,4 +1,4 @@
-"""`stepbus new`: a scenario with a controller of one's own, to start from."""
+"""`stepbus new`: a scenario with a controller to start from."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stepbus_orchestrator.starters.starter import STARTERS, write_starter
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, help="folder to make; must not hold anything yet")
+    parser.add_argument("folder", type=Path, help="folder to create; may exist if it is empty")
     parser.add_argument(
         "--language",
         default="python",
@@ -32,10 +32,10 @@ def _execute(args: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="new",
-    summary="make a scenario with a controller of your own",
-    description="Makes a folder with a scenario of the built-in plant and mission, its model, "
-    "and a small PD controller to change, in a language of your choice. It runs as it is, once "
-    "what its README says is installed.",
+    summary="create a scenario with a controller of your own",
+    description="Creates a folder with a scenario of the built-in plant and mission, its model, "
+    "and a small PD controller to change, in a language of your choice. It runs as it is once you "
+    "have installed what its README names.",
     examples=("stepbus new my_scenario", "stepbus new --language octave my_scenario"),
     add_arguments=_add_arguments,
     execute=_execute,

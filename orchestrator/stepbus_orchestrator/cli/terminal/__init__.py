@@ -1,1 +1,1 @@
-"""What the terminal shows and takes."""
+"""What the terminal shows, and the keys it takes."""

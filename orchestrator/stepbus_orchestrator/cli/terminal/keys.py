@@ -1,4 +1,4 @@
-"""Keys that steer a run from the terminal: pause, resume, single steps, stop."""
+"""Keys that control a run from the terminal: pause, resume, single steps, stop."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from collections.abc import Iterator
 
 from stepbus_orchestrator.run.control.pace import Pace
 
-HELP = "p or space: pause and go on · s or Enter: one step · q: stop"
-_LOOK_EVERY_S = 0.2
+HELP = "p or space: pause and continue · s or Enter: one step · q: stop"
+_POLL_S = 0.2
 
 
 def has_terminal() -> bool:
-    """Return whether somebody can press keys and see what comes of it."""
+    """Return whether a user can press keys and see their effect."""
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 @contextlib.contextmanager
-def steered(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
-    """Let keys steer a run while this is open; nothing happens without a terminal.
+def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
+    """Let keys control a run while this is open; do nothing without a terminal.
 
-    interrupt: is set when the user wants to stop.
+    interrupt: is set when the user stops the run.
     """
     if not has_terminal():
         yield
@@ -47,7 +47,7 @@ def steered(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
 
 def _listen(descriptor: int, pace: Pace, interrupt: threading.Event, over: threading.Event) -> None:
     while not over.is_set():
-        ready, _, _ = select.select([descriptor], [], [], _LOOK_EVERY_S)
+        ready, _, _ = select.select([descriptor], [], [], _POLL_S)
         if not ready:
             continue
         keys = os.read(descriptor, 64).decode(errors="ignore")

@@ -1,4 +1,4 @@
-"""What a run looks like while it goes on: a live table, or plain lines without a terminal."""
+"""Show the progress of a run: a live table, or plain lines without a terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LAST_S = 2.0
 
 
 class LiveTable:
-    """Shows progress as a table that updates itself, at the pace it is told."""
+    """Shows progress as a table, drawn again with each report."""
 
     def __init__(self, title: str, console: Console) -> None:
         self._title = title
@@ -29,7 +29,7 @@ class LiveTable:
         self._console = console
 
     def progress(self, progress: Progress) -> None:
-        """Draw the table anew."""
+        """Draw the table again."""
         self._live.update(_table(self._title, progress), refresh=True)
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
@@ -37,7 +37,7 @@ class LiveTable:
         self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
 
     def close(self) -> None:
-        """Take the table away."""
+        """Remove the table."""
         self._live.stop()
 
 
@@ -50,7 +50,7 @@ class PlainLines:
         self._shown_s = -_PLAIN_EVERY_S
 
     def progress(self, progress: Progress) -> None:
-        """Print a line, when the last one is old enough."""
+        """Print a line if the last one is two seconds old."""
         if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
             self._shown_s = progress.elapsed_s
             self._console.print(
@@ -62,21 +62,21 @@ class PlainLines:
         self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
 
     def close(self) -> None:
-        """Nothing is left to do."""
+        """Do nothing: every line is printed."""
 
 
 class EventsOnly(PlainLines):
-    """Shows no progress: somebody else, such as a debugger, has the terminal."""
+    """Shows no progress: a debugger has the terminal."""
 
     def progress(self, progress: Progress) -> None:
-        """Say nothing."""
+        """Print nothing."""
 
 
 class Aside:
     """Shows everything from a thread of its own.
 
-    A terminal that nobody reads, or that is held by Ctrl-S, blocks whoever writes to it; the run
-    must go on. What it has no time for is left out, but for sentences.
+    A terminal that nobody reads, or that Ctrl-S holds, blocks its writer; the run must continue.
+    When there is no time, progress is left out, sentences are not.
     """
 
     def __init__(self, display: LiveTable | PlainLines) -> None:
@@ -86,7 +86,7 @@ class Aside:
         self._thread.start()
 
     def progress(self, progress: Progress) -> None:
-        """Show how far the run is, if there is time for it."""
+        """Show the progress of the run if there is time for it."""
         if self._queue.empty():
             self._queue.put(partial(self._display.progress, progress))
 
@@ -95,7 +95,7 @@ class Aside:
         self._queue.put(partial(self._display.event, level, who, step, text))
 
     def close(self) -> None:
-        """Show what is left, if the terminal takes it, and take the table away."""
+        """Show what is left if the terminal accepts it, then remove the table."""
         self._queue.put(self._display.close)
         self._queue.put(None)
         self._thread.join(_LAST_S)
@@ -106,7 +106,7 @@ class Aside:
 
 
 def make_display(title: str, *, plain: bool = False) -> Aside:
-    """Return the display that fits where stdout goes; plain: somebody else has the terminal."""
+    """Return the display for where stdout goes; plain: a debugger has the terminal."""
     console = Console()
     if plain:
         return Aside(EventsOnly(title, console))
