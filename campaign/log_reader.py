@@ -1,0 +1,147 @@
+"""Reads `run.mcap` with the packages `mcap` and `msgpack` alone, and finds what is missing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import yaml
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Message
+from mcap.stream_reader import StreamReader
+
+CHAIN = "stepbus/chain"
+CALLS = "stepbus/calls"
+
+
+@dataclass
+class Log:
+    """What a recording holds.
+
+    steps: topic → sequence numbers in file order. holes: sentences. sealed: whether the file has
+    its end, so that nothing was cut off.
+    """
+
+    steps: dict[str, list[int]] = field(default_factory=dict)
+    holes: list[str] = field(default_factory=list)
+    sealed: bool = False
+    sha256: str = ""
+
+    @property
+    def last_step(self) -> int:
+        """Return the newest step of any topic; −1 where there is none."""
+        return max((steps[-1] for steps in self.steps.values() if steps), default=-1)
+
+
+def read(path: Path) -> Log:
+    """Return what a recording holds, as far as it can be read."""
+    log = Log()
+    if not path.exists():
+        return log
+    log.sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    chains = _Chains({})
+    for record, channel in _records(path, log):
+        if isinstance(record, Attachment) and record.name == "scenario.yaml":
+            chains = _Chains(_every(record.data))
+        elif channel is not None and isinstance(record, Message):
+            log.steps.setdefault(channel.topic, []).append(record.sequence)
+            if channel.topic == CHAIN:
+                log.holes += chains.check(record)
+            elif channel.topic != CALLS:
+                chains.add(channel, record)
+    for topic, steps in log.steps.items():
+        if topic not in {CHAIN, CALLS}:
+            log.holes += _holes(topic, steps)
+    return log
+
+
+def _records(path: Path, log: Log) -> Iterator[tuple[object, Channel | None]]:
+    channels: dict[int, Channel] = {}
+    with path.open("rb") as file:
+        try:
+            for record in StreamReader(file, record_size_limit=None).records:
+                if isinstance(record, Channel):
+                    channels[record.id] = record
+                yield record, channels[record.channel_id] if isinstance(record, Message) else None
+            log.sealed = True
+        except (McapError, EOFError, ValueError, KeyError, zstandard.ZstdError):
+            return
+
+
+def _every(scenario: bytes) -> dict[str, int]:
+    """Return participant → its `every`, from the recorded scenario."""
+    rows = yaml.safe_load(scenario)["participants"]
+    return {name: row.get("every", 1) for name, row in rows.items()}
+
+
+def _holes(topic: str, steps: list[int]) -> list[str]:
+    """Return where steps are missing.
+
+    A participant fires at multiples of its `every`; a port that speaks only when it has news
+    (events, goals, plans) may leave any step out, which shows in its very first gaps: those are
+    judged by the chain.
+    """
+    gaps = [b - a for a, b in pairwise(steps)]
+    usual = min(gaps, default=0)
+    if usual <= 0:
+        return [f"{topic}: step {steps[0]} twice or backwards"] if gaps else []
+    odd = [(a, a + gap) for a, gap in zip(steps, gaps, strict=False) if gap != usual]
+    dense = len(odd) < 0.05 * len(gaps)
+    return [f"{topic}: nothing between steps {a} and {b}" for a, b in odd] if dense else []
+
+
+class _Chains:
+    """The hash chain of every participant, computed anew from the messages (docs/protocol.md)."""
+
+    def __init__(self, every: dict[str, int]) -> None:
+        self._every = every
+        self._values: dict[str, bytes] = {}
+        self._next: dict[str, int] = {}
+        self._pending: dict[str, dict[int, list[tuple[str, bytes]]]] = {}
+
+    def add(self, channel: Channel, message: Message) -> None:
+        """Keep a message for the next record of the chain."""
+        steps = self._pending.setdefault(channel.metadata["participant"], {})
+        steps.setdefault(message.sequence, []).append((channel.metadata["port"], message.data))
+
+    def check(self, message: Message) -> list[str]:
+        """Return whose chain differs from what a record says."""
+        record: dict[str, Any] = msgpack.unpackb(message.data)
+        return [
+            f"{name}: the hash chain breaks at or before step {record['step']}"
+            for name, expected in record["hashes"].items()
+            if not self._reaches(name, record["step"], expected)
+        ]
+
+    def _reaches(self, name: str, last: int, expected: str) -> bool:
+        """Extend one chain; it may end before `last`, in a run that failed."""
+        value = self._values.get(name, bytes(32))
+        pending = self._pending.pop(name, {})
+        reached = value.hex() == expected and not pending
+        for step in range(self._next.get(name, 0), last + 1, self._every.get(name, 1)):
+            digest = hashlib.sha256(value + step.to_bytes(8, "little", signed=True))
+            for port, data in pending.pop(step, []):
+                digest.update(port.encode() + data)
+            value = digest.digest()
+            self._next[name] = step + self._every.get(name, 1)
+            reached = value.hex() == expected and not pending
+            if reached:
+                break
+        self._values[name] = bytes.fromhex(expected)
+        return reached
+
+
+def result(folder: Path) -> dict[str, Any] | None:
+    """Return result.json; None where there is none."""
+    path = folder / "result.json"
+    if not path.exists():
+        return None
+    content: dict[str, Any] = json.loads(path.read_text())
+    return content

@@ -1,0 +1,147 @@
+"""One `stepbus run` in a sandbox of its own, as its user would start it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import psutil
+
+MARK = "STEPBUS_CAMPAIGN"
+STEPBUS = str(Path(sys.executable).with_name("stepbus"))
+
+
+@dataclass
+class Sandbox:
+    """A folder, the orchestrator that runs in it, and every process that it started.
+
+    home: everything the run may write to; its `tmp` is TMPDIR. faulted_at: when the fault struck,
+    by the monotonic clock [s].
+    """
+
+    home: Path
+    mark: str = field(default_factory=lambda: uuid.uuid4().hex)
+    process: subprocess.Popen[bytes] | None = None
+    faulted_at: float = 0.0
+    helpers: list[subprocess.Popen[Any]] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def out(self) -> Path:
+        """Return the folder of the run."""
+        return self.home / "disk" / "run"
+
+    @property
+    def temporary(self) -> Path:
+        """Return the folder for temporary files."""
+        return self.home / "tmp"
+
+    @property
+    def orchestrator(self) -> subprocess.Popen[bytes]:
+        """Return the process of the orchestrator."""
+        if self.process is None:
+            raise RuntimeError("nothing was started")
+        return self.process
+
+    def start(
+        self,
+        arguments: Sequence[str],
+        *,
+        stdout: int | IO[bytes] | None = None,
+        before: Callable[[], None] | None = None,
+    ) -> None:
+        """Start `stepbus run …`; stderr and, where nothing else is said, stdout go to files."""
+        output = stdout if stdout is not None else (self.home / "stdout").open("wb")
+        self.process = subprocess.Popen(
+            [STEPBUS, "run", *arguments, "--out", str(self.out)],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=(self.home / "stderr").open("wb"),
+            env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
+            cwd=self.home,
+            preexec_fn=before,  # noqa: PLW1509  (rlimits; the campaign has a single thread)
+            start_new_session=True,
+        )
+
+    def processes(self) -> list[psutil.Process]:
+        """Return what is alive of the run, the orchestrator included."""
+        return [process for process in psutil.process_iter() if self._is_ours(process)]
+
+    def _is_ours(self, process: psutil.Process) -> bool:
+        with contextlib.suppress(psutil.Error, OSError):
+            is_marked: bool = process.environ().get(MARK) == self.mark
+            return is_marked and process.status() != psutil.STATUS_ZOMBIE
+        return False
+
+    def find(self, role: str) -> psutil.Process | None:
+        """Return the process of a participant or of the reaper, once it is there."""
+        for process in self.processes():
+            with contextlib.suppress(psutil.Error, OSError):
+                if _role(process) == role:
+                    return process
+        return None
+
+    def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
+        """Wait until a condition holds; return False when it does not, or the run has ended."""
+        give_up = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > give_up or self.orchestrator.poll() is not None:
+                return bool(condition())
+            time.sleep(0.005)
+        return True
+
+    def is_stepping(self) -> bool:
+        """Return whether steps have reached the recording."""
+        recording = self.out / "run.mcap"
+        with contextlib.suppress(OSError):
+            return bool(recording.stat().st_size > self.notes.get("stepping_bytes", 20_000))
+        return False
+
+    def text(self, name: str) -> str:
+        """Return what went to stdout or stderr."""
+        path = self.home / name
+        return path.read_text(errors="replace") if path.exists() else ""
+
+
+def _role(process: psutil.Process) -> str:
+    words = process.cmdline()
+    if any(word.endswith("reaper.py") for word in words):
+        return "reaper"
+    tickets = [value for value in process.environ().values() if value.endswith(".ticket")]
+    return Path(tickets[0]).stem if tickets else ""
+
+
+@contextlib.contextmanager
+def sandbox() -> Iterator[Sandbox]:
+    """Make a sandbox, and end and remove everything of it afterwards."""
+    home = Path(tempfile.mkdtemp(prefix="sbc-"))
+    box = Sandbox(home)
+    (home / "tmp").mkdir()
+    (home / "disk").mkdir()
+    try:
+        yield box
+    finally:
+        for helper in box.helpers:
+            with contextlib.suppress(ProcessLookupError):
+                helper.send_signal(signal.SIGCONT)
+                helper.kill()
+            helper.wait()
+        for process in box.processes():
+            with contextlib.suppress(psutil.Error):
+                process.kill()
+        if box.process is not None:
+            box.process.wait()
+        if os.path.ismount(home / "disk"):
+            subprocess.run(["umount", "-l", str(home / "disk")], check=False)
+        shutil.rmtree(home, ignore_errors=True)
