@@ -139,9 +139,9 @@ class _Chains:
 
 
 def result(folder: Path) -> dict[str, Any] | None:
-    """Return result.json; None where there is none."""
-    path = folder / "result.json"
-    if not path.exists():
+    """Return result.json; None where there is none, or none that is whole."""
+    try:
+        content: dict[str, Any] = json.loads((folder / "result.json").read_text())
+    except (OSError, ValueError):
         return None
-    content: dict[str, Any] = json.loads(path.read_text())
     return content
