@@ -161,7 +161,7 @@ os.kill(os.getpid(), signal.SIGSTOP)
 
 
 def _stopped_subscriber(box: Sandbox, chance: random.Random) -> None:
-    """Subscribe to everything on the orchestrator's socket or a participant's, then stop reading."""
+    """Subscribe to everything on a socket of the run, then stop reading."""
     sockets = sorted(box.temporary.glob("stepbus-*/*.sock"))
     if not sockets:
         return
