@@ -4,8 +4,8 @@ Users import the same from `stepbus`. Functions whose name is also that of a sub
 longer one here.
 """
 
+from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 from .analysis.diff import Diff, diff
-from .analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
 from .analysis.verify import Verification, plan, verify
 from .errors import (
     BusFailed,

@@ -5,8 +5,7 @@ import math
 import msgspec
 import pytest
 
-from stepbus_orchestrator.analysis.compare import PortComparison
-from stepbus_orchestrator.analysis.tolerance import Slack, Tolerance
+from stepbus_orchestrator.analysis.comparison import FieldTolerance, PortComparison, Tolerance
 from stepbus_schemas import JointCommand, JointState, encode
 
 TOPIC = "controller/command"
@@ -46,23 +45,23 @@ def test_the_largest_difference_of_a_field_is_kept_with_its_place():
 
 
 @pytest.mark.parametrize(
-    ("slack", "first", "second", "equal"),
+    ("tolerance", "first", "second", "equal"),
     [
-        (Slack(abs=1e-3), 1.0, 1.0009, True),
-        (Slack(abs=1e-3), 1.0, 1.002, False),
-        (Slack(rel=1e-3), 100.0, 100.09, True),
-        (Slack(rel=1e-3), 100.0, 100.2, False),
-        (Slack(abs=0.1, rel=1e-3), 100.0, 100.15, True),
-        (Slack(abs=1.0), math.nan, math.nan, True),
-        (Slack(abs=1.0), math.nan, 0.0, False),
-        (Slack(abs=1.0), math.inf, math.inf, True),
-        (Slack(rel=1.0), math.inf, 0.0, False),
-        (Slack(), 0.0, -0.0, True),
-        (Slack(ignore=True), math.nan, 7.0, True),
+        (FieldTolerance(abs=1e-3), 1.0, 1.0009, True),
+        (FieldTolerance(abs=1e-3), 1.0, 1.002, False),
+        (FieldTolerance(rel=1e-3), 100.0, 100.09, True),
+        (FieldTolerance(rel=1e-3), 100.0, 100.2, False),
+        (FieldTolerance(abs=0.1, rel=1e-3), 100.0, 100.15, True),
+        (FieldTolerance(abs=1.0), math.nan, math.nan, True),
+        (FieldTolerance(abs=1.0), math.nan, 0.0, False),
+        (FieldTolerance(abs=1.0), math.inf, math.inf, True),
+        (FieldTolerance(rel=1.0), math.inf, 0.0, False),
+        (FieldTolerance(), 0.0, -0.0, True),
+        (FieldTolerance(ignore=True), math.nan, 7.0, True),
     ],
 )
-def test_a_slack_allows_what_it_says(slack, first, second, equal):
-    result = compared(command(first), command(second), {(TOPIC, "values"): slack})
+def test_a_tolerance_allows_what_it_says(tolerance, first, second, equal):
+    result = compared(command(first), command(second), {(TOPIC, "values"): tolerance})
     assert (result.divergence is None) is equal
 
 
@@ -75,29 +74,33 @@ def test_nan_equals_nan_whatever_its_bits():
     nan = command(math.nan)
     other = nan.replace(msgspec.msgpack.encode(math.nan), bytes.fromhex("cbfff8000000000001"))
     assert nan != other
-    result = compared(nan, other, {(TOPIC, "values"): Slack()})
+    result = compared(nan, other, {(TOPIC, "values"): FieldTolerance()})
     assert (result.within, result.divergence) == (1, None)
 
 
 def test_the_same_values_in_other_bytes_are_named_as_such():
     reverse = msgspec.msgpack.encode({"values": [1.0], "mode": "torque"})
     found = compared(command(1.0), reverse).divergence
-    assert (found.kind, found.field) == ("encoding", "")
+    assert (found.type, found.field) == ("encoding", "")
     assert "the same values in other bytes" in found.text()
 
 
 def test_with_a_tolerance_values_count_and_not_bytes():
     other = msgspec.msgpack.encode({"values": [1], "mode": "torque"})
-    assert compared(command(1.0), other, {(TOPIC, "*"): Slack()}).divergence is None
+    assert compared(command(1.0), other, {(TOPIC, "*"): FieldTolerance()}).divergence is None
 
 
-def test_a_slack_is_for_numbers_only():
-    result = compared(command(1.0), command(1.0, mode="velocity"), {("*", "*"): Slack(abs=9.0)})
+def test_a_tolerance_is_for_numbers_only():
+    result = compared(
+        command(1.0), command(1.0, mode="velocity"), {("*", "*"): FieldTolerance(abs=9.0)}
+    )
     assert result.divergence.field == "mode"
 
 
 def test_vectors_of_different_length_differ_as_a_whole():
-    found = compared(command(1.0), command(1.0, 2.0), {("*", "*"): Slack(abs=9.0)}).divergence
+    found = compared(
+        command(1.0), command(1.0, 2.0), {("*", "*"): FieldTolerance(abs=9.0)}
+    ).divergence
     assert (found.field, found.first, found.second) == ("values", [1.0], [1.0, 2.0])
 
 
@@ -108,10 +111,10 @@ def test_a_field_that_one_lacks_differs():
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "kind"), [(None, b"\x80", "added"), (b"\x80", None, "missing")]
+    ("first", "second", "divergence_type"), [(None, b"\x80", "added"), (b"\x80", None, "missing")]
 )
-def test_a_message_that_one_lacks_differs(first, second, kind):
-    assert compared(first, second).divergence.kind == kind
+def test_a_message_that_one_lacks_differs(first, second, divergence_type):
+    assert compared(first, second).divergence.type == divergence_type
 
 
 def test_bytes_that_are_no_message_are_shown_in_hexadecimal():

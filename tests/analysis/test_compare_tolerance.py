@@ -2,8 +2,8 @@
 
 import pytest
 
-from stepbus_orchestrator.analysis.tolerance import (
-    Slack,
+from stepbus_orchestrator.analysis.comparison import (
+    FieldTolerance,
     Tolerance,
     parse_tolerance,
     read_tolerance,
@@ -22,9 +22,9 @@ def read(folder, text):
 def test_a_file_names_ports_and_fields(tmp_path):
     text = "controller/command: {values: {abs: 1e-9, rel: 1e-6}, mode: ignore}\nplant/joint_state: ignore\n"
     assert read(tmp_path, text).rules == {
-        ("controller/command", "values"): Slack(abs=1e-9, rel=1e-6),
-        ("controller/command", "mode"): Slack(ignore=True),
-        ("plant/joint_state", "*"): Slack(ignore=True),
+        ("controller/command", "values"): FieldTolerance(abs=1e-9, rel=1e-6),
+        ("controller/command", "mode"): FieldTolerance(ignore=True),
+        ("plant/joint_state", "*"): FieldTolerance(ignore=True),
     }
 
 
@@ -50,23 +50,27 @@ def test_the_command_line_names_ports_of_the_participant_or_topics():
         ["1e-9", "command=1e-6", "plant/joint_state.position=2"], ["1e-3"], ["status"], "controller"
     )
     assert tolerance.rules == {
-        ("*", "*"): Slack(abs=1e-9, rel=1e-3),
-        ("controller/command", "*"): Slack(abs=1e-6),
-        ("plant/joint_state", "position"): Slack(abs=2.0),
-        ("controller/status", "*"): Slack(ignore=True),
+        ("*", "*"): FieldTolerance(abs=1e-9, rel=1e-3),
+        ("controller/command", "*"): FieldTolerance(abs=1e-6),
+        ("plant/joint_state", "position"): FieldTolerance(abs=2.0),
+        ("controller/status", "*"): FieldTolerance(ignore=True),
     }
 
 
 @pytest.mark.parametrize("text", ["x", "command=", "command=-1", "command=nan", "command=inf"])
 def test_a_tolerance_that_is_no_number_is_refused(text):
-    with pytest.raises(WiringError, match=r"--abs .*no finite number from 0 on"):
+    with pytest.raises(WiringError, match=r"--abs .*not a finite number ≥ 0"):
         parse_tolerance([text], [], [])
 
 
 def test_the_more_exact_entry_holds():
-    rules = {("*", "*"): Slack(abs=1.0), ("a/b", "*"): Slack(abs=2.0), ("a/b", "c"): Slack(abs=3.0)}
-    found = [Tolerance(rules).slack(*key) for key in (("a/b", "c"), ("a/b", "d"), ("e/f", "c"))]
-    assert [slack.abs for slack in found] == [3.0, 2.0, 1.0]
+    rules = {
+        ("*", "*"): FieldTolerance(abs=1.0),
+        ("a/b", "*"): FieldTolerance(abs=2.0),
+        ("a/b", "c"): FieldTolerance(abs=3.0),
+    }
+    found = [Tolerance(rules).of(*key) for key in (("a/b", "c"), ("a/b", "d"), ("e/f", "c"))]
+    assert [tolerance.abs for tolerance in found] == [3.0, 2.0, 1.0]
 
 
 def test_the_command_line_goes_before_the_file(tmp_path):
@@ -88,4 +92,4 @@ def test_the_command_line_goes_before_the_file(tmp_path):
 )
 def test_a_name_that_nobody_has_is_refused(rule, sentence):
     with pytest.raises(WiringError, match=sentence):
-        Tolerance({rule: Slack()}).check(FIELDS)
+        Tolerance({rule: FieldTolerance()}).check(FIELDS)

@@ -5,8 +5,8 @@ import json
 import pytest
 from recording_support import rewrite
 
+from stepbus_orchestrator.analysis.comparison import FieldTolerance, Tolerance
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.tolerance import Slack, Tolerance
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import McapFile
@@ -66,14 +66,14 @@ def test_each_port_says_how_many_messages_differ(first, tmp_path):
 
 def test_a_shorter_recording_says_what_is_missing(first, tmp_path):
     found = diff(first, write(tmp_path / "second.mcap", "ab", [1.0, 2.0]))
-    assert (found.divergence.step, found.divergence.kind) == (2, "missing")
+    assert (found.divergence.step, found.divergence.type) == (2, "missing")
     assert "the first ends at step 3, the second at step 1" in found.text()
     assert "log/event: 2 messages equal, 2 only in the first" in found.text()
 
 
 def test_a_longer_recording_says_what_was_added(first, tmp_path):
     found = diff(first, write(tmp_path / "second.mcap", "abcde", [1.0, 2.0, 3.0, 4.0, 5.0]))
-    assert (found.divergence.step, found.divergence.kind) == (4, "added")
+    assert (found.divergence.step, found.divergence.type) == (4, "added")
 
 
 def test_a_message_left_out_between_others_is_missing_once(first, tmp_path):
@@ -91,8 +91,8 @@ def test_a_port_that_one_lacks_is_a_difference(two_link_recording, first):
 
 def test_a_tolerance_makes_recordings_equal(first, tmp_path):
     second = write(tmp_path / "second.mcap", "abcd", [1.0, 2.0, 3.001, 4.0])
-    slack = Tolerance({("mission/reference", "*"): Slack(abs=0.01)})
-    assert diff(first, second, slack).equal
+    tolerance = Tolerance({("mission/reference", "*"): FieldTolerance(abs=0.01)})
+    assert diff(first, second, tolerance).equal
 
 
 def test_what_differs_around_the_messages_is_noted(first, tmp_path):
@@ -106,7 +106,7 @@ def test_a_recording_cut_off_is_compared_up_to_its_end(two_link_recording, tmp_p
     cut.write_bytes(fine.read_bytes()[: fine.stat().st_size // 2])
     found = diff(two_link_recording, cut)
     assert {port.different for port in found.ports} == {0}
-    assert found.divergence.kind == "missing"
+    assert found.divergence.type == "missing"
     assert "cut.mcap is damaged: " in found.notes[0]
 
 

@@ -101,7 +101,7 @@ def test_a_run_that_its_controller_ended_is_equal(tmp_path):
 def test_ending_the_run_too_early_is_a_divergence(joints):
     result = replay(joints, "controller", overrides=[fault("controller", "controller", "end", 9)])
     found = result.divergence
-    assert (found.step, found.topic, found.kind) == (10, "controller/command", "missing")
+    assert (found.step, found.topic, found.type) == (10, "controller/command", "missing")
     assert result.ports[0].missing == 12
 
 

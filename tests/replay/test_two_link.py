@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from stepbus_orchestrator.analysis.comparison import FieldTolerance, Tolerance
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.tolerance import Slack, Tolerance
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording
@@ -65,8 +65,8 @@ def test_every_field_has_its_count_and_largest_difference(other_gain):
 
 
 def test_a_tolerance_lets_another_gain_pass(two_link_recording):
-    slack = Tolerance({("controller/command", "values"): Slack(abs=10.0)})
-    result = replay(two_link_recording, "controller", overrides=OTHER_GAIN, tolerance=slack)
+    tolerance = Tolerance({("controller/command", "values"): FieldTolerance(abs=10.0)})
+    result = replay(two_link_recording, "controller", overrides=OTHER_GAIN, tolerance=tolerance)
     assert (result.equal, result.ports[0].within) == (True, 59)
 
 
@@ -114,6 +114,6 @@ def test_a_participant_that_is_not_there_is_refused(two_link_recording):
 
 
 def test_a_tolerance_for_a_field_that_is_not_there_is_refused(two_link_recording):
-    slack = Tolerance({("controller/command", "value"): Slack(abs=1.0)})
+    tolerance = Tolerance({("controller/command", "value"): FieldTolerance(abs=1.0)})
     with pytest.raises(WiringError, match="no field 'value' in controller/command"):
-        replay(two_link_recording, "controller", tolerance=slack)
+        replay(two_link_recording, "controller", tolerance=tolerance)

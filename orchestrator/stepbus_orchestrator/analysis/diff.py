@@ -11,9 +11,15 @@ import msgspec
 from stepbus_orchestrator.recording import Entry, Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC
 
-from .compare import Divergence, PortComparison, PortResult, fields_of, in_order
-from .compare_text import port_lines
-from .tolerance import Tolerance
+from .comparison import (
+    Divergence,
+    PortComparison,
+    PortResult,
+    Tolerance,
+    fields_of,
+    in_order,
+    port_lines,
+)
 
 T = TypeVar("T")
 

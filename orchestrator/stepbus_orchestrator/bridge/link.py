@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_orchestrator.processes.last_error import last_words
+from stepbus_orchestrator.processes.last_error import last_error
 
 from .errors import BridgeError
 from .program import Program
@@ -137,7 +137,7 @@ class Link:
     def gone(self, half: str = "") -> BridgeError:
         """Return the error of a program from which nothing comes any more."""
         ended = self.program.how_it_ended()
-        said = last_words(_OWN_LOG)
+        said = last_error(_OWN_LOG)
         tail = f'; it last said: "{said}"' if said else ""
         return self.wrong(f"{ended}{half}{tail}")
 

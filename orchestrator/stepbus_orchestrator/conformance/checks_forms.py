@@ -8,8 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.compare import differences
-from stepbus_orchestrator.analysis.tolerance import Slack
+from stepbus_orchestrator.analysis.comparison import FieldTolerance, differences
 from stepbus_schemas import Description, encode, message_class
 
 from .check import Check
@@ -17,7 +16,7 @@ from .feeds import edited, plain, reverse, reverse_description, vectors_of
 from .kit import Kit, Trace
 from .outcome import Failed, Skipped
 
-_BY_NAME = Slack(abs=1e-9, rel=1e-9)
+_BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)
 
 
 def unknown_fields(kit: Kit) -> str:

@@ -23,7 +23,7 @@ def _ends(stage: Stage, at_step: int, when: str) -> None:
     if stage.seen.faults:
         raise Failed(f"a Stop {when} made it report a fault: {stage.seen.faults[0].message}")
     if code != 0:
-        raise Failed(f"it {stage.how_it_ended()} after the Stop {when}{stage.last_words()}")
+        raise Failed(f"it {stage.how_it_ended()} after the Stop {when}{stage.last_error()}")
 
 
 def stop_before_start(kit: Kit) -> str:

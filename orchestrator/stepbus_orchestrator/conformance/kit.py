@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.compare import PortComparison
-from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
 from stepbus_schemas import Description
 
 from .feeds import Feed

@@ -222,7 +222,7 @@ class Wire:
             while self.pump(_LAST_WORDS_S):
                 continue
             if not condition():
-                ended = f"it {self.how_it_ended()}{self.last_words()}"
+                ended = f"it {self.how_it_ended()}{self.last_error()}"
                 raise Failed(f"{what} did not come: {ended}{self._problem()}")
         elif waited_s > timeout_s:
             late = f"{what} did not come within {timeout_s:g} s"
@@ -235,7 +235,7 @@ class Wire:
     def _last_wait(self) -> str:
         waiting = self.seen.logs[-1].waiting if self.seen.logs else None
         if waiting is None:
-            return self.last_words()
+            return self.last_error()
         who = ", ".join(waiting.sources) or "the trigger"
         return f"; it said that it waits for {who} at step {waiting.step}"
 
@@ -249,9 +249,9 @@ class Wire:
         """Return its end in words."""
         return "" if self._child is None else self._child.how_it_ended()
 
-    def last_words(self) -> str:
+    def last_error(self) -> str:
         """Return what it printed last, as the end of a sentence."""
-        words = "" if self._child is None else self._child.last_words()
+        words = "" if self._child is None else self._child.last_error()
         return f"; its last words: {words}" if words else ""
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
 
-from .last_error import last_words
+from .last_error import last_error
 
 _TERM_GRACE_S = 1.0
 _KILL_S = 5.0
@@ -123,6 +123,6 @@ class Child:
             return f"was killed by {signal.Signals(-code).name}"
         return f"exited with code {code}"
 
-    def last_words(self) -> str:
+    def last_error(self) -> str:
         """Return the last complaint it printed, or its last line, or nothing."""
-        return last_words(self.log)
+        return last_error(self.log)

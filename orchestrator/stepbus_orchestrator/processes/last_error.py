@@ -12,7 +12,7 @@ _GREETING = "pybullet build time:"
 """What PyBullet prints when it is loaded; nobody's last words."""
 
 
-def last_words(log: Path) -> str:
+def last_error(log: Path) -> str:
     """Return the last complaint in a log, or else its last line; nothing where there is none."""
     try:
         with log.open("rb") as file:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from stepbus_orchestrator.analysis.compare import Divergence, PortComparison, PortResult
-from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.analysis.comparison import (
+    Divergence,
+    PortComparison,
+    PortResult,
+    Tolerance,
+)
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Descriptions, Recorder, Recording
 from stepbus_orchestrator.run.kernel.deadlines import at

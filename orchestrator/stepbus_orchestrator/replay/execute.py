@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.compare import fields_of, in_order
-from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher

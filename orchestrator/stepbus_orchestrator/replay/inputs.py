@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from stepbus_orchestrator.analysis.compare import PortComparison
-from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.compare import Divergence, PortResult, short
-from stepbus_orchestrator.analysis.compare_text import port_lines
+from stepbus_orchestrator.analysis.comparison import Divergence, PortResult, port_lines, short
 
 
 class InputValue(msgspec.Struct, frozen=True, kw_only=True):

@@ -162,7 +162,7 @@ class Conductor:
         kind, said = type(failure), str(failure)
         self.state.replaced = member.name
         try:
-            self._hear_last_words()
+            self._hear_last_error()
             first, until = self._emergency.begin(member.name, self._descriptions())
             self.state.end = (until, f"{member.name} has failed; the run was held")
             self._recorder.add_metadata(
@@ -405,14 +405,14 @@ class Conductor:
             self._freed.append(name)
             roster[name].child.signal(signal.SIGKILL)
 
-    def _hear_last_words(self) -> None:
+    def _hear_last_error(self) -> None:
         deadline = time.monotonic() + _LAST_WORDS_S
         while time.monotonic() < deadline:
             self._drain(TICK_S / 5)
 
     def _mourn(self, member: Member) -> None:
         """Raise for a process that has ended, after hearing what it and the others have to say."""
-        self._hear_last_words()
+        self._hear_last_error()
         raise death(member, self.state.roster, self.state.barrier, self._scenario.step_ns)
 
     def progress(self) -> Progress:

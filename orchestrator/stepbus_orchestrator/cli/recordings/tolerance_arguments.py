@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
+from stepbus_orchestrator.analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 
 
 def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:

@@ -168,7 +168,7 @@ def took_nothing(member: Member, roster: Roster, barrier: Barrier, step_ns: int)
 def death(member: Member, roster: Roster, barrier: Barrier, step_ns: int) -> RunFailure:
     """Return the failure of a participant whose process has ended."""
     step = owed_step(member.name, roster, barrier) if member.phase == Phase.READY else -1
-    said = member.child.last_words()
+    said = member.child.last_error()
     tail = f'; it last said: "{said}"' if said else ""
     sentence = (
         f"{at(step, step_ns)}: {member.who()} {member.child.how_it_ended()}{tail}; "

@@ -1,10 +1,10 @@
-"""What a comparison came to, in lines for people."""
+"""A comparison in lines for people."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .compare import Divergence, FieldCount, PortResult
+from .divergence import Divergence, FieldCount, PortResult
 
 
 def port_lines(
@@ -12,7 +12,7 @@ def port_lines(
 ) -> Iterator[str]:
     """Return the lines of one port.
 
-    first, second: what the two sides are called. shown: a divergence that is not to be repeated.
+    first, second: names of the two sides. shown: a divergence that was shown already.
     """
     yield f"{port.topic}: {', '.join(_parts(port, first, second))}"
     if port.divergence is not None and port.divergence is not shown:

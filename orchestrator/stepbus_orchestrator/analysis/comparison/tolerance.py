@@ -18,7 +18,7 @@ IGNORE = "ignore"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Slack:
+class FieldTolerance:
     """How far two values of one field may be apart: |a − b| ≤ abs + rel · |a|, a the recorded.
 
     ignore: any two values are equal. NaN equals NaN, and an infinity only itself.
@@ -41,16 +41,16 @@ class Slack:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """The slack of fields: (topic such as `controller/command`, field) → slack; `*` for any.
+    """Tolerances by (topic such as `controller/command`, field); `*` for any.
 
     What is not in it has to be equal to the byte. The more exact of two entries holds: one for
     the topic before one for any, then one for the field before one for any.
     """
 
-    rules: Mapping[tuple[str, str], Slack] = field(default_factory=dict)
+    rules: Mapping[tuple[str, str], FieldTolerance] = field(default_factory=dict)
 
-    def slack(self, topic: str, name: str) -> Slack | None:
-        """Return the slack of a field; None where it has to be equal to the bit."""
+    def of(self, topic: str, name: str) -> FieldTolerance | None:
+        """Return the tolerance of a field; None where it has to be equal to the bit."""
         keys = ((topic, name), (topic, ANY), (ANY, name), (ANY, ANY))
         return next((self.rules[key] for key in keys if key in self.rules), None)
 
@@ -63,7 +63,7 @@ class Tolerance:
         return Tolerance({**self.rules, **other.rules})
 
     def check(self, fields: Mapping[str, Sequence[str]]) -> None:
-        """Raise WiringError for every topic and field that nobody has. fields: by topic."""
+        """Raise WiringError for every topic and field that does not exist. fields: by topic."""
         mistakes = [m for key in self.rules for m in _mistakes(*key, fields)]
         if mistakes:
             raise WiringError("\n".join(mistakes))
@@ -99,20 +99,20 @@ def read_tolerance(path: Path) -> Tolerance:
     problems = file.problems()
     topics: dict[str, _TopicRow] = read_value(dict[str, _TopicRow], file.data, problems)
     problems.refuse()
-    rules: dict[tuple[str, str], Slack] = {}
+    rules: dict[tuple[str, str], FieldTolerance] = {}
     for topic, row in topics.items():
         fields = {ANY: row} if isinstance(row, str) else row
-        rules |= {(topic, name): _slack(item) for name, item in fields.items()}
+        rules |= {(topic, name): _field_tolerance(item) for name, item in fields.items()}
     return Tolerance(rules)
 
 
-def _slack(row: _FieldRow) -> Slack:
+def _field_tolerance(row: _FieldRow) -> FieldTolerance:
     if isinstance(row, _Field):
-        return Slack(abs=row.abs, rel=row.rel)
-    return Slack(ignore=True)
+        return FieldTolerance(abs=row.abs, rel=row.rel)
+    return FieldTolerance(ignore=True)
 
 
-def _is_slack(value: float) -> bool:
+def _is_valid(value: float) -> bool:
     return math.isfinite(value) and value >= 0
 
 
@@ -122,19 +122,19 @@ def parse_tolerance(
     """Return the tolerance of command line options such as `command.values=1e-9`.
 
     absolute, relative: `[PORT[.FIELD]=]NUMBER`. ignored: `PORT[.FIELD]`. A port is a topic such as
-    `controller/command`, or a port of `participant`. Raises WiringError for one that is none.
+    `controller/command`, or a port of `participant`. Raises WiringError for one that is not valid.
     """
-    slacks: dict[tuple[str, str], dict[str, float]] = {}
+    limits: dict[tuple[str, str], dict[str, float]] = {}
     for option, settings in (("abs", absolute), ("rel", relative)):
         for setting in settings:
             target, _, number = setting.rpartition("=")
             value = _parsed(f"--{option} {setting}", number)
-            slacks.setdefault(_target(target, participant), {})[option] = value
+            limits.setdefault(_target(target, participant), {})[option] = value
     rules = {
-        key: Slack(abs=found.get("abs", 0.0), rel=found.get("rel", 0.0))
-        for key, found in slacks.items()
+        key: FieldTolerance(abs=found.get("abs", 0.0), rel=found.get("rel", 0.0))
+        for key, found in limits.items()
     }
-    rules |= {_target(target, participant): Slack(ignore=True) for target in ignored}
+    rules |= {_target(target, participant): FieldTolerance(ignore=True) for target in ignored}
     return Tolerance(rules)
 
 
@@ -143,9 +143,9 @@ def _parsed(option: str, number: str) -> float:
         value = float(number)
     except ValueError:
         value = math.nan
-    if not _is_slack(value):
+    if not _is_valid(value):
         raise WiringError(
-            f"{option}: {number!r} is no finite number from 0 on; "
+            f"{option}: {number!r} is not a finite number ≥ 0; "
             "write [PORT[.FIELD]=]NUMBER, e.g. command.values=1e-9"
         )
     return value

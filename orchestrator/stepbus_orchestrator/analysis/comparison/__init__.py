@@ -1,0 +1,23 @@
+"""Compares messages: equal to the byte, within a tolerance, or where they diverge."""
+
+from .divergence import Divergence, FieldCount, PortResult, in_order
+from .port import PortComparison, fields_of
+from .text import port_lines
+from .tolerance import FieldTolerance, Tolerance, parse_tolerance, read_tolerance
+from .values import differences, short
+
+__all__ = [
+    "Divergence",
+    "FieldCount",
+    "FieldTolerance",
+    "PortComparison",
+    "PortResult",
+    "Tolerance",
+    "differences",
+    "fields_of",
+    "in_order",
+    "parse_tolerance",
+    "port_lines",
+    "read_tolerance",
+    "short",
+]
