@@ -13,6 +13,8 @@ from perception_support import JOINTS, TOPS, Item, open_store, write_robot
 
 from stepbus_participant import Config
 from stepbus_perception import PerceptionParticipant
+from stepbus_perception.catalog import read_catalog
+from stepbus_perception.detection.colours import Palette
 from stepbus_perception.geometry import rotation
 from stepbus_perception.robot import CameraMount
 from stepbus_schemas import (
@@ -216,13 +218,16 @@ def test_a_joint_may_be_called_like_the_cameras_link(tmp_path):
     np.testing.assert_array_equal(placed.position, usual.position)
 
 
-def test_black_things_that_are_no_items_are_put_up_with(tmp_path):
+def test_a_black_thing_that_is_no_item_hides_no_item_and_is_none():
     details = {
         "type": ["", "can"],
         "color": ["0 0 0", "1 0 0"],
         "shape": ["", "cylinder 0.03 0.1;"],
     }
-    start(config(tmp_path), Description(names=["tyre", "can_1"], details=details))
+    catalog = read_catalog("poses", Description(names=["tyre", "can_1"], details=details))
+    palette = Palette([item_type.color for item_type in catalog.types], catalog.others)
+    pixels = np.array([[[0, 0, 0], [200, 0, 0]]], dtype=np.uint8)
+    assert palette.classify(pixels).tolist() == [[-1, 0]]
 
 
 def test_a_world_without_items_and_colours_shows_nothing(tmp_path, seen):
