@@ -32,7 +32,7 @@ def write_sine(folder: Path, columns: list[str], rows: int = 63) -> None:
 
 def follow(folder: Path, t: float) -> JointReference:
     mission = make_mission(mission_config(folder, task="csv", joints=["a"], file="path.csv"))
-    return mission.participant._generator.at(t)
+    return mission.participant.generator.at(t)
 
 
 def problems_of(folder: Path, text: str, **params: object) -> list[str]:
@@ -89,7 +89,7 @@ def test_mistakes_in_the_header_are_listed(tmp_path) -> None:
     assert problems == [
         "1: column 'a_velocty' is unknown; did you mean 'a_velocity'?",
         "1: column 'b' is missing",
-        "1: column 'a' is there 2 times",
+        "1: column 'a' occurs 2 times",
         "1: column 'a_acceleration' needs 'a_velocity' too",
     ]
 

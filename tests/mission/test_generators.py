@@ -13,13 +13,13 @@ H = 1e-4
 
 def at(t: float, **params: object) -> JointReference:
     mission = make_mission(mission_config(joints=["a", "b"], **params))
-    return mission.participant._generator.at(t)
+    return mission.participant.generator.at(t)
 
 
 def assert_derivatives_are_exact(t: float, **params: object) -> None:
     """Compare with central differences, whose own error is about H²."""
     mission = make_mission(mission_config(joints=["a", "b"], **params))
-    before, now, after = (mission.participant._generator.at(t + dt) for dt in (-H, 0.0, H))
+    before, now, after = (mission.participant.generator.at(t + dt) for dt in (-H, 0.0, H))
     for i in range(2):
         slope = (after.position[i] - before.position[i]) / (2 * H)
         curvature = (after.velocity[i] - before.velocity[i]) / (2 * H)

@@ -20,7 +20,7 @@ def test_it_describes_its_joints() -> None:
 def test_it_tells_when_it_begins_and_when_it_is_done() -> None:
     mission = make_mission(mission_config(**MOVE))
     events = [mission.update(index).get("event") for index in range(5)]
-    begins = Event(level="info", text="waypoints of a, b begins")
+    begins = Event(level="info", text="waypoints of a, b starts")
     done = Event(level="info", text="waypoints is done at 0.010 s")
     assert events == [begins, None, done, None, None]
 

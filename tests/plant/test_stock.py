@@ -83,13 +83,13 @@ def test_params_change_mass_and_friction_of_a_kind(tmp_path):
     stock = {"seed": 1, "kinds": {"can": {"mass": 9, "friction": 0.05}}}
     params = Params.of({"world": "world.yaml", "stock": stock})
     plant = Plant(load(tmp_path, params.stock), params, 4_000_000, 0)
-    world = plant._world
+    world = plant.world
     number, item = next(
         (n, world.items[name])
         for n, name in enumerate(world.bodies)
         if world.kinds.get(name) == "can"
     )
-    mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant._physics.client)[:3]
+    mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant.physics.client)[:3]
     assert (mass, friction) == pytest.approx((item.mass, item.friction))
     assert mass == pytest.approx(9, rel=0.03)
     assert friction == pytest.approx(0.05, rel=0.05)
@@ -99,8 +99,8 @@ def test_params_change_mass_and_friction_of_a_kind(tmp_path):
 def test_a_body_its_link_and_its_kind_are_named_after_the_item(tmp_path):
     plant = Plant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
     said = plant.describe_poses(plant.pose_sensor(None))
-    assert said.names == ["board", *plant._world.kinds]
-    assert said.details["type"] == ["", *plant._world.kinds.values()]
+    assert said.names == ["board", *plant.world.kinds]
+    assert said.details["type"] == ["", *plant.world.kinds.values()]
 
 
 def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):

@@ -96,7 +96,7 @@ def test_a_joint_without_a_motor_swings_and_is_called_passive(tmp_path):
 
 def test_a_fixed_joint_cannot_be_commanded(tmp_path):
     text = make_plant(tmp_path)
-    text._physics.fixed.add("flange")
+    text.physics.fixed.add("flange")
     with pytest.raises(WiringError, match="joint 'flange' is fixed in its model"):
         text.commander("command", ["flange"])
 

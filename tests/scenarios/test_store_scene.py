@@ -50,12 +50,12 @@ def smallest(kinematics: RobotModel, q: np.ndarray) -> float:
 def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
     plant = make_plant(fill=0)
     sensor = plant.pose_sensor(["grasp", "camera", "left_pad", "forearm_link"])
-    joints = {joint.name: joint for joint in plant._physics.joints}
+    joints = {joint.name: joint for joint in plant.physics.joints}
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 6)):
         for name, angle in zip(ARM, q, strict=True):
-            plant._physics.teleport(joints[name], angle, 0.0)
+            plant.physics.teleport(joints[name], angle, 0.0)
         for side in ("left_finger", "right_finger"):
-            plant._physics.teleport(joints[side], 0.0, 0.0)  # as in a model without them
+            plant.physics.teleport(joints[side], 0.0, 0.0)  # as in a model without them
         poses = sensor.sense()
         rows = zip(sensor.names, poses.position, poses.orientation, strict=True)
         for name, position, orientation in rows:
@@ -69,7 +69,7 @@ def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
 
 def test_items_stand_still_and_so_does_the_robot():
     plant = make_plant(seed=7)
-    names = [*plant._world.items, "chassis", "grasp"]
+    names = [*plant.world.items, "chassis", "grasp"]
     sensor = plant.pose_sensor(names)
     before = np.array(sensor.sense().position)
     for _ in range(250):
@@ -142,9 +142,9 @@ def test_the_robot_starts_with_its_hand_low_inside_of_its_outline():
     assert np.abs(y).max() < 0.22
     assert z.max() < 0.75
     plant.advance()
-    robot = list(plant._world.bodies).index("robot")
-    points = pybullet.getContactPoints(robot, physicsClientId=plant._physics.client)
-    infos = [pybullet.getJointInfo(robot, point[3], plant._physics.client) for point in points]
+    robot = list(plant.world.bodies).index("robot")
+    points = pybullet.getContactPoints(robot, physicsClientId=plant.physics.client)
+    infos = [pybullet.getJointInfo(robot, point[3], plant.physics.client) for point in points]
     assert {info[12].decode() for info in infos} <= {
         "left_wheel_link", "right_wheel_link", "front_caster", "back_caster",
     }  # fmt: skip

@@ -349,7 +349,7 @@ def _take(result: Result, published) -> None:
 def _watch(mission: StoreMission) -> list:
     """Return a list that grows by every passage: from, outcome, to."""
     walked = []
-    enter = mission._enter
+    enter = mission.enter
 
     def watched(store, outcome):
         before = store.visit.state
@@ -357,5 +357,5 @@ def _watch(mission: StoreMission) -> list:
         walked.append((before, outcome.name, store.visit.state))
         return goal
 
-    mission._enter = watched
+    mission.enter = watched
     return walked

@@ -34,20 +34,20 @@ class Plant:
     command, a joint swings freely in mode torque and stands still in modes velocity and position.
 
     period_ns: length of a communication step [ns]. seed: of the sensor noise. warnings: about
-    commands without effect. devices, cameras: those that the world declares. script: scripted
-    changes of the world. t_ns: simulation time [ns].
+    commands without effect. physics: the engine that holds the world. devices, cameras: those that
+    the world declares. script: scripted changes of the world. t_ns: simulation time [ns].
     Raises WiringError when the world or a parameter is invalid.
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
         step_ns = world.physics_ns(period_ns, params.physics_step_ns)
-        self._world = world
+        self.world = world
         self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
         self._step_ns = step_ns
         self._period_ns = period_ns
         self.t_ns = 0
-        self._physics = Physics(world, step_ns, params)
+        self.physics = Physics(world, step_ns, params)
         try:
             self._equip(params)
         except WiringError:
@@ -55,7 +55,7 @@ class Plant:
             raise
         self.names = [joint.name for joint in self._joints]
         self._sensors = Sensors(params, seed)
-        self._drives = make_drives(self._physics.client, self._physics.joints, step_ns * 1e-9)
+        self._drives = make_drives(self.physics.client, self.physics.joints, step_ns * 1e-9)
         self._owners: dict[str, str] = {}
         self.warnings = Warnings()
         self._plan_reading()
@@ -65,7 +65,7 @@ class Plant:
 
         Raises WiringError that lists all mistakes.
         """
-        world, physics, period_ns = self._world, self._physics, self._period_ns
+        world, physics, period_ns = self.world, self.physics, self._period_ns
         problems = Problems()
         problems.attempt((), physics.prepare)
         joints = problems.attempt((), lambda: _select(params.joints, physics))
@@ -115,7 +115,7 @@ class Plant:
         return Commander(
             port,
             names,
-            physics=self._physics,
+            physics=self.physics,
             drives=self._drives,
             period=len(self._substeps) if period_ns is None else period_ns // self._step_ns,
             owners=self._owners,
@@ -145,9 +145,9 @@ class Plant:
     def _read(self) -> Sequence[Any]:
         """Return the engine's state of each sensed joint."""
         if len(self._groups) == 1:
-            states: Sequence[Any] = self._physics.read(*self._groups[0])
+            states: Sequence[Any] = self.physics.read(*self._groups[0])
         else:
-            states = [state for group in self._groups for state in self._physics.read(*group)]
+            states = [state for group in self._groups for state in self.physics.read(*group)]
         return states if self._order is None else [states[i] for i in self._order]
 
     def _check_finite(self, position: Values, velocity: Values) -> None:
@@ -169,7 +169,7 @@ class Plant:
             for drive in self._drives:
                 drive.before_substep()
             self.script.before_substep()
-            self._physics.step()
+            self.physics.step()
         self.t_ns += self._period_ns
 
     def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:
@@ -177,22 +177,22 @@ class Plant:
 
         Raises WiringError for unknown links.
         """
-        return PoseSensor(self._physics.client, self._bodies, links)
+        return PoseSensor(self.physics.client, self._bodies, links)
 
     def describe_poses(self, sensor: PoseSensor) -> Description:
         """Return the links of a pose sensor with body, shapes and colour of each.
 
         Raises WiringError for shapes of a URDF that cannot be parsed.
         """
-        return sensor.describe(self._world, self._physics.urdfs)
+        return sensor.describe(self.world, self.physics.urdfs)
 
     def joint_calls(self) -> JointCalls:
         """Return the calls that query joints and teleport them."""
-        return JointCalls(self._physics, self._drives)
+        return JointCalls(self.physics, self._drives)
 
     def close(self) -> None:
         """Disconnect from the physics engine."""
-        self._physics.close()
+        self.physics.close()
 
 
 def _select(names: Sequence[str] | None, physics: Physics) -> list[Joint]:

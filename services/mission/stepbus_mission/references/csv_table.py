@@ -1,4 +1,4 @@
-"""Read a table of numbers from a CSV file and name every mistake with its line."""
+"""Reads a table of numbers from a CSV file, and reports every mistake with its line."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Table:
 def read_table(path: Path, joints: Sequence[str]) -> Table:
     """Return the columns `t`, `<joint>`, `<joint>_velocity` and `<joint>_acceleration` of a file.
 
-    Raises WiringError that lists what is wrong, each with file and line.
+    Raises WiringError that lists all mistakes, each with file and line.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -60,7 +60,7 @@ def _header_problems(
     ]
     problems += [f"column {name!r} is missing" for name in ("t", *joints) if name not in header]
     problems += [
-        f"column {name!r} is there {header.count(name)} times"
+        f"column {name!r} occurs {header.count(name)} times"
         for name in dict.fromkeys(header)
         if header.count(name) > 1
     ]
@@ -75,7 +75,7 @@ def _header_problems(
 def _numbers(
     row: Sequence[str], header: Sequence[str], line: int, problems: list[tuple[int, str]]
 ) -> list[float]:
-    """Return a row as numbers, and note what is wrong with it."""
+    """Return a row as numbers, and add its mistakes to `problems`."""
     if len(row) != len(header):
         problems.append((line, f"has {len(row)} cells, the header has {len(header)}"))
     numbers = []

@@ -1,4 +1,4 @@
-"""Reference generators: pure classes behind one seam; here those given by a formula."""
+"""The interface of reference generators, and those given by a formula."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .params import Params
 
 
 class Generator(Protocol):
-    """What a reference generator is, also a user's own.
+    """The interface of a reference generator, built-in or your own.
 
-    Constructed with the joints and its parameters: those of the mission, or what its own class
-    `Params` declares. Where it comes to an end, it has an attribute `duration` [s]; the reference
-    after that is at rest.
+    The constructor takes the joints and the parameters: those of the mission, or those that its own
+    class `Params` declares. A generator that ends has an attribute `duration` [s]; after it, the
+    reference is at rest.
     """
 
     def __init__(self, joints: Sequence[str], params: Any) -> None: ...
@@ -24,7 +24,7 @@ class Generator(Protocol):
     def at(self, t: float, /) -> JointReference:
         """Return position, velocity and acceleration of every joint.
 
-        t: simulation time [s]. Each vector has shape (n,) and the order of `joints`; velocity and
+        t: simulation time [s]. Vectors have shape (n,), in the order of `joints`; velocity and
         acceleration are the exact derivatives of the position.
         """
         ...
@@ -57,7 +57,7 @@ class Sine:
 
 
 class StepChange:
-    """Stands at `initial` before `time` and at `target` from then on; its derivatives are zero."""
+    """Jumps from `initial` to `target` at `time`; its derivatives are zero."""
 
     def __init__(self, joints: Sequence[str], params: Params) -> None:
         self._time = params.time
@@ -70,6 +70,6 @@ class StepChange:
 
 
 def at_rest(position: Sequence[float]) -> JointReference:
-    """Return a reference that stands still; position: shape (n,) [rad]."""
+    """Return a constant reference; position: shape (n,) [rad]."""
     zeros = [0.0] * len(position)
     return JointReference(position=list(position), velocity=zeros, acceleration=zeros)

@@ -1,4 +1,4 @@
-"""The mission as a participant: publishes where the joints should be, and says when it is done."""
+"""The reference mission as a participant: publishes references, and reports when it is done."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ TASKS: dict[str, type[Generator]] = {
 
 
 class MissionParticipant(Participant):
-    """Publishes a reference at every step it fires at.
+    """Publishes a reference at every step.
 
-    Outputs: one JointReference/1 and, where the scenario wires it, one Event/1 that tells of the
-    beginning and the end. The names of the ports are the scenario's. It reads no input.
+    Outputs: one JointReference/1 and, if the scenario wires it, one Event/1 that reports the start
+    and the end. The scenario names the ports. There are no inputs.
     """
 
     def __init__(self, config: Config) -> None:
@@ -41,8 +41,8 @@ class MissionParticipant(Participant):
         self._lengths = [len(self._joints)] * 3
         self._end_when_done = params.end_when_done
         self._task = params.task
-        self._generator = make_generator(config, params)
-        duration = duration_of(self._generator)
+        self.generator = make_generator(config, params)
+        duration = duration_of(self.generator)
         self._done_ns = math.inf if math.isinf(duration) else round(duration * 1e9)
         self._is_done = False
 
@@ -56,32 +56,32 @@ class MissionParticipant(Participant):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the reference of this step."""
         messages: dict[str, Message] = {
-            self._reference_port: self._checked(self._generator.at(step.t), step)
+            self._reference_port: self._checked(self.generator.at(step.t), step)
         }
         if step.index == 0:
-            self._tell(messages, f"{self._task} of {', '.join(self._joints)} begins")
+            self._report(messages, f"{self._task} of {', '.join(self._joints)} starts")
         if step.t_ns >= self._done_ns and not self._is_done:
             self._is_done = True
             text = f"{self._task} is done at {step.t:.3f} s"
-            self._tell(messages, text)
+            self._report(messages, text)
             if self._end_when_done:
                 step.end(f"{self.config.name}: {text}")
         return messages
 
-    def _tell(self, messages: dict[str, Message], text: str) -> None:
+    def _report(self, messages: dict[str, Message], text: str) -> None:
         if self._event_port is not None:
             messages[self._event_port] = Event(level="info", text=text)
 
     def _checked(self, reference: JointReference, step: Step) -> JointReference:
-        """Return the reference; raises RunError when it is of no use to anybody."""
-        rows = (reference.position, reference.velocity, reference.acceleration)
-        lengths = [len(row) for row in rows]
+        """Return the reference; raises RunError for a wrong length or value."""
+        vectors = (reference.position, reference.velocity, reference.acceleration)
+        lengths = [len(vector) for vector in vectors]
         if lengths != self._lengths:
             raise RunError(
                 f"{self.config.name}: step {step.index}: {self._task} returned {lengths} values of "
                 f"position, velocity, acceleration for {len(self._joints)} joints"
             )
-        if not all(map(math.isfinite, chain(*rows))):
+        if not all(map(math.isfinite, chain(*vectors))):
             raise RunError(
                 f"{self.config.name}: step {step.index}: {self._task} returned a value that is "
                 f"not finite: {reference}"
@@ -90,7 +90,7 @@ class MissionParticipant(Participant):
 
 
 def make_generator(config: Config, params: Params) -> Generator:
-    """Return the generator of a task; raises SettingsError where it cannot be made."""
+    """Return the generator of a task; raises SettingsError for invalid parameters."""
     problems = config.problems().below(("params",))
     generator: Generator | None
     if params.task in TASKS:
@@ -107,5 +107,5 @@ def make_generator(config: Config, params: Params) -> Generator:
 
 
 def duration_of(generator: Generator) -> float:
-    """Return when a generator comes to rest for good [s]; infinite where it never does."""
+    """Return when a generator comes to rest for good [s]; infinity: never."""
     return float(getattr(generator, "duration", math.inf))

@@ -11,14 +11,14 @@ from stepbus_schemas import JointReference
 from .generators import at_rest
 
 Polynomial = tuple[float, ...]
-"""Coefficients, lowest order first, of the time since the segment's beginning."""
+"""Coefficients, lowest order first, in the time since the start of the segment."""
 
 
 class PiecewisePolynomial:
-    """A path through knots; before the first and after the last it is at rest there.
+    """A path through knots, at rest before the first and after the last.
 
-    times: of the knots, increasing, shape (k,) [s]. segments: between two knots, one polynomial
-    per joint, k − 1 rows of n. first, last: positions before and after, shape (n,) [rad].
+    times: of the knots, increasing, shape (k,) [s]. segments: one polynomial per joint between two
+    knots, k − 1 rows of n. first, last: positions before and after, shape (n,) [rad].
     """
 
     def __init__(
@@ -69,21 +69,21 @@ Knot = tuple[float, float, float]
 def quintic(start: Knot, end: Knot, h: float) -> Polynomial:
     """Return the polynomial of order 5 from one knot to the next.
 
-    h: time between them [s]. Between knots at rest it is the movement of minimum jerk, the integral
-    of the squared third derivative (Flash and Hogan, J. Neurosci. 5(7), 1985, appendix A).
+    h: time between them [s]. Between knots at rest it minimises jerk, the integral of the squared
+    third derivative (Flash and Hogan, J. Neurosci. 5(7), 1985, appendix A).
     """
     p, v, a = start
-    # What is left to cover when the start's motion is continued, scaled to unit time.
-    left = end[0] - (p + v * h + 0.5 * a * h * h)
-    left_v = (end[1] - (v + a * h)) * h
-    left_a = (end[2] - a) * h * h
+    # What the extrapolated start motion lacks to reach the end, scaled to unit time.
+    dp = end[0] - (p + v * h + 0.5 * a * h * h)
+    dv = (end[1] - (v + a * h)) * h
+    da = (end[2] - a) * h * h
     return (
         p,
         v,
         0.5 * a,
-        (10.0 * left - 4.0 * left_v + 0.5 * left_a) / h**3,
-        (-15.0 * left + 7.0 * left_v - left_a) / h**4,
-        (6.0 * left - 3.0 * left_v + 0.5 * left_a) / h**5,
+        (10.0 * dp - 4.0 * dv + 0.5 * da) / h**3,
+        (-15.0 * dp + 7.0 * dv - da) / h**4,
+        (6.0 * dp - 3.0 * dv + 0.5 * da) / h**5,
     )
 
 
@@ -93,9 +93,9 @@ def cubic(start: tuple[float, float], end: tuple[float, float], h: float) -> Pol
     start, end: position and velocity [rad, rad/s]. h: time between them [s].
     """
     p, v = start
-    left = end[0] - (p + v * h)
-    left_v = (end[1] - v) * h
-    return (p, v, (3.0 * left - left_v) / h**2, (left_v - 2.0 * left) / h**3)
+    dp = end[0] - (p + v * h)
+    dv = (end[1] - v) * h
+    return (p, v, (3.0 * dp - dv) / h**2, (dv - 2.0 * dp) / h**3)
 
 
 def natural_spline_velocities(times: Sequence[float], positions: Sequence[float]) -> list[float]:

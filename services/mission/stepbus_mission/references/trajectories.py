@@ -1,4 +1,4 @@
-"""Reference generators that follow given points: waypoints of a scenario, rows of a CSV file."""
+"""Reference generators through given points: waypoints of a scenario, rows of a CSV file."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class Waypoints:
 
 
 def _through(times: Sequence[float], knots: Sequence[Sequence[Knot]]) -> PiecewisePolynomial:
-    """Return the quintic path through knots of full motion, knots[k][joint]."""
+    """Return the quintic path through knots[k][joint]."""
     segments = [
-        [quintic(start, end, b - a) for start, end in zip(row, next_row, strict=True)]
-        for a, b, row, next_row in zip(times, times[1:], knots, knots[1:], strict=False)
+        [quintic(start, end, b - a) for start, end in zip(here, there, strict=True)]
+        for a, b, here, there in zip(times, times[1:], knots, knots[1:], strict=False)
     ]
     return PiecewisePolynomial(
         times, segments, [p for p, _, _ in knots[0]], [p for p, _, _ in knots[-1]]
@@ -52,11 +52,11 @@ def _through(times: Sequence[float], knots: Sequence[Sequence[Knot]]) -> Piecewi
 class CsvTrajectory:
     """Follows the rows of a CSV file.
 
-    Between two rows a joint moves by a polynomial through all that its columns give: position
-    alone, natural cubic spline (velocity and acceleration continuous); with velocity, cubic
-    Hermite (velocity continuous); with both, quintic Hermite (acceleration continuous). The
-    published velocity and acceleration are the exact derivatives of that. Before the first row and
-    after the last it is at rest.
+    A joint follows a polynomial between two rows, according to its columns: with position alone, a
+    natural cubic spline (velocity and acceleration continuous); with velocity, cubic Hermite
+    (velocity continuous); with both derivatives, quintic Hermite (acceleration continuous). The
+    published velocity and acceleration are its exact derivatives. Before the first row and after
+    the last it is at rest.
     """
 
     def __init__(self, joints: Sequence[str], params: Params) -> None:
@@ -80,7 +80,7 @@ def _interpolate(table: Table, joints: Sequence[str]) -> PiecewisePolynomial:
 
 
 def _segments(table: Table, joint: str) -> list[Polynomial]:
-    """Return one joint's polynomials, one between each two rows."""
+    """Return one joint's polynomials, one per pair of consecutive rows."""
     times, positions = table.times, table.columns[joint]
     velocities = table.columns.get(f"{joint}_velocity")
     accelerations = table.columns.get(f"{joint}_acceleration")

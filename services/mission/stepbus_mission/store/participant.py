@@ -124,11 +124,11 @@ class StoreMission(Participant):
             outcome = check_of(store.visit.state)(store)
             if outcome is None:
                 return None
-            goal = self._enter(store, outcome)
+            goal = self.enter(store, outcome)
             if goal is not None or store.visit.state in LAST:
                 return goal
 
-    def _enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
+    def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""
         state = STATES[store.visit.state].then[outcome.name]
         if state in {"retry", "stop"}:
