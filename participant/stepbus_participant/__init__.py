@@ -56,6 +56,7 @@ from .parameters import (
     Vector3,
     Whole,
     each,
+    needed_when,
     suggest,
     when,
 )
@@ -134,6 +135,7 @@ __all__ = [
     "format_duration",
     "load_ticket",
     "main",
+    "needed_when",
     "package_path",
     "parse_duration",
     "read_stamp",

@@ -160,7 +160,7 @@ def test_a_second_run_is_the_same_to_the_byte():
 
 def test_every_problem_of_the_parameters_is_listed_at_once():
     wrong = {
-        "orders": ["cola", {"kin": "cola"}, 3, {"item": "x_a1_1"}, {"item": "x_a1_1"}],
+        "orders": ["cola", {"kin": "cola"}, 3, {"kind": "x", "item": "x_a1_1"}],
         "shelves": {"a": {"fron": [1, 2]}, "b": 3},
         "outlet": {"position": [1, 2], "pitch": 0.2, "link": ""},
         "tuck": [],
@@ -175,25 +175,41 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
         StoreMission(config(**wrong))
     text = str(caught.value)
     for part in (
-        "params.orders.1: is {'kin': 'cola'}; write a kind, `kind: cola` or `item: cola_a1_3`",
-        "params.orders.2: is 3; write",
-        "params.orders: item 'x_a1_1' is sold twice",
-        "params.shelves.a.fron: is unknown; did you mean 'front'?",
-        "params.shelves.a.front: is missing",
-        "params.shelves.b: is 3, not a map of front, yaw",
-        "params.outlet.position: has 2 numbers, not 3 (x, y, z)",
-        "params.outlet: 5 orders, 0.2 m apart, do not fit into 0.5 m",
-        "params.outlet.link: is '', not the name of a link",
-        "params.tip: is 3, not the name of a link",
-        "params.base_frame: is ['chassis'], not the name of a link",
-        "params.tuck: is [], not a map from joints to [rad]",
-        "params.looks: is 1.5, not a whole number",
-        "params.attempts: is 0, has to be positive",
-        "params.waits.stil: is unknown; did you mean 'still'?",
-        "params.waits.camera: is -1, has to be positive",
-        "params.speed: is unknown",
+        "params.orders[1].kin: unknown key 'kin'; did you mean 'kind'?",
+        "params.orders[2]: must be text or a map, not 3",
+        "params.orders[3]: needs a kind, `kind: cola`, or an item, `item: cola_a1_3`",
+        "params.shelves.a.fron: unknown key 'fron'; did you mean 'front'?",
+        "params.shelves.a: the key 'front' is missing",
+        "params.shelves.b: must be a map, not 3",
+        "params.outlet.position: must be a list of 3, not a list of 2",
+        "params.outlet.link: must not be empty",
+        "params.tip: must be text, not 3",
+        "params.base_frame: must be text, not a list",
+        "params.tuck: must be a map, not a list",
+        "params.looks: must be an integer, not 1.5",
+        "params.attempts: must be at least 1, not 0",
+        "params.waits.stil: unknown key 'stil'; did you mean 'still'?",
+        "params.waits.camera: must be above 0, not -1",
+        "params.speed: unknown key 'speed'",
     ):
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("params", "text"),
+    [
+        ({"orders": [{"item": "x_a1_1"}] * 2}, "params.orders: item 'x_a1_1' is sold twice"),
+        (
+            {"orders": ["cola"] * 5, "outlet": {"position": [1, 2, 3], "pitch": 0.2}},
+            "params.outlet: 5 orders, 0.2 m apart, do not fit into 0.5 m",
+        ),
+        ({"tuck": {}}, "params.tuck: is empty"),
+    ],
+)
+def test_orders_shelves_and_outlet_have_to_fit_together(params, text):
+    with pytest.raises(WiringError) as caught:
+        StoreMission(config(**params))
+    assert text in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -248,11 +248,17 @@ def test_all_that_is_wrong_with_the_scenario_is_told_at_once(tmp_path):
     where = "participants.perception"
     assert rows == [
         f"{where}.inputs: 1 are of type Image/1; source camera needs colour and depth",
-        f"{where}.params.timeout: is 0, has to be positive",
-        f"{where}.params.min_confidence: is 2, has to be 0 to 1",
-        f"{where}.params.model: joint 'joint_7' is not in robot.urdf; did you mean 'joint_5' or 'joint_4' or 'joint_3'?",
-        f"{where}.params.model: link 'camra' is not in robot.urdf; did you mean 'camera'?",
-        f"{where}.params.sorce: is unknown; did you mean 'source'?",
+        f"{where}.params.timeout: must be above 0, not 0",
+        f"{where}.params.min_confidence: must be at most 1, not 2",
+        f"{where}.params.sorce: unknown key 'sorce'; did you mean 'source'?",
+    ]
+
+
+def test_all_that_the_model_lacks_is_told_at_once(tmp_path):
+    rows = problems(config(tmp_path, joints=[*JOINTS, "joint_7"], camera="camra"))
+    assert [row.partition(";")[0] for row in rows] == [
+        "participants.perception.params.model: joint 'joint_7' is not in robot.urdf",
+        "participants.perception.params.model: link 'camra' is not in robot.urdf",
     ]
 
 

@@ -30,6 +30,7 @@ from .settings import (
     Vector3,
     Whole,
     each,
+    needed_when,
     when,
 )
 
@@ -69,6 +70,7 @@ __all__ = [
     "each",
     "fatal",
     "find_problems",
+    "needed_when",
     "parse_yaml",
     "read",
     "read_value",

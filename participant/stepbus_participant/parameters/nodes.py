@@ -56,6 +56,12 @@ def conditions(field: inspect.Field) -> Mapping[str, tuple[Any, ...]]:
     return found
 
 
+def is_ignored(field: inspect.Field) -> bool:
+    """Return whether a field may stay where it means nothing; see `settings.needed_when`."""
+    extra = field.type.extra if isinstance(field.type, inspect.Metadata) else None
+    return bool((extra or {}).get("ignored"))
+
+
 def _mark(node: inspect.Type) -> str:
     extra = node.extra if isinstance(node, inspect.Metadata) else None
     return str((extra or {}).get("read", ""))

@@ -23,6 +23,7 @@ from .nodes import (
     conditions,
     default,
     empty,
+    is_ignored,
     is_own,
     is_plugin,
     listed,
@@ -316,7 +317,7 @@ class _Fields:
             if is_missing and not self.reader.problems.has((*self.keys, key)):
                 self.reader.problems.add(self.keys, f"the key {key!r} is missing")
             return empty(field.type) if field.required else default(field)
-        if not applies:
+        if not applies and not is_ignored(field):
             if not self._has_plugin():
                 self.reader.problems.add((*self.keys, key), self._misplaced(field))
             return empty(field.type) if field.required else default(field)

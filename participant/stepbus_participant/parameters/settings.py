@@ -135,6 +135,12 @@ def when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
     return msgspec.Meta(extra={"when": wanted})
 
 
+def needed_when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
+    """Return a mark like `when`, for a key that is ignored beside other values, not refused."""
+    marked = when(**values)
+    return msgspec.Meta(extra={**(marked.extra or {}), "ignored": True})
+
+
 def _text_form(mark: str, pattern: str) -> msgspec.Meta:
     schema = {"type": "string", "pattern": pattern}
     return msgspec.Meta(extra={"read": mark}, extra_json_schema=schema)
@@ -201,5 +207,6 @@ __all__ = [
     "Vector3",
     "Whole",
     "each",
+    "needed_when",
     "when",
 ]

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import dataclass
-from typing import Literal
 
-from stepbus_participant import Config
-from stepbus_participant.settings import Settings
-from stepbus_schemas import WiringError
+from stepbus_participant import Config, Ports, Problems
 
+from .params import Params
 from .robot import CameraMount
 
 _IMAGE = "Image/1"
@@ -48,81 +46,49 @@ class PerceptionSettings:
     source: CameraSettings | TruthSettings
 
 
-_PARAMS = ("model", "joints", "camera", "timeout", "min_confidence", "period")
-
-
 def read_settings(config: Config) -> PerceptionSettings:
-    """Return what the scenario's params and ports say.
-
-    source: `camera` or `truth`. frame: link (chassis). For the camera: model: URDF or xacro,
-    joints: those that move the camera, camera: link (camera), timeout: simulation time without
-    images until a warning [s] (3), min_confidence: 0 to 1 (0.2). For the truth: period: [s]
-    (0.1). What belongs to the other source may stay in the scenario.
-    Raises WiringError with all that is wrong.
-    """
-    settings = Settings(config)
-    poses = settings.input_of("Poses/1")
-    detections = settings.output_of("Detections/1")
-    settings.outputs_are("Detections/1")
-    source: Literal["camera", "truth"] | str = settings.choice(
-        "source", ("camera", "truth"), "camera"
-    )
-    frame = _link(settings, "frame", "chassis")
-    chosen = _camera(settings, config, frame) if source == "camera" else _truth(settings, config)
-    for name in _PARAMS:
-        settings.value(name, "unused")
-    settings.check()
-    if chosen is None:
-        settings.refuse()
-    return PerceptionSettings(poses=poses, detections=detections, frame=frame, source=chosen)
-
-
-def _truth(settings: Settings, config: Config) -> TruthSettings:
-    period = settings.number("period", 0.1, bound="positive")
-    return TruthSettings(every=max(1, round(period * 1e9 / (config.step_ns * config.every))))
+    """Return what the scenario's params and ports say; raises SettingsError."""
+    ports = Ports(config)
+    poses = ports.input_of("Poses/1")
+    detections = ports.output_of("Detections/1")
+    ports.outputs_are("Detections/1")
+    is_camera = config.param("source", "camera") == "camera"
+    images = _images(config, ports.problems) if is_camera else ("", "")
+    joint_state = ports.input_of("JointState/1") if is_camera else ""
+    params = config.read(Params, ports.problems)
+    source: CameraSettings | TruthSettings
+    if params.source == "camera":
+        source = CameraSettings(
+            images=images,
+            joint_state=joint_state,
+            mount=_mount(config, params),
+            timeout=params.timeout,
+            min_confidence=params.min_confidence,
+        )
+    else:
+        period_ns = config.step_ns * config.every
+        source = TruthSettings(every=max(1, round(params.period * 1e9 / period_ns)))
+    return PerceptionSettings(poses=poses, detections=detections, frame=params.frame, source=source)
 
 
-def _camera(settings: Settings, config: Config, frame: str) -> CameraSettings | None:
+def _images(config: Config, problems: Problems) -> tuple[str, str]:
+    """Return the ports of the images; they are told apart by their descriptions."""
     images = [name for name, port in config.inputs.items() if port.type == _IMAGE]
     if len(images) != 2:
-        problem = f"{len(images)} are of type {_IMAGE}; source camera needs colour and depth"
-        settings.note_all([f"participants.{config.name}.inputs: {problem}"])
-    joint_state = settings.input_of("JointState/1")
-    timeout = settings.number("timeout", 3.0, bound="positive")
-    least = settings.number("min_confidence", 0.2, bound="not negative")
-    if least > 1:
-        settings.note("min_confidence", f"is {least:g}, has to be 0 to 1")
+        text = f"{len(images)} are of type {_IMAGE}; source camera needs colour and depth"
+        problems.add(("inputs",), text)
+        return ("", "")
+    return (images[0], images[1])
+
+
+def _mount(config: Config, params: Params) -> CameraMount:
+    problems = config.problems().below(("params",))
     if importlib.util.find_spec("cv2") is None:
-        settings.note(
-            "source", "camera needs OpenCV, which is not installed; pip install 'stepbus[robots]'"
-        )
-    mount = _mount(settings, _link(settings, "camera", "camera"), frame)
-    if mount is None or len(images) != 2:
-        return None
-    return CameraSettings(
-        images=(images[0], images[1]),
-        joint_state=joint_state,
-        mount=mount,
-        timeout=timeout,
-        min_confidence=least,
+        text = "camera needs OpenCV, which is not installed; pip install 'stepbus[robots]'"
+        problems.add(("source",), text)
+    mount = problems.attempt(
+        ("model",), lambda: CameraMount(params.model, params.joints, params.camera, params.frame)
     )
-
-
-def _mount(settings: Settings, camera: str, frame: str) -> CameraMount | None:
-    path, joints = settings.file("model"), settings.names("joints")
-    if path is None or not joints:
-        return None
-    try:
-        return CameraMount(path, joints, camera, frame)
-    except WiringError as exc:
-        for problem in str(exc).splitlines():
-            settings.note("model", problem)
-        return None
-
-
-def _link(settings: Settings, param: str, default: str) -> str:
-    value = settings.value(param, default)
-    if not isinstance(value, str) or not value:
-        settings.note(param, f"is {value!r}, not the name of a link")
-        return default
-    return value
+    if mount is None or len(problems):
+        raise problems.error()
+    return mount

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import Detections, Poses, RunError, WiringError
 
 from .catalog import Catalog
@@ -22,7 +22,7 @@ class Truth:
 
     def __init__(self, port: str, links: Sequence[str], catalog: Catalog, frame: str) -> None:
         if frame not in links:
-            raise WiringError(f"input {port!r} has no link {frame!r}; {nearest(frame, links)}")
+            raise WiringError(f"input {port!r} has no link {frame!r}{suggest(frame, links)}")
         self._port = port
         self._links = list(links)
         self._frame = links.index(frame)

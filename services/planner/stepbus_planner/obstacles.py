@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import Description, Poses, RunError, WiringError, parse_shapes
 
 _GEOMETRIES: Mapping[str, Callable[..., Any]] = {
@@ -56,7 +56,7 @@ class Obstacles:
             if len(details.get(key, ())) != len(names)
         ]
         if frame not in names:
-            problems.append(f"input {port!r} has no link {frame!r}; {nearest(frame, names)}")
+            problems.append(f"input {port!r} has no link {frame!r}{suggest(frame, names)}")
         if problems:
             raise WiringError("\n".join(problems))
         self._port = port

@@ -9,16 +9,15 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant import Config, Participant, Step
-from stepbus_participant.settings import Settings
+from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
 
 from . import search, timing
 from .libraries import need
 from .obstacles import Obstacles
-from .params import read_params
 from .path_monitor import PathMonitor, PlannedPath, last_step
 from .planning import PathPlanner
+from .setup import read_setup
 
 Level = Literal["info", "warning"]
 
@@ -45,32 +44,23 @@ class PlannerParticipant(Participant):
     runs beside the steps, and the step of the answer waits for it. A newer request cancels the one
     before. Planning uses the poses at the step of the request; if an object then blocks the path
     while the robot follows it, a second answer with the same id has cause `blocked`.
-
-    Parameters: model: URDF or xacro. joints: those to plan for, in the order of the requests.
-    posture: map from other joints to their positions, neutral otherwise [rad or m]. srdf: pairs
-    of links not to check; without it, neighbours and pairs that touch in that posture. frame
-    (`chassis`): link that identifies the robot among the poses, the root of the URDF. tip
-    (`grasp`): frame that held objects move with. margin (0.01): of the robot, held_margin (0.003):
-    of held objects [m]. velocity_limit (1.5), acceleration_limit (3.0): one number for all joints,
-    a list, or a map by name [rad/s, rad/s²]. max_checks (20000): limit on collision checks of a
-    search. latency (200ms): rounded up to a multiple of the planner's period.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._request_port = settings.input_of("PlanRequest/1")
-        self._poses_port = settings.input_of("Poses/1")
-        self._plan_port = settings.output_of("Plan/1")
-        self._event_port = settings.optional_output_of("Event/1")
-        settings.outputs_are("Plan/1", "Event/1")
+        ports = Ports(config)
+        self._request_port = ports.input_of("PlanRequest/1")
+        self._poses_port = ports.input_of("Poses/1")
+        self._plan_port = ports.output_of("Plan/1")
+        self._event_port = ports.optional_output_of("Event/1")
+        ports.outputs_are("Plan/1", "Event/1")
         try:
             need(*search.MODULES, *timing.MODULES)
         except WiringError as exc:
             raise WiringError(f"participants.{config.name}: {exc}") from exc
-        self._params = read_params(settings)
+        self._setup = read_setup(config, ports.problems)
         period_ns = config.every * config.step_ns
-        self._latency = -(-self._params.latency_ns // period_ns) * config.every
+        self._latency = -(-self._setup.latency_ns // period_ns) * config.every
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._pending: _Pending | None = None
         self._monitor: PathMonitor | None = None
@@ -78,7 +68,7 @@ class PlannerParticipant(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
-        robot, limits = self._params.robot, self._params.planning.limits
+        robot, limits = self._setup.robot, self._setup.planning.limits
         described = {
             self._plan_port: Description(
                 names=list(robot.joints),
@@ -98,18 +88,18 @@ class PlannerParticipant(Participant):
 
         Raises WiringError if they are not described, and for requests for other joints.
         """
-        params, requested = self._params, inputs[self._request_port].names
-        if requested and tuple(requested) != params.robot.joints:
+        setup, requested = self._setup, inputs[self._request_port].names
+        if requested and tuple(requested) != setup.robot.joints:
             raise WiringError(
                 f"{self.config.name}: input {self._request_port!r} has joints "
-                f"{', '.join(requested)}, params.joints are {', '.join(params.robot.joints)}"
+                f"{', '.join(requested)}, params.joints are {', '.join(setup.robot.joints)}"
             )
         try:
-            obstacles = Obstacles(self._poses_port, inputs[self._poses_port], params.frame)
+            obstacles = Obstacles(self._poses_port, inputs[self._poses_port], setup.frame)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
-        self.planner = PathPlanner(params.robot, obstacles, params.planning, self.config.seed)
+        self.planner = PathPlanner(setup.robot, obstacles, setup.planning, self.config.seed)
         self._obstacles = obstacles
         self._unknown = obstacles.unknown
 
@@ -156,7 +146,7 @@ class PlannerParticipant(Participant):
                 path = PlannedPath(
                     request=pending.request, plan=plan, poses=pending.poses, last_step=last
                 )
-                robot, planning = self._params.robot, self._params.planning
+                robot, planning = self._setup.robot, self._setup.planning
                 self._monitor = PathMonitor(robot, self._obstacles, planning, path)
 
     def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_participant import Config, Participant, Step
-from stepbus_participant.settings import Settings, nearest
+from stepbus_participant import Config, Participant, Ports, Step, suggest
 from stepbus_schemas import (
     Description,
     Event,
@@ -29,6 +28,7 @@ from stepbus_schemas import (
     WiringError,
 )
 
+from .params import Params
 from .report import Trip, summary
 
 Told = tuple[bool, str]
@@ -64,7 +64,7 @@ class ReachablePoses:
     def _number(self, frame: str) -> int:
         if not self._model.existFrame(frame):
             known = [row.name for row in self._model.frames]
-            raise WiringError(f"frame {frame!r} is not in {self._path}; {nearest(frame, known)}")
+            raise WiringError(f"frame {frame!r} is not in {self._path}{suggest(frame, known)}")
         number: int = self._model.getFrameId(frame)
         return number
 
@@ -98,20 +98,18 @@ class RoundTrip(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._poses_port = settings.input_of("Poses/1")
-        self._status_port = settings.input_of("GoalStatus/1")
-        self._goal_port = settings.output_of("Goal/1")
-        self._event_port, self._summary_port = _read_event_ports(settings, config)
-        settings.outputs_are("Goal/1", "Event/1")
-        self._frame = str(settings.value("frame"))
-        self._arms = _read_arms(settings)
-        self._home = _read_home(settings, self._arms)
-        self._count = _read_count(settings)
-        self._position = settings.number("position_tolerance", 0.01, bound="positive")
-        self._orientation = settings.number("orientation_tolerance", 0.02, bound="positive")
-        self._source = _read_source(settings, self._frame, self._arms, config.seed)
-        settings.check()
+        ports = Ports(config)
+        self._poses_port = ports.input_of("Poses/1")
+        self._status_port = ports.input_of("GoalStatus/1")
+        self._goal_port = ports.output_of("Goal/1")
+        self._event_port, self._summary_port = ports.event_outputs()
+        ports.outputs_are("Goal/1", "Event/1")
+        params = config.read(Params, ports.problems)
+        self._frame, self._arms, self._home = params.frame, params.arms, params.home
+        self._count = params.poses
+        self._position = params.position_tolerance
+        self._orientation = params.orientation_tolerance
+        self._source = _make_source(config, params)
         self._trips: dict[str, list[Trip]] = {arm: [] for arm in self._arms}
         self._refused: dict[str, Counter[str]] = {arm: Counter() for arm in self._arms}
         self._goal: Goal | None = None
@@ -132,8 +130,8 @@ class RoundTrip(Participant):
         wanted = [self._frame, *self._arms.values()]
         missing = [n for n in wanted if n not in names]
         if missing:
-            rows = (f"{self.config.name}: input {self._poses_port!r} has no link {n!r}; "
-                    f"{nearest(n, names)}" for n in missing)  # fmt: skip
+            rows = (f"{self.config.name}: input {self._poses_port!r} has no link {n!r}"
+                    f"{suggest(n, names)}" for n in missing)  # fmt: skip
             raise WiringError("\n".join(rows))
         self._at = {name: names.index(name) for name in wanted}
 
@@ -279,53 +277,12 @@ def _events(port: str, told: Sequence[Told]) -> dict[str, Message]:
     return {port: Event(level="info" if fine else "warning", text=text)}
 
 
-def _read_event_ports(settings: Settings, config: Config) -> tuple[str, str]:
-    """Return the port for each pose and that for the summary; they may be the same."""
-    ports = [name for name, port in config.outputs.items() if port.type == "Event/1"]
-    if _SUMMARY in ports and len(ports) == 2:
-        return next(name for name in ports if name != _SUMMARY), _SUMMARY
-    port = settings.output_of("Event/1")
-    return port, port
-
-
-def _read_home(settings: Settings, arms: Mapping[str, str]) -> dict[str, Mapping[str, float]]:
-    home = settings.value("home", {})
-    if not isinstance(home, Mapping) or not all(isinstance(row, Mapping) for row in home.values()):
-        settings.note("home", f"is {home!r}, not a map from arms to maps from joints to [rad]")
-        return {}
-    for arm, row in home.items():
-        if arm not in arms:
-            settings.note(f"home.{arm}", f"is no arm; {nearest(str(arm), arms)}")
-        for joint, value in row.items():
-            settings.as_number(f"home.{arm}.{joint}", value)
-    return dict(home)
-
-
-def _read_arms(settings: Settings) -> dict[str, str]:
-    arms = settings.value("arms")
-    texts = isinstance(arms, Mapping) and all(isinstance(link, str) for link in arms.values())
-    if not texts or not arms:
-        if arms is not None:
-            settings.note("arms", f"is {arms!r}, not a map from names to links")
-        return {}
-    return {str(arm): link for arm, link in arms.items()}
-
-
-def _read_count(settings: Settings) -> int:
-    count = settings.number("poses", bound="positive")
-    if count != int(count):
-        settings.note("poses", f"is {count:g}, not a whole number")
-    return int(count)
-
-
-def _read_source(settings: Settings, frame: str, arms: Mapping[str, str], seed: int) -> Any:
-    path = settings.file("model")
-    if path is None:
-        return None
+def _make_source(config: Config, params: Params) -> ReachablePoses:
+    problems = config.problems()
     try:
-        source = ReachablePoses(path, frame, seed)
-        source.check(list(arms.values()))
+        source = ReachablePoses(params.model, params.frame, config.seed)
+        source.check(list(params.arms.values()))
     except WiringError as exc:
-        settings.note("model", str(exc))
-        return None
+        problems.add_error(("params", "model"), exc)
+        raise problems.error() from exc
     return source

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 
 from .detection import correct, find
 from .geometry import tilt_of
@@ -60,13 +60,13 @@ def _sold_out(store: StoreState, sale: Sale) -> str:
     if sale.order.item:
         return f"shelf empty, {sale.order.item} is not there; {counts}"
     types = store.stock.types
-    hint = "" if sale.order.kind in types else f"; {nearest(sale.order.kind, types)}"
+    hint = "" if sale.order.kind in types else suggest(sale.order.kind, types)
     return f"shelf empty, no {sale.order.kind} is left; {counts}{hint}"
 
 
 def _fits(store: StoreState, item: Item) -> Outcome:
     yaw = store.opening_yaw(item.yaw)
-    width, opening = item.width_along(yaw), store.settings.grasp.opening
+    width, opening = item.width_along(yaw), store.settings.opening
     if width >= opening:
         text = f"too wide, {width:.3f} m, and the gripper opens to {opening:.3f} m"
         return Outcome(name="unfit", cause="too_wide", text=text)
@@ -154,7 +154,7 @@ def _held(store: StoreState, cause: str, text: str) -> Outcome | None:
     _, item = store.now
     gripper, yaw = store.inputs.gripper, store.expected().yaw
     expected = item.width_along(yaw)
-    if gripper.holding and gripper.width >= expected - store.settings.grasp.width_tolerance:
+    if gripper.holding and gripper.width >= expected - store.settings.width_tolerance:
         return Outcome(name="held")
     text = f"{text}, width {gripper.width:.3f} m"
     if gripper.holding:
@@ -165,7 +165,7 @@ def _held(store: StoreState, cause: str, text: str) -> Outcome | None:
 def check_height(store: StoreState) -> Outcome | None:
     """Check that the tip is low enough for the base to move."""
     sale, _ = store.now
-    is_safe = sale.tip <= store.settings.heights.safe
+    is_safe = sale.tip <= store.settings.safe_height
     return Outcome(name="safe" if is_safe else "too_high")
 
 
@@ -208,7 +208,7 @@ def _measure(store: StoreState) -> SaleResult:
     """Return the result of the sale, measured from the true poses."""
     sale, item = store.now
     x, y, _ = store.stock.pose(item.name, store.inputs.poses)[0]
-    spot = store.settings.outlet.spot(sale.number - 1)
+    spot = store.settings.outlet_spot(sale.number - 1)
     return SaleResult(
         number=sale.number,
         item=item.name,
@@ -225,7 +225,7 @@ def _fault(store: StoreState, result: SaleResult) -> str:
     allowed = store.settings.tolerances
     _, item = store.now
     position, turn = store.stock.pose(item.name, store.inputs.poses)
-    raised = position[2] + item.measures.bottom - store.settings.outlet.height
+    raised = position[2] + item.measures.bottom - store.settings.outlet.position[2]
     if result.place_error > allowed.placed:
         return f"misplaced, {result.place_error * 1e3:.1f} mm from its spot"
     if tilt_of(turn) > allowed.tilt:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import Detections, RunError
 from stepbus_schemas.messages import Point
 
@@ -114,7 +114,7 @@ def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> 
         return Spot(x=position[0], y=position[1], yaw=yaw)
     if frame != store.settings.base_frame:
         known = [store.settings.base_frame, ODOMETRY]
-        raise RunError(f"detections are given in frame {frame!r}; {nearest(frame, known)}")
+        raise RunError(f"detections are given in frame {frame!r}{suggest(frame, known)}")
     base = spot_of(store.inputs.odometry)
     spot = base.ahead(position[0], left=position[1])
     return Spot(x=spot.x, y=spot.y, yaw=base.yaw + yaw)

@@ -33,23 +33,23 @@ def drive(store: StoreState) -> Goal:
 
 def open_gripper(store: StoreState) -> Goal:
     """Open the gripper; its fingers then leave the camera's view."""
-    return _grip(store, store.settings.grasp.opening)
+    return _grip(store, store.settings.opening)
 
 
 def look(store: StoreState) -> Goal:
     """Move the open gripper above the item's expected position."""
     _, item = store.now
-    return _above(store, item.top + store.settings.heights.look)
+    return _above(store, item.top + store.settings.look_height)
 
 
 def approach(store: StoreState) -> Goal:
     """Move above the item that was found."""
-    return _above(store, store.grip_height() + store.settings.heights.approach)
+    return _above(store, store.grip_height() + store.settings.approach_height)
 
 
 def shift(store: StoreState) -> Goal:
     """Follow the item at the same height."""
-    height = store.grip_height() + store.settings.heights.approach
+    height = store.grip_height() + store.settings.approach_height
     return _pose(store, "move_linear", store.expected(), height)
 
 
@@ -65,7 +65,7 @@ def close(store: StoreState) -> Goal:
 
 def lift(store: StoreState) -> Goal:
     """Lift the item straight up."""
-    height = store.grip_height() + store.settings.heights.lift
+    height = store.grip_height() + store.settings.lift_height
     return _pose(store, "move_linear", store.expected(), height, slow=True)
 
 
@@ -78,8 +78,8 @@ def retreat(store: StoreState) -> Goal:
 def lower(store: StoreState) -> Goal:
     """Lower the item by one step."""
     sale, _ = store.now
-    heights = store.settings.heights
-    height = min(sale.tip, max(sale.tip - heights.step, heights.safe))
+    settings = store.settings
+    height = min(sale.tip, max(sale.tip - settings.lower_step, settings.safe_height))
     return _pose(store, "move_linear", _carried(store), height)
 
 
@@ -90,12 +90,12 @@ def reverse(store: StoreState) -> Goal:
 
 def home(store: StoreState) -> Goal:
     """Drive home with the item."""
-    return _go_to(store, store.settings.home)
+    return _go_to(store, store.settings.home_spot)
 
 
 def above(store: StoreState) -> Goal:
     """Move the item above its spot in the outlet."""
-    height = _placed_height(store) + store.settings.heights.approach
+    height = _placed_height(store) + store.settings.approach_height
     return _pose(store, "move_to_pose", _spot(store), height)
 
 
@@ -108,13 +108,13 @@ def up(store: StoreState) -> Goal:
     """Move straight up with the open gripper, away from the item."""
     _, item = store.now
     # The fingers have to clear the neck of the item.
-    height = _placed_height(store) + max(store.settings.heights.approach, item.top - item.bottom)
+    height = _placed_height(store) + max(store.settings.approach_height, item.top - item.bottom)
     return _pose(store, "move_linear", _spot(store), height, slow=True)
 
 
 def back_off(store: StoreState) -> Goal:
     """Move straight up from a failed attempt."""
-    height = store.grip_height() + store.settings.heights.approach
+    height = store.grip_height() + store.settings.approach_height
     return _pose(store, "move_linear", store.expected(), height, slow=True)
 
 
@@ -168,11 +168,11 @@ def _pose(
     return Goal(
         id=0,
         type=goal_type,
-        tip=store.settings.grasp.tip,
+        tip=store.settings.tip,
         frame=ODOMETRY,
         position=position,
         orientation=gripper_down(spot.yaw),
-        duration=store.settings.grasp.down if slow else 0.0,
+        duration=store.settings.down if slow else 0.0,
         touches=_touches(store),
     )
 
@@ -182,7 +182,7 @@ def _go_to(store: StoreState, spot: Spot) -> Goal:
 
 
 def _grip(store: StoreState, width: float) -> Goal:
-    force = store.settings.grasp.force
+    force = store.settings.force
     return Goal(id=0, type="grip", width=width, force=force, touches=_touches(store))
 
 
@@ -210,16 +210,16 @@ def _carried(store: StoreState) -> Spot:
 def _spot(store: StoreState) -> Spot:
     """Return the sale's spot in the outlet."""
     sale, _ = store.now
-    return _aligned(store, store.settings.outlet.spot(sale.number - 1))
+    return _aligned(store, store.settings.outlet_spot(sale.number - 1))
 
 
 def _aligned(store: StoreState, spot: Spot) -> Spot:
     """Return a spot with the heading of the gripper."""
-    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + store.settings.grasp.yaw)
+    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + store.settings.hand_yaw)
 
 
 def _placed_height(store: StoreState) -> float:
     """Return the height of the tip when it releases the item, just above the outlet [m]."""
     _, item = store.now
-    top = store.settings.outlet.height + store.settings.heights.drop
+    top = store.settings.outlet.position[2] + store.settings.drop_height
     return top + store.grip_height() - item.bottom

@@ -7,11 +7,11 @@ of each state, `checks.py` and `detection.py` decide when a state ends.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import msgspec
 
-from stepbus_participant import Config, Participant, Step
-from stepbus_participant.settings import Settings, nearest
+from stepbus_participant import Config, Participant, Ports, Step, suggest
 from stepbus_schemas import (
     BaseState,
     Description,
@@ -28,14 +28,27 @@ from stepbus_schemas import (
 
 from .checks import check_of
 from .goals import GOALS
-from .reading import read_ports, read_settings
+from .params import Params
 from .report import summary
-from .settings import StoreSettings
 from .state import Inputs, Level, LogEntry, Outcome, StoreState, Visit
 from .states import FIRST, LAST, STATES
 from .stock import Stock
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PortNames:
+    """Names of the ports; summary may be the same as events."""
+
+    poses: str
+    detections: str
+    gripper: str
+    odometry: str
+    status: str
+    goal: str
+    events: str
+    summary: str
 
 
 class StoreMission(Participant):
@@ -44,17 +57,16 @@ class StoreMission(Participant):
     Inputs: Poses/1, the true poses from the plant, for the inventory at the first step and for the
     verification of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1. Outputs:
     Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the report.
-    `StoreSettings` has the parameters; `docs/store_mission.md` lists them.
+    `Params` has the parameters; `docs/store_mission.md` lists them.
 
     Raises RunError after a failed sale, at the step after the last event.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._ports = read_ports(settings, config)
-        self._settings = read_settings(settings)
-        settings.check()
+        ports = Ports(config)
+        self._ports = _find_ports(ports)
+        self._settings = config.read(Params, ports.problems)
         self._goals = 0
         self._failure = ""
         self._is_done = False
@@ -166,6 +178,21 @@ class StoreMission(Participant):
         return [("info", summary(store.results, orders, duration, failure=self._failure))]
 
 
+def _find_ports(ports: Ports) -> _PortNames:
+    events, summary_port = ports.event_outputs()
+    ports.outputs_are("Goal/1", "Event/1")
+    return _PortNames(
+        poses=ports.input_of("Poses/1"),
+        detections=ports.input_of("Detections/1"),
+        gripper=ports.input_of("GripperState/1"),
+        odometry=ports.input_of("BaseState/1"),
+        status=ports.input_of("GoalStatus/1"),
+        goal=ports.output_of("Goal/1"),
+        events=events,
+        summary=summary_port,
+    )
+
+
 def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
     """Return the entries as one message, a line each, with the highest level among them."""
     if not log:
@@ -174,14 +201,14 @@ def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
     return {port: Event(level=level, text="\n".join(text for _, text in log))}
 
 
-def _unknown(settings: StoreSettings, stock: Stock, links: Sequence[str]) -> list[str]:
+def _unknown(settings: Params, stock: Stock, links: Sequence[str]) -> list[str]:
     """Return a sentence for each item or link of the scenario that the plant does not have."""
     problems = [
-        f"orders: item {order.item!r} is unknown; {nearest(order.item, stock.names)}"
+        f"orders: item {order.item!r} is unknown{suggest(order.item, stock.names)}"
         for order in settings.orders
         if order.item and order.item not in stock.names
     ]
     link = settings.outlet.link
     if link not in links:
-        problems.append(f"outlet.link: link {link!r} is unknown; {nearest(link, links)}")
+        problems.append(f"outlet.link: link {link!r} is unknown{suggest(link, links)}")
     return problems

@@ -8,8 +8,8 @@ from typing import Literal
 from stepbus_schemas import BaseState, Detections, GoalStatus, GripperState, Poses
 
 from .geometry import Spot, nearest_quarter
+from .params import Order, Params
 from .report import SaleResult
-from .settings import Order, StoreSettings
 from .states import STATES
 from .stock import Item, Stock
 
@@ -98,7 +98,7 @@ class StoreState:
     attempts_text: how many attempts failed. rest: how the emergency stop went.
     """
 
-    settings: StoreSettings
+    settings: Params
     stock: Stock
     visit: Visit
     inputs: Inputs
@@ -155,7 +155,7 @@ class StoreState:
 
     def shelf(self, item: Item) -> Spot:
         """Return a point on the front line of an item's shelf, with the heading towards it."""
-        return self.settings.shelves[item.shelf]
+        return self.settings.shelves[item.shelf].spot
 
     def expected(self) -> Spot:
         """Return the item's expected position, with the heading along which the gripper opens."""
@@ -170,11 +170,11 @@ class StoreState:
         It points into the shelf, between the item's neighbours; a box is gripped at its sides.
         """
         _, item = self.now
-        along = self.shelf(item).yaw + self.settings.grasp.yaw
+        along = self.shelf(item).yaw + self.settings.hand_yaw
         return nearest_quarter(yaw, along) if item.measures.is_box else along
 
     def grip_height(self) -> float:
         """Return the height of the tip when it grips the item [m]."""
         _, item = self.now
-        grasp = self.settings.grasp
-        return max(item.body_top - grasp.depth, item.top - grasp.reach)
+        settings = self.settings
+        return max(item.body_top - settings.grasp_depth, item.top - settings.grasp_reach)

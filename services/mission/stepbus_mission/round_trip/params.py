@@ -1,0 +1,36 @@
+"""The parameters of the round trip of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from stepbus_participant import Count, File, Finite, Positive, Settings, Text, suggest
+from stepbus_participant.parameters import Keys
+
+
+class Params(Settings):
+    """Parameters of `stepbus_mission.round_trip`."""
+
+    model: File
+    """URDF out of which poses are drawn."""
+    frame: Text
+    """Link that poses are given in."""
+    arms: dict[str, Text]
+    """Arm → its tip, the link that goes to the poses."""
+    poses: Count
+    """How many poses each arm goes to."""
+    position_tolerance: Positive = 0.01
+    """Where a pose counts as missed [m]."""
+    orientation_tolerance: Positive = 0.02
+    """Where a pose counts as missed [rad]."""
+    home: dict[str, dict[str, Finite]] = {}
+    """Arm → joint → position it goes to after a pose that it has missed: it hangs in its motors
+    then [rad]."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong between arms and homes."""
+        if not self.arms:
+            yield ("arms",), "is empty"
+        for arm in self.home:
+            if arm not in self.arms:
+                yield ("home", arm), f"is no arm{suggest(arm, self.arms)}"

@@ -1,0 +1,184 @@
+"""The parameters of the mission of a store: goods, shelves, outlet, tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated
+
+import msgspec
+
+from stepbus_participant import Count, Finite, Positive, Settings, Text, Vector3
+from stepbus_participant.parameters import Keys
+
+from .geometry import Spot
+
+
+class Order(Settings):
+    """What a customer wants: any item of a kind, or exactly one item; the other one is empty."""
+
+    short = "kind"
+
+    kind: str = ""
+    """Kind of the item, e.g. `cola`."""
+    item: str = ""
+    """Exactly this item, e.g. `cola_a1_3`."""
+
+    def __str__(self) -> str:
+        return self.item or self.kind
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield an order of nothing, or of two things."""
+        if bool(self.kind) == bool(self.item):
+            yield (), "needs a kind, `kind: cola`, or an item, `item: cola_a1_3`"
+
+
+class Shelf(Settings):
+    """A shelf."""
+
+    front: tuple[Finite, Finite]
+    """x and y of a point of its front line [m]."""
+    yaw: Finite = 0.0
+    """Heading that faces it [rad]."""
+
+    @property
+    def spot(self) -> Spot:
+        """Return the point of its front line, with the heading that faces it."""
+        return Spot(x=self.front[0], y=self.front[1], yaw=self.yaw)
+
+
+class Outlet(Settings):
+    """Where sold items are put: one spot per order, in a row from left to right as one faces it."""
+
+    position: Vector3
+    """Middle of the row, on top of the outlet [m]."""
+    yaw: Finite = math.pi / 2
+    """Heading that faces it [rad]."""
+    pitch: Positive = 0.12
+    """From spot to spot [m]."""
+    length: Positive = 0.5
+    """What the spots have to fit into [m]."""
+    link: Text = "outlet_top"
+    """Its link, which the gripper may touch while it puts an item down."""
+
+
+class Tolerances(Settings):
+    """How far off is still good."""
+
+    found: Positive = 0.06
+    """A detection from the expected position [m]."""
+    steady: Positive = 0.002
+    """Two detections from one another [m]."""
+    placed: Positive = 0.01
+    """An item from its spot [m]."""
+    moved: Positive = 0.002
+    """Any other item from where it stood [m]."""
+    tilt: Positive = 0.1
+    """A placed item from upright [rad]."""
+
+
+class Waits(Settings):
+    """How long the mission waits."""
+
+    answer: Positive = 2.0
+    """For the controller to answer a goal [s]."""
+    motion: Positive = 60.0
+    """For a motion to end [s]."""
+    camera: Positive = 3.0
+    """For the camera to show something [s]."""
+    still: Positive = 0.2
+    """After a motion, before detections count [s]."""
+    rest: Positive = 0.5
+    """All is at rest for this long: before a position is measured, and in an emergency stop [s]."""
+    halt: Positive = 10.0
+    """For everything to come to rest [s]."""
+    lost: Positive = 0.1
+    """An item may seem not to be held for this long [s]."""
+
+
+class Params(Settings):
+    """Parameters of `stepbus_mission.store`."""
+
+    orders: Annotated[tuple[Order, ...], msgspec.Meta(min_length=1)]
+    """Kinds, e.g. `cola`; also `kind: cola` or `item: juice_b2_3`."""
+    shelves: dict[str, Shelf]
+    """Name → shelf. An item `cola_a1_3` stands on the shelf whose name `a1` begins with."""
+    outlet: Outlet
+    """Where sold items are put."""
+    tuck: dict[str, Finite]
+    """Joint → position of the arm while the base drives with an empty gripper [rad]."""
+    home: Vector3 = (0.0, 0.0, 0.0)
+    """x, y, yaw of the base before the outlet [m, m, rad]."""
+    stand: Positive = 0.45
+    """Distance of the base from a front line [m]."""
+    reverse: Positive = 0.3
+    """How far the base goes back from there before it turns [m]."""
+    carry: tuple[Finite, Finite] = (0.45, 0.0)
+    """Where an item is carried: ahead and to the left of the base [m]."""
+    base_frame: Text = "chassis"
+    """Link that detections are given in."""
+    tip: Text = "grasp"
+    """Frame of the gripper: z along the approach, y along the opening."""
+    hand_yaw: Finite = 0.0
+    """Turns the gripper about the vertical, e.g. by π for the camera on the other side [rad]."""
+    force: Positive = 15.0
+    """Of each finger [N]."""
+    opening: Positive = 0.09
+    """Between the open pads [m]."""
+    grasp_depth: Positive = 0.015
+    """Of the tip below the upper end of the item's body [m]."""
+    grasp_reach: Positive = 0.065
+    """How far an item may stick into the gripper beyond the tip [m]."""
+    width_tolerance: Positive = 0.008
+    """By which a held item may be thinner than it is [m]."""
+    down: Positive = 1.5
+    """Duration of moving down and up [s]."""
+    look_height: Positive = 0.2
+    """Of the tip above the item [m]."""
+    approach_height: Positive = 0.1
+    """Of the tip above where it grips, and above where it lets go [m]."""
+    lift_height: Positive = 0.1
+    """Of the tip above where it grips [m]."""
+    safe_height: Positive = 0.6
+    """Of the tip while the base moves with an item [m]."""
+    lower_step: Positive = 0.1
+    """By which a carried item is lowered until the tip is no higher than safe [m]."""
+    drop_height: Positive = 0.003
+    """Of the item above the outlet where it is let go of [m]."""
+    attempts: Count = 2
+    """To grasp an item."""
+    corrections: Count = 3
+    """Of one approach at most."""
+    looks: Count = 3
+    """Views without the item before it is missing."""
+    tolerances: Tolerances = Tolerances()
+    """How far off is still good."""
+    waits: Waits = Waits()
+    """How long the mission waits."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong between orders, shelves and outlet."""
+        for key in ("shelves", "tuck"):
+            if not getattr(self, key):
+                yield (key,), "is empty"
+        items = [order.item for order in self.orders if order.item]
+        for name in dict.fromkeys(items):
+            if items.count(name) > 1:
+                yield ("orders",), f"item {name!r} is sold twice"
+        count, outlet = len(self.orders), self.outlet
+        if count * outlet.pitch > outlet.length + 1e-9:
+            text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
+            yield ("outlet",), text
+
+    @property
+    def home_spot(self) -> Spot:
+        """Return where the base stands before the outlet."""
+        x, y, yaw = self.home
+        return Spot(x=x, y=y, yaw=yaw)
+
+    def outlet_spot(self, number: int) -> Spot:
+        """Return the spot of an order in the outlet; number: counted from 0."""
+        x, y, _ = self.outlet.position
+        middle = Spot(x=x, y=y, yaw=self.outlet.yaw)
+        left = self.outlet.pitch * ((len(self.orders) - 1) / 2 - number)
+        return middle.ahead(0.0, left=left)

@@ -1,0 +1,63 @@
+"""What a planner works with: its robot, and the limits of its plans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from stepbus_participant import Config, Problems
+from stepbus_schemas import WiringError
+
+from .params import Params
+from .planning import PlanningSettings
+from .robot import PlannedRobot
+from .scene import Margins
+from .timing import Limits
+
+_EFFORT_SHARE = 0.8
+"""Of the URDF's effort limits; the rest is for following the plan."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """frame: link that identifies the robot among the poses. latency_ns: of an answer [ns]."""
+
+    robot: PlannedRobot
+    planning: PlanningSettings
+    frame: str
+    latency_ns: int
+
+
+def read_setup(config: Config, problems: Problems) -> Setup:
+    """Return what the scenario's params describe.
+
+    problems: of the ports. Raises SettingsError with all that is wrong.
+    """
+    params = config.read(Params, problems)
+    robot = _make_robot(params, config.problems().below(("params",)))
+    limits = Limits(
+        velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
+        acceleration=np.array(params.acceleration_limit.of(robot.joints)),
+        effort=_EFFORT_SHARE * robot.effort_limit,
+    )
+    planning = PlanningSettings(
+        tip=params.tip,
+        margins=Margins(robot=params.margin, held=params.held_margin),
+        limits=limits,
+        max_checks=params.max_checks,
+    )
+    return Setup(robot=robot, planning=planning, frame=params.frame, latency_ns=params.latency_ns)
+
+
+def _make_robot(params: Params, problems: Problems) -> PlannedRobot:
+    links = {"frame": params.frame, "tip": params.tip}
+    make = partial(PlannedRobot, params.model, params.joints, params.posture, params.srdf)
+    try:
+        return make(list(links.values()))
+    except WiringError as exc:
+        for problem in str(exc).splitlines():
+            named = (param for param, link in links.items() if f"link {link!r} " in problem)
+            problems.add((next(named, "model"),), problem)
+        raise problems.error() from exc
