@@ -1,11 +1,13 @@
-.PHONY: help demo test test-slow chaos examples robots check docs bench clean setup
+.PHONY: help demo test test-unit test-slow chaos coverage examples robots check docs bench clean setup
 
 PYTHON := .venv/bin/python
 
 help:
 	@echo "make demo       run the two-link arm for 10 s and plot it"
 	@echo "make test       run the tests that are quick"
+	@echo "make test-unit  run those of them that start no process, in under a minute"
 	@echo "make test-slow  run the others"
+	@echo "make coverage   run the quick tests and show which lines they execute"
 	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
 	@echo "make docs       build the documentation site into build/docs"
@@ -19,6 +21,9 @@ demo: setup
 
 test: setup
 	@$(PYTHON) -m pytest
+
+test-unit: setup
+	@$(PYTHON) -m pytest --unit
 
 # pytest exits with 5 where there are no such tests.
 test-slow: setup
@@ -34,6 +39,11 @@ check: setup
 	@.venv/bin/lint-imports
 	@$(PYTHON) -m stepbus_schemas.generate --check
 	@$(PYTHON) scripts/check_changelog.py
+
+coverage: setup
+	@$(PYTHON) -m coverage erase
+	@$(PYTHON) -m coverage run -m pytest; code=$$?; \
+		$(PYTHON) -m coverage combine -q; $(PYTHON) -m coverage report; exit $$code
 
 docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
@@ -53,7 +63,7 @@ robots: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,robots]'
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist
+	rm -rf .venv .coverage* .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 setup:

@@ -1,5 +1,6 @@
 """Fixtures that several test files share."""
 
+import subprocess
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,6 +27,27 @@ NEED_ROBOTS = [
 """Files whose imports need what the extra `robots` installs."""
 
 collect_ignore = [] if all(map(find_spec, ROBOTS)) else NEED_ROBOTS
+
+
+def pytest_addoption(parser):
+    """Add `--unit`: run only the tests that start no process (`make test-unit`)."""
+    parser.addoption("--unit", action="store_true", help="skip tests that start a process")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_processes(request):
+    """With `--unit`, skip whoever starts a process, at the moment it does."""
+    if not request.config.getoption("--unit"):
+        yield
+        return
+
+    def refuse(_self, *_args, **_kwargs):
+        pytest.skip("starts a process")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(subprocess.Popen, "__init__", refuse)
+        patch.setattr(subprocess.Popen, "__del__", lambda _self: None)
+        yield
 
 
 def pytest_terminal_summary(terminalreporter):

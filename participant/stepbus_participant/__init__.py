@@ -26,9 +26,10 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .bus import Bus, BusError, Request, ZenohBus
+from .bus import ONE_THREAD, Bus, BusError, Request, ZenohBus
 from .config import Config
 from .durations import LONGEST_NS, format_duration, parse_duration
+from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .files import find_file, package_path
 from .main import main, take_part
 from .methods import CallError, Method
@@ -68,6 +69,7 @@ from .ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket
 
 __all__ = [
     "LONGEST_NS",
+    "ONE_THREAD",
     "TICKET_VARIABLE",
     "BaseCommand",
     "BaseState",
@@ -83,6 +85,7 @@ __all__ = [
     "Duration",
     "Endpoint",
     "Event",
+    "ExtraMissing",
     "File",
     "Finite",
     "Goal",
@@ -131,10 +134,14 @@ __all__ = [
     "WiringError",
     "ZenohBus",
     "each",
+    "extra_hint",
     "find_file",
     "format_duration",
+    "import_error_hint",
+    "install_command",
     "load_ticket",
     "main",
+    "need",
     "needed_when",
     "package_path",
     "parse_duration",

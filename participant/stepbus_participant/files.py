@@ -7,8 +7,7 @@ from pathlib import Path
 
 from stepbus_schemas import WiringError
 
-_EXTRAS = {"example-robot-data": "robots"}
-"""Package of models → the extra of stepbus that installs it."""
+from .extras import extra_hint
 
 
 def find_file(name: str, folder: Path) -> Path:
@@ -41,6 +40,4 @@ def package_path(url: str) -> Path:
         share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share"
         if (share / package).is_dir():
             return share / package / rest
-    extra = _EXTRAS.get(package)
-    install = f"; pip install 'stepbus[{extra}]'" if extra else ""
-    raise WiringError(f"{url}: package {package!r} is not installed here{install}")
+    raise WiringError(f"{url}: package {package!r} is not installed here{extra_hint(package)}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
-from typing import Any
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
 from stepbus_schemas import WiringError
 
 from .config import package_path
+from .extras import need
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
 
@@ -34,7 +33,7 @@ def read_urdf_text(path: Path) -> str:
 
 
 def _expand(path: Path) -> str:
-    xacro = _load_xacro(path)
+    (xacro,) = need(str(path), "xacro")
     document = _with_includes(path, ())
     try:
         # It keeps the files it is in between calls, where one has failed.
@@ -47,16 +46,6 @@ def _expand(path: Path) -> str:
     # PyBullet cuts lines after 1023 characters.
     text: str = document.toprettyxml(indent="  ")
     return text
-
-
-def _load_xacro(path: Path) -> Any:
-    try:
-        return importlib.import_module("xacro")
-    except ImportError as exc:
-        raise WiringError(
-            f"{path}: the package xacro, which expands it, is not installed here; "
-            "pip install 'stepbus[robots]'"
-        ) from exc
 
 
 def _with_includes(path: Path, above: tuple[Path, ...]) -> minidom.Document:

@@ -14,6 +14,7 @@ from stepbus_orchestrator.cli.setup import doctor as doctor_command
 from stepbus_orchestrator.doctor import Finding, bus, machine, packages
 from stepbus_orchestrator.doctor.packages import EXTRAS, Requirement, parse
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_participant import install_command
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 
@@ -42,9 +43,15 @@ def test_every_extra_that_brings_something_is_explained():
 
 def test_a_missing_extra_says_what_it_is_for_and_how_to_get_it(monkeypatch):
     monkeypatch.setattr(packages, "needed", lambda _extra: [Requirement("no-such-package")])
-    robots = next(packages.extras())
-    assert (robots.what, robots.verdict) == ("extra robots", "warn")
-    assert robots.text.endswith("missing no-such-package: `pip install 'stepbus[robots]'`")
+    sim = next(packages.extras())
+    assert (sim.what, sim.verdict) == ("extra sim", "warn")
+    assert sim.text.endswith(f"missing no-such-package: `{install_command('sim')}`")
+
+
+def test_an_extra_that_includes_another_one_lists_its_own_packages(monkeypatch):
+    rows = ["numpy>=2", 'stepbus[sim]; extra == "robots"', 'ompl>=2.0; extra == "robots"']
+    monkeypatch.setattr(packages, "requires", lambda _name: rows)
+    assert packages.needed("robots") == [Requirement("ompl", "2.0")]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +68,7 @@ def test_a_package_that_will_not_do_names_the_command_that_helps(monkeypatch, re
 
 
 def test_a_package_that_cannot_be_loaded_fails_with_its_last_line(monkeypatch):
-    monkeypatch.setattr(packages, "_NATIVE", {"broken": "no_such_module"})
+    monkeypatch.setattr(packages, "_NATIVE", {"numpy": "no_such_module"})
     (found,) = packages.loads()
     assert found.verdict == "fail"
     assert found.text.startswith("ModuleNotFoundError: No module named 'no_such_module'")

@@ -23,7 +23,7 @@ from planner_support import (
 )
 
 from stepbus_kinematics.srdf import srdf_text
-from stepbus_planner import PlannerParticipant, libraries
+from stepbus_planner import PlannerParticipant
 from stepbus_planner.robot import PlannedRobot
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
 
@@ -219,15 +219,6 @@ def test_a_mistaken_parameter_is_named(tmp_path, params, text):
     with pytest.raises(WiringError) as caught:
         PlannerParticipant(config(tmp_path, **params))
     assert text in str(caught.value)
-
-
-def test_a_library_that_is_missing_is_named_with_the_extra_that_brings_it():
-    with pytest.raises(WiringError) as caught:
-        libraries.need("json", "ompl_of_another_name", "toppra_of_another_name")
-    assert str(caught.value) == (
-        "the planner needs ompl_of_another_name and toppra_of_another_name; "
-        "pip install 'stepbus[robots]'"
-    )
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
 from stepbus_orchestrator.report.report import draw_report
 from stepbus_orchestrator.report.tracking_panels import draw_error
+from stepbus_participant import extra_hint
 from stepbus_schemas import (
     BaseState,
     Goal,
@@ -134,4 +135,4 @@ def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, m
     monkeypatch.setitem(sys.modules, "matplotlib.backends.backend_agg", None)
     (line,) = write_report(tmp_path / "run.mcap")
     assert line.startswith("no plots  matplotlib")
-    assert line.endswith("is not installed; pip install 'stepbus[report]'")
+    assert line.endswith("is not installed" + extra_hint("matplotlib"))

@@ -10,10 +10,15 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import msgspec
 
+from stepbus_participant import install_command
+
 from .finding import Finding
 
 EXTRAS = {
+    "sim": "physics and dynamics: the plant, the controller, motion and planning that ship",
+    "report": "the plots of a run, report.png",
     "robots": "models, inverse kinematics, planning, vision: the scenarios baxter and store",
+    "docs": "the documentation site",
     "dev": "the tests, the type checker and the linter",
 }
 """Extra of stepbus → what it is for."""
@@ -44,7 +49,9 @@ def needed(extra: str = "") -> list[Requirement]:
     rows = [row.partition(";") for row in requires("stepbus") or []]
     of_extra = {row: marker.replace("'", '"').strip() for row, _, marker in rows}
     wanted = f'extra == "{extra}"' if extra else ""
-    return [parse(row) for row, marker in of_extra.items() if marker == wanted]
+    found = [parse(row) for row, marker in of_extra.items() if marker == wanted]
+    # An extra may include another one: `stepbus[sim]`.
+    return [requirement for requirement in found if requirement.name != "stepbus"]
 
 
 def parse(row: str) -> Requirement:
@@ -88,7 +95,10 @@ def _numbers(text: str) -> list[int]:
 
 
 def loads() -> Iterator[Finding]:
-    """Load what is compiled in processes of its own, since that may end them."""
+    """Load compiled packages, where they are installed, in processes of their own.
+
+    A broken one may end its process.
+    """
     children = {
         name: subprocess.Popen(
             [sys.executable, "-c", f"import {module}"],
@@ -97,6 +107,7 @@ def loads() -> Iterator[Finding]:
             text=True,
         )
         for name, module in _NATIVE.items()
+        if _package(Requirement(name)).verdict == "ok"
     }
     for name, child in children.items():
         yield _load(name, child)
@@ -128,5 +139,5 @@ def extras() -> Iterator[Finding]:
         lacking = [r.name for r in requirements if _package(r).verdict != "ok"]
         text = EXTRAS[extra]
         if lacking:
-            text = f"{text}; missing {', '.join(lacking)}: `pip install 'stepbus[{extra}]'`"
+            text = f"{text}; missing {', '.join(lacking)}: `{install_command(extra)}`"
         yield Finding(what=f"extra {extra}", verdict="warn" if lacking else "ok", text=text)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from stepbus_participant import import_error_hint
+
 _TAIL_BYTES = 4000
 _LONGEST = 300
 _COMPLAINT = re.compile(r"error|exception|panic", re.IGNORECASE)
@@ -23,4 +25,5 @@ def last_error(log: Path) -> str:
     said = [line.strip() for line in lines]
     said = [line for line in said if line and not line.startswith(_GREETING)]
     complaints = [line for line in said if _COMPLAINT.search(line)]
-    return (complaints or said or [""])[-1][:_LONGEST]
+    last = (complaints or said or [""])[-1][:_LONGEST]
+    return last + import_error_hint(last)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import ParticipantSpec
-from stepbus_participant import TICKET_VARIABLE, Endpoint, MessageFault, Ticket
+from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, Endpoint, MessageFault, Ticket
 
 from .child import Child
 
@@ -35,9 +35,11 @@ class Launcher:
         self.children: dict[str, Child] = {}
         try:
             self._reaper = _start_reaper(folder)
-        except OSError as exc:
+        except BaseException as exc:
             shutil.rmtree(folder, ignore_errors=True)
-            raise StartFailed(f"the reaper could not be started: {exc.strerror or exc}") from exc
+            if isinstance(exc, OSError):
+                raise StartFailed(f"the reaper could not be started: {exc.strerror}") from exc
+            raise
 
     def start(
         self,
@@ -126,6 +128,7 @@ def _environment(ticket: Path) -> Mapping[str, str]:
     # One thread for each BLAS: more only compete for the cores the lockstep runs on.
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     return {
+        **ONE_THREAD,
         **os.environ,
         **single,
         "PYTHONUNBUFFERED": "1",

@@ -8,6 +8,7 @@ from typing import Any
 
 from stepbus_orchestrator.analysis.signals import Tracking, read_tracking
 from stepbus_orchestrator.recording import Recording, layout
+from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
 from .device_panels import Panel, device_panels
@@ -34,7 +35,7 @@ def write_report(path: Path) -> list[str]:
             target = path.with_name(REPORT_FILE)
             draw_report(_title(recording), tracking, device_panels(recording), target)
     except ImportError as exc:
-        why = f"{exc.name} is not installed; pip install 'stepbus[report]'"
+        why = f"{exc.name} is not installed{extra_hint(exc.name or '')}"
         return [*summary_lines(tracking), f"no plots  {why}"]
     except (StepbusError, OSError) as exc:
         return [f"no plots  {exc}"]

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_participant import Problems, Settings
+from stepbus_participant import Problems, Settings, extra_hint
 from stepbus_participant.parameters import find_problems
 
 from .files.paths import is_file
@@ -50,7 +50,12 @@ def check_params(scenario: Scenario, problems: Problems) -> None:
         if declaration.file.is_relative_to(scenario.folder):
             own.append((spec, declaration))
             continue
-        declared = getattr(importlib.import_module(declaration.module), declaration.name)
+        try:
+            declared = getattr(importlib.import_module(declaration.module), declaration.name)
+        except ModuleNotFoundError as exc:
+            text = f"{declaration.module} needs {exc.name}, which is not installed"
+            problems.add(("participants", spec.name), text + extra_hint(exc.name or ""))
+            continue
         if isinstance(declared, type) and issubclass(declared, Settings):
             _add(problems, spec.name, find_problems(declared, spec.params, scenario.folder))
     if own:

@@ -2,6 +2,6 @@
 
 from .faulty_bus import FaultyBus
 from .interface import Bus, BusError, Request
-from .zenoh_bus import ZenohBus, zenoh_settings
+from .zenoh_bus import ONE_THREAD, ZenohBus, zenoh_settings
 
-__all__ = ["Bus", "BusError", "FaultyBus", "Request", "ZenohBus", "zenoh_settings"]
+__all__ = ["ONE_THREAD", "Bus", "BusError", "FaultyBus", "Request", "ZenohBus", "zenoh_settings"]

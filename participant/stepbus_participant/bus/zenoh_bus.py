@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import importlib
 import json
@@ -17,10 +18,10 @@ from stepbus_participant.ticket import Endpoint
 
 from .interface import BusError, Request
 
-_RUNTIME = (
-    "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app), "
-    "app: (worker_threads: 1))"
-)
+ONE_THREAD = {
+    "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app), tx: (handover: app), "
+    "net: (handover: app), app: (worker_threads: 1))"
+}
 """One thread for all that Zenoh does: on few cores, each further one is only another to wake up.
 
 Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU time a step, 5,800 →
@@ -30,9 +31,20 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 
 @cache
 def _zenoh() -> Any:
-    """Return the module zenoh, which reads ZENOH_RUNTIME when it is loaded."""
-    os.environ.setdefault("ZENOH_RUNTIME", _RUNTIME)
+    """Return the module zenoh, loaded when a bus is opened."""
     return importlib.import_module("zenoh")
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Open a first session with a single thread: Zenoh reads that from the environment only."""
+    added = {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
 
 
 _kept = threading.local()
@@ -109,7 +121,8 @@ class ZenohBus:
             config = zenoh.Config()
             for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
-            self._session: Any = zenoh.open(config)
+            with _one_thread():
+                self._session: Any = zenoh.open(config)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             raise BusError(

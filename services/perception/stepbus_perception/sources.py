@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from dataclasses import dataclass
 
-from stepbus_participant import Config, Ports, Problems
+from stepbus_participant import Config, Ports, Problems, extra_hint
 
 from .params import Params
 from .robot import CameraMount
@@ -84,7 +84,7 @@ def _images(config: Config, problems: Problems) -> tuple[str, str]:
 def _mount(config: Config, params: Params) -> CameraMount:
     problems = config.problems().below(("params",))
     if importlib.util.find_spec("cv2") is None:
-        text = "camera needs OpenCV, which is not installed; pip install 'stepbus[robots]'"
+        text = f"camera needs cv2 (OpenCV), which is not installed{extra_hint('cv2')}"
         problems.add(("source",), text)
     mount = problems.attempt(
         ("model",), lambda: CameraMount(params.model, params.joints, params.camera, params.frame)

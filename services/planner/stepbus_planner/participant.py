@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant import Config, Participant, Ports, Step
+from stepbus_participant import Config, Participant, Ports, Step, need
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
 
 from . import search, timing
-from .libraries import need
 from .obstacles import Obstacles
 from .path_monitor import PathMonitor, PlannedPath, last_step
 from .planning import PathPlanner
@@ -55,7 +54,7 @@ class PlannerParticipant(Participant):
         self._event_port = ports.optional_output_of("Event/1")
         ports.outputs_are("Plan/1", "Event/1")
         try:
-            need(*search.MODULES, *timing.MODULES)
+            need("the planner", *search.MODULES, *timing.MODULES)
         except WiringError as exc:
             raise WiringError(f"participants.{config.name}: {exc}") from exc
         self._setup = read_setup(config, ports.problems)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import Vector
-
-from .libraries import need
+from stepbus_participant import need
 
 MODULES = ("ompl.base", "ompl.geometric", "ompl.util")
 """The libraries it needs."""
@@ -61,7 +60,7 @@ def find_paths(
     The same arguments give the same path in every process: OMPL seeds its random generators from a
     global one at construction, so each search seeds it anew, and searches never run concurrently.
     """
-    base, geometric, util = need(*MODULES)
+    base, geometric, util = need("the planner", *MODULES)
     with _ompl_random:
         # Silences a warning about seeding twice, which matters to existing generators only.
         util.setLogLevel(util.LogLevel.LOG_NONE)

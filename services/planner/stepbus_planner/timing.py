@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import Vector
-
-from .libraries import need
+from stepbus_participant import need
 
 MODULES = ("toppra", "toppra.constraint", "toppra.algorithm")
 """The libraries it needs; importing them takes a second."""
@@ -49,7 +48,7 @@ def parametrize(path: Vector, limits: Limits, torques: Torques, period: float) -
     acceleration. period: between two samples [s]. After Pham and Pham, A new approach to
     time-optimal path parameterization based on reachability analysis, 2018.
     """
-    toppra, constraint, algorithm = need(*MODULES)
+    toppra, constraint, algorithm = need("the planner", *MODULES)
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     points = dense(path, _DENSE)
     along = np.concatenate([[0.0], np.cumsum(_lengths(points))])

@@ -1,0 +1,75 @@
+"""Optional packages: which extra of stepbus installs a module, and how to install it."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, distribution
+from typing import Any
+from urllib.parse import unquote, urlparse
+
+from stepbus_schemas import WiringError
+
+_EXTRAS = {
+    "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
+    "report": ("matplotlib",),
+    "robots": ("cv2", "eaik", "example-robot-data", "ompl", "toppra", "xacro"),
+}
+"""Extra of stepbus → the modules and model packages that it installs."""
+_MISSING = re.compile(r"No module named '([\w.]+)'")
+
+
+class ExtraMissing(WiringError, ImportError):
+    """A module of an extra is not installed here."""
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra: of the package, or of the clone it runs from."""
+    folder = _clone()
+    return f"pip install -e '{folder}[{extra}]'" if folder else f"pip install 'stepbus[{extra}]'"
+
+
+def _clone() -> str:
+    """Return the folder of an editable installation; nothing where it is none."""
+    try:
+        text = distribution("stepbus").read_text("direct_url.json")
+    except PackageNotFoundError:
+        return ""
+    source = json.loads(text or "{}")
+    is_editable = source.get("dir_info", {}).get("editable", False)
+    return unquote(urlparse(source["url"]).path) if is_editable else ""
+
+
+def extra_hint(module: str) -> str:
+    """Return `; pip install …` for a module or package of an extra; nothing for any other."""
+    for extra, modules in _EXTRAS.items():
+        if module.partition(".")[0] in modules:
+            return f"; {install_command(extra)}"
+    return ""
+
+
+def import_error_hint(text: str) -> str:
+    """Return the same for the text of an ImportError, such as `No module named 'pybullet'`."""
+    found = _MISSING.search(text)
+    return extra_hint(found[1]) if found else ""
+
+
+def need(who: str, *modules: str) -> tuple[Any, ...]:
+    """Return modules of an extra, imported; who: needs them, e.g. `the planner`.
+
+    Raises ExtraMissing that names those that are not installed, and how to install them.
+    """
+    found, missing = [], dict[str, None]()
+    for name in modules:
+        try:
+            found.append(import_module(name))
+        except ModuleNotFoundError as exc:
+            missing[str(exc.name)] = None
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        raise ExtraMissing(
+            f"{who} needs {' and '.join(missing)}, which {verb} not installed"
+            f"{extra_hint(next(iter(missing)))}"
+        )
+    return tuple(found)
