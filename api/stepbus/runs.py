@@ -108,7 +108,7 @@ def verify(
     loaded = load(scenario, set=set)
     folder = Path(tempfile.mkdtemp(prefix="verify-stepbus-") if keep is None else keep)
     found = verify_trials(
-        loaded, plan(loaded, runs, seed), folder, seed=seed, on_outcome=lambda _outcome: None
+        loaded, plan(loaded, runs, seed), folder, seed=seed, on_result=lambda _outcome: None
     )
     if keep is None and not found.failed and not found.different:
         shutil.rmtree(folder)

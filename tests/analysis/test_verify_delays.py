@@ -1,6 +1,5 @@
 """Delays stop every participant again and again, and let it go."""
 
-import subprocess
 import sys
 import time
 
@@ -12,16 +11,24 @@ from stepbus_orchestrator.processes.delays import Delays
 
 
 @pytest.fixture
-def child(tmp_path):
-    process = Child(
-        "busy",
-        [sys.executable, "-c", "while True: pass"],
-        cwd=tmp_path,
-        log=tmp_path / "log",
-        environment={},
-    )
-    yield process
-    process.end()
+def start(tmp_path):
+    """Return a function that starts a busy process."""
+    children = []
+
+    def begin(name):
+        command = [sys.executable, "-c", "while True: pass"]
+        child = Child(name, command, cwd=tmp_path, log=tmp_path / name, environment={})
+        children.append(child)
+        return child
+
+    yield begin
+    for child in children:
+        child.end()
+
+
+@pytest.fixture
+def child(start):
+    return start("busy")
 
 
 def wait_until(condition):
@@ -48,9 +55,9 @@ def test_every_participant_is_delayed_once_it_is_there(child):
         wait_until(lambda: delays.counts["late"] > 0)
 
 
-def test_a_process_that_has_ended_is_left_alone(child):
+def test_a_process_that_has_ended_is_left_alone(child, start):
     child.end()
-    delays = Delays(["busy"], (0, 0))
-    with delays.around({"busy": child}):
-        subprocess.run(["sleep", "0.1"], check=True)
-    assert delays.counts == {"busy": 0}
+    delays = Delays(["busy", "other"], (0, 0))
+    with delays.around({"busy": child, "other": start("other")}):
+        wait_until(lambda: delays.counts["other"] > 5)
+    assert delays.counts["busy"] == 0

@@ -35,12 +35,12 @@ def racy(tmp_path):
 
 
 def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
-    scenario, told = load("two_link", [SHORT]), []
-    found = verify(scenario, plan(scenario, 4, 0), tmp_path, seed=0, on_outcome=told.append)
-    assert len({outcome.result.sha256 for outcome in found.outcomes}) == 1
+    scenario, reported = load("two_link", [SHORT]), []
+    found = verify(scenario, plan(scenario, 4, 0), tmp_path, seed=0, on_result=reported.append)
+    assert len({trial.result.sha256 for trial in found.results}) == 1
     assert found.different is found.failed is None
-    assert told == list(found.outcomes)
-    assert [outcome.delays > 0 for outcome in told] == [False, True, True, True]
+    assert reported == list(found.results)
+    assert [trial.delays > 0 for trial in reported] == [False, True, True, True]
 
 
 def test_the_command_prints_a_line_per_run_and_leaves_nothing(tmp_path, monkeypatch, capsys):
@@ -54,10 +54,10 @@ def test_the_command_prints_a_line_per_run_and_leaves_nothing(tmp_path, monkeypa
 
 def test_a_participant_that_is_not_deterministic_is_caught_at_its_step(racy, tmp_path, capsys):
     code = cli.main(["verify", *racy, "-n", "3", "--keep", str(tmp_path / "runs")])
-    said = capsys.readouterr()
+    output = capsys.readouterr()
     assert code == ExitCode.DIFFERENT == 10
-    assert "run 2 differs from run 1" in said.err
-    assert "first divergence: step 7: controller/command: values[0]: " in said.out
+    assert "run 2 differs from run 1" in output.err
+    assert "first divergence: step 7: controller/command: values[0]: " in output.out
 
 
 def test_the_runs_that_differ_are_kept(racy, tmp_path):

@@ -1,4 +1,4 @@
-"""Runs a scenario again and again under other circumstances; the recordings must be equal."""
+"""Runs a scenario several times under different conditions; the recordings must be equal."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ TRANSPORTS: tuple[Transport, ...] = ("tcp", "unix")
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
-    """The circumstances of one run, none of which may change its result.
+    """The conditions of one run, none of which may change its result.
 
-    number: from 1 on. start_order: names of the participants. delayed: whether they are held up
+    number: from 1 on. start_order: names of the participants. delayed: whether they are delayed
     at random while they run.
     """
 
@@ -35,8 +35,8 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     delayed: bool
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
-    """What one trial came to. delays: how often a participant was held up."""
+class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
+    """The run of one trial. delays: how often a participant was delayed."""
 
     trial: Trial
     result: Result
@@ -44,29 +44,29 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def steps_per_s(self) -> float:
-        """Return how many steps were done per second of wall time; 0 where none was."""
+        """Return the number of steps per second of wall time; 0 without any."""
         return self.result.steps / self.result.wall_s if self.result.wall_s else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """All trials that were run: up to the first that failed or differed from the first.
+    """All trials that were run: up to one that failed or differed from the first.
 
-    outcomes: in their order, at least one.
+    results: in their order, at least one.
     """
 
-    outcomes: tuple[Outcome, ...]
+    results: tuple[TrialResult, ...]
 
     @property
-    def failed(self) -> Outcome | None:
+    def failed(self) -> TrialResult | None:
         """Return the trial that failed, if one did."""
-        last = self.outcomes[-1]
+        last = self.results[-1]
         return last if last.result.exit_code else None
 
     @property
-    def different(self) -> tuple[Outcome, Outcome] | None:
+    def different(self) -> tuple[TrialResult, TrialResult] | None:
         """Return the first trial and the one that differs from it, if one does."""
-        first, last = self.outcomes[0], self.outcomes[-1]
+        first, last = self.results[0], self.results[-1]
         if self.failed or first.result.sha256 == last.result.sha256:
             return None
         return first, last
@@ -105,27 +105,27 @@ def verify(
     folder: Path,
     *,
     seed: int,
-    on_outcome: Callable[[Outcome], None],
+    on_result: Callable[[TrialResult], None],
     interrupt: threading.Event | None = None,
 ) -> Verification:
     """Run trials until one fails or differs from the first.
 
-    folder: gets a folder for each run, named by its number. seed: of the delays. on_outcome: is
-    told of each trial. interrupt: ends the run that is going on, as a failure.
+    folder: gets a folder for each run, named by its number. seed: of the delays. on_result: gets
+    each trial when it has ended. interrupt: ends the current run, as a failure.
     """
-    outcomes: list[Outcome] = []
+    results: list[TrialResult] = []
     for trial in trials:
-        outcomes.append(_attempt(scenario, trial, folder / str(trial.number), seed, interrupt))
-        on_outcome(outcomes[-1])
-        found = Verification(outcomes=tuple(outcomes))
+        results.append(_attempt(scenario, trial, folder / str(trial.number), seed, interrupt))
+        on_result(results[-1])
+        found = Verification(results=tuple(results))
         if found.failed or found.different:
             break
-    return Verification(outcomes=tuple(outcomes))
+    return Verification(results=tuple(results))
 
 
 def _attempt(
     scenario: Scenario, trial: Trial, out: Path, seed: int, interrupt: threading.Event | None
-) -> Outcome:
+) -> TrialResult:
     changed = dataclasses.replace(
         scenario,
         window=trial.window,
@@ -135,4 +135,4 @@ def _attempt(
     delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
     options = Options(out=out, start_order=trial.start_order, around=delays.around)
     result = run(changed, options, interrupt=interrupt)
-    return Outcome(trial=trial, result=result, delays=sum(delays.counts.values()))
+    return TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))

@@ -124,5 +124,5 @@ class Child:
         return f"exited with code {code}"
 
     def last_error(self) -> str:
-        """Return the last complaint it printed, or its last line, or nothing."""
+        """Return the last error it printed, or its last line, or nothing."""
         return last_error(self.log)

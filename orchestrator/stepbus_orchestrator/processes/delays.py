@@ -1,4 +1,4 @@
-"""Holds up participants at random, to bring races to light."""
+"""Delays participants at random, to bring races to light."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _LONGEST_DELAY_S = 0.01
 class Delays:
     """Stops every participant again and again for up to 10 ms, each at times of its own.
 
-    SIGSTOP and SIGCONT come from outside: they work for a program in any language, reach it
-    between any two instructions, not only where a hook was thought of, and cannot touch its
-    messages, so that whatever changes in the recording is the participant's own race.
+    SIGSTOP and SIGCONT come from outside: they work for a program in any language, hit it between
+    any two instructions and cannot change its messages. So whatever changes in the recording is a
+    race of the participant's own.
 
     names: the participants. seed: of the pauses and delays. counts: how often each was stopped.
     Use `around` as `Options.around`.
@@ -33,7 +33,7 @@ class Delays:
 
     @contextlib.contextmanager
     def around(self, children: Mapping[str, Child]) -> Iterator[None]:
-        """Hold up the participants, which come into `children` as they are started."""
+        """Delay the participants, which appear in `children` as they are started."""
         threads = [
             threading.Thread(target=self._disturb, args=(children, index, name), daemon=True)
             for index, name in enumerate(self.counts)
@@ -52,10 +52,10 @@ class Delays:
         while not self._over.wait(generator.uniform(0, _LONGEST_PAUSE_S)):
             child = children.get(name)
             if child is not None and child.exit_code() is None:
-                self._hold_up(child, generator.uniform(0, _LONGEST_DELAY_S))
+                self._delay(child, generator.uniform(0, _LONGEST_DELAY_S))
                 self.counts[name] += 1
 
-    def _hold_up(self, child: Child, delay_s: float) -> None:
+    def _delay(self, child: Child, delay_s: float) -> None:
         child.signal(signal.SIGSTOP)
         try:
             self._over.wait(delay_s)

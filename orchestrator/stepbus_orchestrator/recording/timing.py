@@ -1,4 +1,4 @@
-"""Writes timing.mcap: what happened when by the wall clock; run.mcap knows none."""
+"""Writes timing.mcap: when everything happened by the wall clock, which run.mcap leaves out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _encode = msgspec.msgpack.Encoder().encode
 
 
 class TimingEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that happened once: a join, the start, a drop, the end."""
+    """Something that happened once: a spawn, a join, the start, an injected fault, the end."""
 
     event: str
     participant: str
@@ -42,7 +42,7 @@ class TriggerTiming(msgspec.Struct, frozen=True, kw_only=True):
     """When triggers were sent."""
 
     rows: list[tuple[int, int]]
-    """(step_limit, time since the epoch [ns])."""
+    """(step limit, time since the epoch [ns])."""
 
 
 _TYPES: Mapping[str, type[msgspec.Struct]] = {
@@ -61,8 +61,8 @@ def _schema_of(name: str) -> dict[str, Any]:
 class TimingRecorder:
     """Appends to timing.mcap; its log times are nanoseconds since the epoch.
 
-    It serves the user and decides nothing: when the disk is full it falls silent, and leaves it
-    to the recording itself to end the run.
+    It decides nothing: when the disk is full it stops writing, and leaves it to the recording
+    itself to end the run.
     """
 
     def __init__(self, path: Path) -> None:
@@ -81,11 +81,11 @@ class TimingRecorder:
         self._triggers: list[tuple[int, int]] = []
 
     def event(self, event: str, participant: str = "", text: str = "") -> None:
-        """Note that something happened now."""
+        """Record that something happened now."""
         self._add("TimingEvent/1", TimingEvent(event=event, participant=participant, text=text))
 
     def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
-        """Note that a log batch arrived now, and how long its steps took."""
+        """Record that a log batch arrived now, and how long its steps took."""
         held = self._rows.setdefault(participant, [])
         held.extend(rows)
         self._arrivals.setdefault(participant, []).append((rows[-1][0], time.time_ns()))
@@ -93,7 +93,7 @@ class TimingRecorder:
             self._write_steps(participant)
 
     def trigger(self, step_limit: int) -> None:
-        """Note that a trigger was sent now."""
+        """Record that a trigger was sent now."""
         self._triggers.append((step_limit, time.time_ns()))
         if len(self._triggers) >= _ROWS:
             self._write_triggers()
@@ -113,7 +113,7 @@ class TimingRecorder:
             self._file.add(self._channels[name], time.time_ns(), _encode(record), self._sequence)
 
     def close(self) -> None:
-        """Write what is held back and finish the file, as far as the disk allows."""
+        """Write the rest and complete the file, as far as the disk allows."""
         for participant in list(self._rows):
             self._write_steps(participant)
         if self._triggers:

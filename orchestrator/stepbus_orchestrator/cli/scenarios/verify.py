@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.verify import Outcome, Verification, plan, verify
+from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
@@ -48,13 +48,13 @@ def _execute(args: argparse.Namespace) -> int:
     folder = _folder(args.keep)
     trials = plan(scenario, args.n, args.seed)
 
-    def show(outcome: Outcome) -> None:
+    def show(trial: TrialResult) -> None:
         if not args.json:
-            say(_line(outcome, args.n))
+            say(_line(trial, args.n))
 
     with interruptible() as interrupt:
         found = verify(
-            scenario, trials, folder, seed=args.seed, on_outcome=show, interrupt=interrupt
+            scenario, trials, folder, seed=args.seed, on_result=show, interrupt=interrupt
         )
     if args.json:
         say_json(_fields(found))
@@ -80,18 +80,18 @@ def _folder(keep: Path | None) -> Path:
     return keep
 
 
-def _line(outcome: Outcome, count: int) -> str:
-    trial = outcome.trial
-    what = outcome.result.sha256[:_SHOWN_HASH] or "no recording"
+def _line(found: TrialResult, count: int) -> str:
+    trial = found.trial
+    what = found.result.sha256[:_SHOWN_HASH] or "no recording"
     return (
         f"run {trial.number} of {count}: window {trial.window:2}, {trial.transport:4}, started "
-        f"{' '.join(trial.start_order)}, {outcome.delays:4} delays: {what}, "
-        f"{outcome.steps_per_s:.0f} steps/s"
+        f"{' '.join(trial.start_order)}, {found.delays:4} delays: {what}, "
+        f"{found.steps_per_s:.0f} steps/s"
     )
 
 
 def _conclude(found: Verification) -> None:
-    first = found.outcomes[0].result
+    first = found.results[0].result
     if found.failed:
         complain(found.failed.result.reason)
     elif found.different:
@@ -102,7 +102,7 @@ def _conclude(found: Verification) -> None:
         )
         say(diff(one.result.recording, other.result.recording).text())
     else:
-        say(f"{len(found.outcomes)} runs of {first.steps} steps, one result\nsha256 {first.sha256}")
+        say(f"{len(found.results)} runs of {first.steps} steps, one result\nsha256 {first.sha256}")
 
 
 def _code(found: Verification) -> int:
@@ -116,7 +116,7 @@ def _fields(found: Verification) -> dict[str, object]:
     if found.different:
         one, other = found.different
         difference = diff(one.result.recording, other.result.recording)
-    return {"equal": not _code(found), "diff": difference, "runs": found.outcomes}
+    return {"equal": not _code(found), "diff": difference, "runs": found.results}
 
 
 COMMAND = Command(
