@@ -31,7 +31,7 @@ def _own_names(package: ModuleType) -> set[str]:
         for name, value in vars(package).items()
         if not name.startswith("_")
         and not isinstance(value, ModuleType)
-        and getattr(value, "__module__", "stepbus").startswith("stepbus")
+        and str(getattr(value, "__module__", "stepbus")).startswith("stepbus")
     }
 
 
