@@ -5,8 +5,9 @@ import random
 
 import pytest
 
-from stepbus_motion.base.motion import BaseMotion, BaseSettings
-from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.base.motion import BaseMotion
+from stepbus_motion.base.settings import BaseSettings
+from stepbus_motion.outcome import Refused
 from stepbus_schemas import BaseState, Goal
 
 DT = 0.008
@@ -37,7 +38,7 @@ class DiffDrive:
     def step(self, scale=1.0):
         """Move on by a step; returns what the controller says of the goal."""
         self.motion.advance(DT, scale)
-        outcome = self.motion.look(self.state())
+        outcome = self.motion.check(self.state())
         command = self.motion.command()
         self.speeds.append(command.vx)
         for side, sign in ((0, -1), (1, 1)):

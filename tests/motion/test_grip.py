@@ -1,9 +1,9 @@
-"""Goals of kind grip on a gripper of which every state is written down here."""
+"""Goals of type grip on a gripper of which every state is written down here."""
 
 import pytest
 
-from stepbus_motion.goals.outcome import Refused
-from stepbus_motion.gripper.gripper import Grip, GripSettings
+from stepbus_motion.gripper.gripper import Gripper, GripperSettings
+from stepbus_motion.outcome import Refused
 from stepbus_schemas import Goal, GripperState
 
 DT = 0.008
@@ -13,7 +13,7 @@ class Hand:
     """A gripper that closes at 0.1 m/s around a thing of a given width, or around nothing."""
 
     def __init__(self, width=0.1, thing=None, is_dead=False, grip=None):
-        self.grip = grip or Grip(GripSettings())
+        self.grip = grip or Gripper(GripperSettings())
         self.width, self.thing, self.is_dead, self.t = width, thing, is_dead, 0.0
         self.grip.hold(self.state())
 
@@ -28,7 +28,7 @@ class Hand:
         gap = self.grip.command().width - self.width
         if not self.is_dead:
             self.width = max(self.width + min(max(gap, -0.1 * DT), 0.1 * DT), least)
-        return self.grip.look(self.state(), self.t), self.grip.lost(self.t)
+        return self.grip.check(self.state(), self.t), self.grip.lost(self.t)
 
     def go(self, width, force=15.0, seconds=3.0):
         """Return the outcome of a goal; None: there was none in time."""
@@ -93,7 +93,7 @@ def test_a_contact_that_flickers_is_not_lost():
     hand.go(0.0)
     for k in range(100):
         loose = GripperState(width=0.066, force=0.0, holding=k % 10 == 0)
-        hand.grip.look(loose, hand.t + k * DT)
+        hand.grip.check(loose, hand.t + k * DT)
         assert hand.grip.lost(hand.t + k * DT) == ""
 
 

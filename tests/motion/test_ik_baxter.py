@@ -1,12 +1,13 @@
-"""Baxter: poses of both hands are found, touching links are named, and ways lead around them."""
+"""Baxter: poses of both hands are found, touching links are named, and paths lead around them."""
 
 import numpy as np
 import pytest
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
-from stepbus_motion.manipulator.detours import Planner
-from stepbus_motion.paths.motion import JointMotion, MotionLimits, Route
+from stepbus_motion.manipulator.routes import DetourRouter
+from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits
+from stepbus_motion.motions.trajectory import Joined
 from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
@@ -55,13 +56,13 @@ def test_crossed_arms_touch_and_the_links_are_named(collisions):
     assert second.startswith("right_")
 
 
-def test_a_way_is_found_around_the_other_arm(robot, collisions):
+def test_a_path_is_found_around_the_other_arm(robot, collisions):
     one = np.ones(14)
     limits = MotionLimits(velocity=one, acceleration=4 * one, jerk=40 * one)
     start, goal = HOME.copy(), HOME.copy()
     start[7:], goal[7:] = [-1.2, 0.1, 0, 0.6, 0, 0, 0], [0.7, -0.2, 0, 0.4, 0, 0, 0]
-    planner = Planner(robot, limits, seed=0, collisions=collisions)
-    route = Route(planner.plan(JointMotion.at_rest(start), goal, holds=False))
+    router = DetourRouter(robot, limits, seed=0, collisions=collisions)
+    route = Joined(router.plan(JointMotion.at_rest(start), goal, holds=False))
     poses = [route.at(t).position for t in np.linspace(0, route.duration, 200)]
     assert not any(collisions.any(q) for q in poses)
     assert poses[-1] == pytest.approx(goal)

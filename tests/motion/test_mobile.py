@@ -82,8 +82,8 @@ def config(folder, *, plans=False, leave_out=(), **params):
     outputs = dict(OUTPUTS) | ({"plan_request": "PlanRequest/1"} if plans else {})
     return Config(
         name="controller", step_ns=8 * MS, every=1, seed=0, folder=folder,
-        inputs={name: InputConfig(source="x", port=name, type=kind) for name, kind in inputs.items() if name not in leave_out},
-        outputs={name: OutputConfig(type=kind) for name, kind in outputs.items() if name not in leave_out},
+        inputs={name: InputConfig(source="x", port=name, type=port) for name, port in inputs.items() if name not in leave_out},
+        outputs={name: OutputConfig(type=port) for name, port in outputs.items() if name not in leave_out},
         params={"model": "robot.urdf", "joints": list(JOINTS), **params},
     )  # fmt: skip
 
@@ -137,12 +137,12 @@ class Robot:
         for _ in range(round(seconds / DT)):
             self.step()
 
-    def start(self, number, kind, **fields):
-        self.step(goal=Goal(id=number, type=kind, **fields))
+    def start(self, number, goal_type, **fields):
+        self.step(goal=Goal(id=number, type=goal_type, **fields))
 
-    def go(self, number, kind, seconds=30.0, **fields):
+    def go(self, number, goal_type, seconds=30.0, **fields):
         """Return the status with which a goal ends."""
-        self.start(number, kind, **fields)
+        self.start(number, goal_type, **fields)
         for _ in range(round(seconds / DT)):
             ended = [
                 n for n in self.news if n.id == number and n.state not in ("accepted", "running")
@@ -226,10 +226,10 @@ def test_a_stop_brings_arm_and_base_to_rest_and_keeps_what_is_held(robot):
     assert robot.width == pytest.approx(0.066)
 
 
-@pytest.mark.parametrize("kind", ["drive", "turn", "go_to"])
-def test_the_base_does_not_move_while_the_hand_is_too_high(tmp_path, kind):
+@pytest.mark.parametrize("goal_type", ["drive", "turn", "go_to"])
+def test_the_base_does_not_move_while_the_hand_is_too_high(tmp_path, goal_type):
     robot = Robot(config(tmp_path, safe_height=0.6), q=(0.0, -1.5, 1.0, 0.0, 0.0, 0.0))
-    end = robot.go(0, kind, by=0.5, base=(1.0, 0.0, 0.0))
+    end = robot.go(0, goal_type, by=0.5, base=(1.0, 0.0, 0.0))
     assert (end.state, end.cause) == ("failed", "too_high")
     assert "grasp is 1.287 m above the floor; the base moves only below 0.6 m" in end.text
     assert (robot.x, robot.yaw) == (0.0, 0.0)
@@ -500,15 +500,15 @@ def test_a_goal_with_absurd_numbers_fails_at_once_and_nothing_else_does(tmp_path
         ),
         (
             {"joint_state": JointState(position=[math.nan] * 6)},
-            "measured of the joints are not finite numbers: .*nan",
+            "measurements of the joints are not finite: .*nan",
         ),
         (
             {"odometry": BaseState(x=0.0, y=math.inf, yaw=0.0, vx=0.0, wz=0.0)},
-            "measured of the base are not finite numbers: .*inf",
+            "measurements of the base are not finite: .*inf",
         ),
         (
             {"hand": GripperState(width=math.nan, force=0.0, holding=False)},
-            "measured of the gripper are not finite numbers: .*nan",
+            "measurements of the gripper are not finite: .*nan",
         ),
     ],
 )

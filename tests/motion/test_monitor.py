@@ -32,7 +32,7 @@ class Stand:
         self.look(FLOOR)
 
     def look(self, *rows, holding=False, dt=1.0):
-        return self.monitor.look(contacts(*rows), holding=holding, dt=dt)
+        return self.monitor.update(contacts(*rows), holding=holding, dt=dt)
 
     def take_can(self, *others):
         """Close the pads around a can; others: more contacts."""

@@ -4,20 +4,16 @@ import pytest
 from manipulator_support import DOWN, HOME, UR5, make_limits, make_robot, with_effort
 
 from stepbus_kinematics import RobotModel
-from stepbus_motion.goals.outcome import Refused
-from stepbus_motion.manipulator.clock import MotionClock
-from stepbus_motion.paths.motion import JointMotion, MotionLimits, motion_to
-from stepbus_motion.paths.tip_path import Lost, SpiralCurve, follow, line
-from stepbus_motion.paths.trajectories import (
-    AlongPath,
-    Joined,
-    JointPath,
-    Rest,
-    Stretched,
-    fitted,
-    joint_path,
-    planned,
-)
+from stepbus_motion.motions.clock import MotionClock
+from stepbus_motion.motions.fitting import fitted
+from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits, motion_to
+from stepbus_motion.motions.plan import planned
+from stepbus_motion.motions.trajectory import AlongPath, Joined, Rest, Stretched
+from stepbus_motion.outcome import Refused
+from stepbus_motion.paths.follow import Lost, follow
+from stepbus_motion.paths.joint_path import JointPath, joint_path
+from stepbus_motion.paths.spiral_curve import SpiralCurve
+from stepbus_motion.paths.tip_path import line
 from stepbus_schemas import Plan
 
 TIP = "tool0"
@@ -175,7 +171,7 @@ def test_a_plan_begins_exactly_where_the_arm_is(robot):
         ({"times": [0.0, 1.0] * 10}, "do not increase from 0"),
         ({"position": [[0.0] * 5] * 20}, "not of 6 joints"),
         ({"velocity": [[float("nan")] * 6] * 20}, "not finite"),
-        ({"velocity": [[0.5] * 6] * 20}, "does not begin and end at rest"),
+        ({"velocity": [[0.5] * 6] * 20}, "does not start and end at rest"),
     ],
 )
 def test_a_plan_that_is_none_is_refused_by_name(robot, changes, message):
@@ -208,7 +204,7 @@ def test_a_way_back_through_poses_touches_each_of_them():
     path = joint_path(points)
     assert len(path.u) == 3
     assert all(np.allclose(path.at(u)[0], q) for u, q in zip(path.u, path.q, strict=True))
-    with pytest.raises(Refused, match="no way to go"):
+    with pytest.raises(Refused, match="the path has no length"):
         joint_path(points[1:3])
 
 
@@ -243,7 +239,7 @@ def test_a_line_out_of_reach_or_through_the_shoulder_is_lost_on_the_way(robot, t
     with pytest.raises(Lost, match="m of the way") as lost:
         follow(robot, TIP, way, HOME, 0.01)
     assert lost.value.cause == cause
-    assert 0 < lost.value.place < len(way)
+    assert 0 < lost.value.index < len(way)
 
 
 def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
@@ -265,7 +261,7 @@ def make_curve(raised=()):
         radius=(0.3, 0.1),
         turns=2.0,
         rise=0.2,
-        begins_at=0.5,
+        starts_at=0.5,
         rotation=DOWN.rotation,
         raised=lifts,
     )

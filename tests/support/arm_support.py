@@ -8,14 +8,17 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import RobotModel
-from stepbus_motion.goals.outcome import Settling
-from stepbus_motion.goals.runner import GoalRunner
+from stepbus_motion.goals.executor import GoalExecutor
+from stepbus_motion.goals.measured import Measured
+from stepbus_motion.goals.parts import Parts
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
-from stepbus_motion.manipulator.detours import Planner
-from stepbus_motion.paths.motion import MotionLimits
-from stepbus_schemas import GoalStatus
+from stepbus_motion.manipulator.build import searching_manipulator
+from stepbus_motion.manipulator.settling import Settling
+from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits
+from stepbus_schemas import Goal, GoalStatus
 
 JOINTS = ("one", "two", "three")
+PERIOD = 0.05
 _LINK = """
   <link name="link_{n}"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
     <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
@@ -48,25 +51,34 @@ def make_ik(robot: RobotModel, seed: int = 0, **settings: Any) -> InverseKinemat
     return InverseKinematics(robot, IkSettings(**settings), seed=seed)
 
 
-def make_runner(robot: RobotModel, *, tries_unholdable: bool = False) -> GoalRunner:
-    one = np.ones(len(robot.joints))
-    limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
-    settling = Settling(position=1e-3, velocity=1e-2, steps=3, timeout=0.5)
-    planner = Planner(robot, limits, seed=0)
-    runner = GoalRunner(
-        robot, make_ik(robot), planner, limits, settling, tries_unholdable=tries_unholdable
-    )
-    runner.hold(np.array([0.5, 0.5, 0.5]))
-    return runner
+class Runner:
+    """A goal executor of an arm alone, with what it was given and what it reports."""
 
+    def __init__(self, robot: RobotModel, *, tries_unholdable: bool = False) -> None:
+        one = np.ones(len(robot.joints))
+        limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
+        settling = Settling(position=1e-3, velocity=1e-2, steps=3, timeout=0.5)
+        self.arm = searching_manipulator(
+            robot, limits, settling, period=PERIOD, seed=0, tries_unholdable=tries_unholdable
+        )
+        self._executor = GoalExecutor(Parts(arm=self.arm))
+        rest = np.array([0.5, 0.5, 0.5])
+        self._executor.hold(Measured(q=rest, v=0 * rest))
 
-def carry_on(runner: GoalRunner, t: float, seconds: float = 8.0, stuck: bool = False) -> None:
-    """Let perfect motors follow, or none, for some time [s]."""
-    start = runner.at(t)
-    for now_s in np.arange(t, t + seconds, 0.05):
-        now = start if stuck else runner.at(now_s)
-        runner.look(now.position, now.velocity * (not stuck), now_s)
+    def begin(self, goal: Goal, t: float) -> None:
+        self._executor.begin(goal, t)
 
+    def at(self, t: float) -> JointMotion:
+        return self.arm.at(t)
 
-def all_news(runner: GoalRunner) -> list[GoalStatus]:
-    return list(iter(runner.news, None))
+    def carry_on(self, t: float, seconds: float = 8.0, stuck: bool = False) -> None:
+        """Let perfect motors follow, or none, for some time [s]."""
+        start = self.at(t)
+        for now_s in np.arange(t, t + seconds, PERIOD):
+            now = start if stuck else self.at(now_s)
+            measured = Measured(q=now.position, v=now.velocity * (not stuck))
+            self._executor.check(measured, now_s, PERIOD)
+
+    def statuses(self) -> list[GoalStatus]:
+        """Return what was reported since the last call."""
+        return list(iter(self._executor.reports.next_status, None))

@@ -11,9 +11,12 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel
-from stepbus_motion.goals.outcome import Outcome, Settling
-from stepbus_motion.manipulator.manipulator import Manipulator, ManipulatorOptions
-from stepbus_motion.paths.motion import MotionLimits
+from stepbus_motion.manipulator.build import branching_manipulator
+from stepbus_motion.manipulator.manipulator import Manipulator
+from stepbus_motion.manipulator.options import ManipulatorOptions
+from stepbus_motion.manipulator.settling import Settling
+from stepbus_motion.motions.joint_motion import MotionLimits
+from stepbus_motion.outcome import Outcome
 from stepbus_participant import package_path
 from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
@@ -49,10 +52,12 @@ def make_limits(robot: RobotModel) -> MotionLimits:
     return MotionLimits(velocity=0.8 * robot.velocity_limit, acceleration=4 * one, jerk=40 * one)
 
 
-def make_arm(robot: RobotModel, **options: Any) -> Manipulator:
+def make_arm(robot: RobotModel, *, uses_planner: bool = False, **options: Any) -> Manipulator:
     settling = Settling(position=1e-3, velocity=1e-2, steps=5, timeout=0.5)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
-    arm = Manipulator(robot, make_limits(robot), settling, given, seed=0)
+    arm = branching_manipulator(
+        robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner
+    )
     arm.hold(HOME)
     return arm
 
@@ -110,7 +115,7 @@ class Stage:
         if self._plan is not None:
             self.arm.take_plan(self._plan, self.t)
             self._plan = None
-        log.outcome = self.arm.look(self.q, self.v, self.t)
+        log.outcome = self.arm.check(self.q, self.v, self.t)
         request = self.arm.request()
         if request is not None:
             self.requests.append(request)

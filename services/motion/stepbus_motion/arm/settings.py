@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from stepbus_kinematics import RobotModel, SelfCollisions, Smoother, read_smoother
-from stepbus_motion.goals.outcome import Settling
+from stepbus_motion.manipulator.settling import Settling
+from stepbus_motion.motions.joint_motion import MotionLimits
 from stepbus_participant.settings import Settings
 from stepbus_schemas import WiringError
 
@@ -14,14 +17,12 @@ from stepbus_schemas import WiringError
 class ArmSettings:
     """What a scenario says about an `ArmController`.
 
-    velocity, acceleration, jerk: limits of the motion, shape (n,) [rad/s, rad/s², rad/s³].
+    limits: of the joints.
     """
 
     robot: RobotModel
     collisions: SelfCollisions | None
-    velocity: list[float]
-    acceleration: list[float]
-    jerk: list[float]
+    limits: MotionLimits
     settling: Settling
     tries_unholdable: bool
     smoother: Smoother | None
@@ -40,9 +41,7 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     """
     robot = read_robot(settings)
     collisions = _read_collisions(settings, robot)
-    velocity = read_velocity_limit(settings, robot)
-    acceleration = read_joint_limit(settings, robot, "acceleration_limit", 4.0)
-    jerk = read_joint_limit(settings, robot, "jerk_limit", 40.0)
+    limits = read_limits(settings, robot, acceleration=4.0, jerk=40.0)
     settling = read_settling(settings)
     tries = settings.choice("not_holdable", ("refuse", "try"), default="refuse") == "try"
     smoother = read_smoother(settings, period)
@@ -52,16 +51,25 @@ def read_arm_settings(settings: Settings, period: float) -> ArmSettings:
     return ArmSettings(
         robot=robot,
         collisions=collisions,
-        velocity=velocity,
-        acceleration=acceleration,
-        jerk=jerk,
+        limits=limits,
         settling=settling,
         tries_unholdable=tries,
         smoother=smoother,
     )
 
 
-def read_velocity_limit(settings: Settings, robot: RobotModel | None) -> list[float]:
+def read_limits(
+    settings: Settings, robot: RobotModel | None, *, acceleration: float, jerk: float
+) -> MotionLimits:
+    """Return the limits of the joints; acceleration, jerk: defaults [rad/s², rad/s³]."""
+    return MotionLimits(
+        velocity=np.array(_velocity_limit(settings, robot)),
+        acceleration=np.array(_joint_limit(settings, robot, "acceleration_limit", acceleration)),
+        jerk=np.array(_joint_limit(settings, robot, "jerk_limit", jerk)),
+    )
+
+
+def _velocity_limit(settings: Settings, robot: RobotModel | None) -> list[float]:
     """Return what `velocity_limit` says, or else 80 % of the URDF's limits, shape (n,) [rad/s]."""
     urdf = [0.8 * limit for limit in robot.velocity_limit] if robot is not None else []
     settings.value("velocity_limit", urdf)
@@ -70,7 +78,7 @@ def read_velocity_limit(settings: Settings, robot: RobotModel | None) -> list[fl
     return settings.per_name("velocity_limit", robot.joints, bound="positive")
 
 
-def read_joint_limit(
+def _joint_limit(
     settings: Settings, robot: RobotModel | None, param: str, default: float
 ) -> list[float]:
     """Return a limit of each joint, shape (n,); empty for a robot that cannot be read."""

@@ -1,4 +1,4 @@
-"""The ways of a mobile base: straight, or a turn on the spot."""
+"""The segments of a base's path: straight, or a turn on the spot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stepbus_schemas import BaseState
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """Where the base shall be, and its velocities there, in the frame of odometry."""
+    """Pose and velocities that the base follows, in the frame of odometry [m, rad, m/s, rad/s]."""
 
     x: float
     y: float
@@ -19,12 +19,17 @@ class Reference:
     vx: float
     wz: float
 
+    @classmethod
+    def standing(cls, x: float, y: float, yaw: float) -> Reference:
+        """Return a reference at rest."""
+        return cls(x=x, y=y, yaw=yaw, vx=0.0, wz=0.0)
+
 
 @dataclass(frozen=True, kw_only=True)
-class Leg:
-    """A straight way or a turn on the spot, from a pose on.
+class Segment:
+    """A straight line or a turn on the spot, from a pose.
 
-    length: [m], or [rad] where it turns; below 0: back, or clockwise.
+    length: [m], or [rad] where it turns; below 0: backwards, or clockwise.
     """
 
     x: float
@@ -34,19 +39,19 @@ class Leg:
     turns: bool
 
     def at(self, s: float, speed: float) -> Reference:
-        """Return the reference after a way s of the length, at a speed along it."""
+        """Return the reference after s of the length, at a speed along it."""
         if self.turns:
             return Reference(x=self.x, y=self.y, yaw=self.yaw + s, vx=0.0, wz=speed)
         x, y = self.x + s * math.cos(self.yaw), self.y + s * math.sin(self.yaw)
         return Reference(x=x, y=y, yaw=self.yaw, vx=speed, wz=0.0)
 
     def shown(self, s: float) -> str:
-        """Return a way along the leg in words."""
+        """Return a length with its unit."""
         return f"{math.degrees(s):.1f}°" if self.turns else f"{s:.3f} m"
 
 
-PlannedLeg = Callable[[BaseState], Leg | None]
-"""Makes a leg from where the base is when its turn comes; None: it is not needed."""
+PlannedSegment = Callable[[BaseState], Segment | None]
+"""Makes a segment from the base's pose at its start; None: it has no length."""
 
 
 def wrapped(angle: float) -> float:
@@ -54,52 +59,48 @@ def wrapped(angle: float) -> float:
     return math.remainder(angle, 2 * math.pi)
 
 
-def turning(state: BaseState, last: float, heading: float) -> float:
-    """Return how much a base turns in all that drives at a heading and looks to `last` [rad]."""
-    return abs(wrapped(heading - state.yaw)) + abs(wrapped(last - heading))
+def straight(length: float) -> PlannedSegment:
+    """Return a line along the heading that the base then has [m]."""
+    return lambda now: _segment(now, length, turns=False)
 
 
-def straight(length: float) -> PlannedLeg:
-    """Return a way ahead along the heading that the base then has [m]."""
-    return lambda now: _leg(now, length, turns=False)
+def straight_to(x: float, y: float, *, back: bool) -> PlannedSegment:
+    """Return the straight line to a point [m], forwards or backwards."""
 
-
-def straight_to(x: float, y: float, *, back: bool) -> PlannedLeg:
-    """Return the straight way to a point [m], ahead or back."""
-
-    def plan(now: BaseState) -> Leg | None:
+    def plan(now: BaseState) -> Segment | None:
         heading = math.atan2(y - now.y, x - now.x) + (math.pi if back else 0.0)
         yaw = now.yaw + wrapped(heading - now.yaw)
-        way = math.hypot(x - now.x, y - now.y)
-        return Leg(x=now.x, y=now.y, yaw=yaw, length=-way if back else way, turns=False)
+        length = math.hypot(x - now.x, y - now.y)
+        return Segment(x=now.x, y=now.y, yaw=yaw, length=-length if back else length, turns=False)
 
     return plan
 
 
-def turn_by(angle: float) -> PlannedLeg:
+def turn_by(angle: float) -> PlannedSegment:
     """Return a turn by an angle [rad]."""
-    return lambda now: _leg(now, angle, turns=True)
+    return lambda now: _segment(now, angle, turns=True)
 
 
-def turn_to(yaw: float) -> PlannedLeg:
+def turn_to(yaw: float) -> PlannedSegment:
     """Return the shorter turn to a heading [rad]."""
-    return lambda now: _leg(now, wrapped(yaw - now.yaw), turns=True)
+    return lambda now: _segment(now, wrapped(yaw - now.yaw), turns=True)
 
 
-def same_line(leg: Leg, length: float) -> PlannedLeg:
-    """Return a way along the line of another leg, from wherever the base then is."""
-    if leg.turns:
+def same_line(segment: Segment, length: float) -> PlannedSegment:
+    """Return a segment along the line of another one, from wherever the base then is."""
+    if segment.turns:
         return turn_by(length)
+    x0, y0, yaw = segment.x, segment.y, segment.yaw
 
-    def plan(now: BaseState) -> Leg | None:
-        along = (now.x - leg.x) * math.cos(leg.yaw) + (now.y - leg.y) * math.sin(leg.yaw)
-        x, y = leg.x + along * math.cos(leg.yaw), leg.y + along * math.sin(leg.yaw)
-        return Leg(x=x, y=y, yaw=leg.yaw, length=length, turns=False)
+    def plan(now: BaseState) -> Segment | None:
+        along = (now.x - x0) * math.cos(yaw) + (now.y - y0) * math.sin(yaw)
+        x, y = x0 + along * math.cos(yaw), y0 + along * math.sin(yaw)
+        return Segment(x=x, y=y, yaw=yaw, length=length, turns=False)
 
     return plan
 
 
-def _leg(now: BaseState, length: float, *, turns: bool) -> Leg | None:
+def _segment(now: BaseState, length: float, *, turns: bool) -> Segment | None:
     if abs(length) < 1e-9:
         return None
-    return Leg(x=now.x, y=now.y, yaw=now.yaw, length=length, turns=turns)
+    return Segment(x=now.x, y=now.y, yaw=now.yaw, length=length, turns=turns)

@@ -1,4 +1,4 @@
-"""Watches the contacts of a robot: what it must not touch, and how close that is."""
+"""Monitors the contacts of a robot: what it must not touch, and how close that is."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Literal, NamedTuple
 from stepbus_schemas import Contacts, RunError
 
 Moves = Literal["arm", "base", "all"]
-"""What a goal moves; the hand belongs to the arm."""
+"""What a goal moves; the gripper belongs to the arm."""
 
 _APART = 5e-3
-"""So far away, a thing that the pads had between them is let go [m]."""
+"""Distance from which a thing that was between the pads counts as let go [m]."""
 
 _GROUND_WITHIN = 5e-3
-"""What the wheels are so close to when it all begins is what they stand on [m]."""
+"""What the wheels are closer to at the start is what they stand on [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,9 +24,9 @@ class MonitorSettings:
 
     links: of the robot; base_links: those that only the base moves, not the arm. pads: those that
     may touch the goal's `touches` and what is held. ignore: wheels and casters, which may touch
-    what they stand on at the start. force: from which a touch is a collision [N]. more_force: the
-    same, on top of what was there when the goal began [N].
-    within: distance from which the robot slows down [m]. slowest: its share of the full speed at
+    what they stand on at the start. force: above it a touch is a collision [N]. more_force: the
+    same, on top of the force at the start of the goal [N].
+    within: below this distance the robot slows down [m]. slowest: share of the full speed at
     distance 0. rate: largest change of that share [1/s].
     """
 
@@ -52,7 +52,7 @@ class _Row(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Collision:
-    """A touch that must not be; ours: the robot's link, or what it holds. force: [N]."""
+    """A forbidden touch; ours: the robot's link, or what it holds. force: [N]."""
 
     ours: str
     other: str
@@ -69,11 +69,11 @@ class Collision:
 
 @dataclass(frozen=True, kw_only=True)
 class Watch:
-    """What the monitor saw.
+    """What the monitor found in a step.
 
-    collision: the hardest touch that must not be; None: there is none. near: the closest thing
-    that must not be touched, and `gap` how close it is [m]; None: nothing is near. held: link of
-    the world between the pads; empty: none. scale: share of the full speed, 0 to 1.
+    collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
+    not touch, and `gap` its distance [m]; None: nothing is near. held: link of the world between
+    the pads; empty: none. scale: share of the full speed, 0 to 1.
     """
 
     collision: Collision | None
@@ -84,14 +84,14 @@ class Watch:
 
 
 class CollisionMonitor:
-    """Tells what a robot touches against its goal's will, step by step.
+    """Finds what a robot touches that its goal does not allow, step by step.
 
-    Allowed are the pads at `touches` and at what is held, until they have let go of it; the pads at
-    anything while they grip; what is held at `touches` and at what it touched when it was taken;
-    wheels and casters at the ground. A touch that was there when a goal began counts only when it
-    becomes harder: a robot has to be allowed to leave. Near things, other than what is held and
-    moves along, slow it down: its scale goes linearly from `slowest` at distance 0 to 1 at `within`
-    (the idea of speed and separation monitoring, ISO/TS 15066, 2016, section 5.5.4).
+    The pads may touch `touches`, what is held until they have let go of it, and anything while they
+    grip; what is held may touch `touches` and what it touched when it was taken; wheels and casters
+    may touch the ground. A touch that is there when a goal starts counts only once it becomes
+    harder, so that the robot can leave. Near things, other than what is held and moves along, slow
+    the robot down: its scale goes linearly from `slowest` at distance 0 to 1 at `within` (speed and
+    separation monitoring, ISO/TS 15066, 2016, section 5.5.4).
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -116,25 +116,25 @@ class CollisionMonitor:
     def begin(
         self, touches: Collection[str] = (), *, grips: bool = False, moves: Moves = "all"
     ) -> None:
-        """Begin to watch a goal; touches: links of the world that it may touch.
+        """Start to monitor a goal; touches: links of the world that it may touch.
 
         grips: whether it moves the pads. moves: what it moves; what cannot come closer by that
-        makes nothing slower.
+        slows nothing down.
         """
         self._touches = frozenset(touches)
         self._grips, self._moves = grips, moves
         self._known = {(row.ours, row.other): row.force for row in self._last if row.force > 0.0}
 
-    def look(self, contacts: Contacts, *, holding: bool, dt: float) -> Watch:
-        """Take in the contacts of a step, dt [s] after the one before.
+    def update(self, contacts: Contacts, *, holding: bool, dt: float) -> Watch:
+        """Check the contacts of a step, dt [s] after the one before.
 
         holding: whether the gripper holds something between its pads. Raises RunError for contacts
-        whose rows are not of one length.
+        whose fields have different lengths.
         """
         counts = (len(contacts.pairs), len(contacts.force), len(contacts.distance))
         if len(set(counts)) > 1:
             text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
-            raise RunError(f"the contacts have {text}: one of each is needed")
+            raise RunError(f"the contacts have {text}; they need as many of each")
         self._learn_ground(contacts)
         self._learn_held(contacts, holding)
         self._last = list(self._rows(contacts))
@@ -197,10 +197,10 @@ class CollisionMonitor:
         return False
 
     def _may_close(self, row: _Row) -> bool:
-        """Return whether a gap can become smaller by the goal under way.
+        """Return whether the goal under way can make a gap smaller.
 
-        It cannot between what is held and a link around it, as the palm of the hand; between the
-        world and a base that stands; and between two links of a robot of which the base moves.
+        It cannot between what is held and a link around it, as the palm; between the world and a
+        base that stands; and between two links of a robot of which only the base moves.
         """
         pair = {row.ours, row.other}
         if self._held in pair and pair & self._around:
@@ -212,7 +212,7 @@ class CollisionMonitor:
         return both_ours or not stands
 
     def _learn_ground(self, contacts: Contacts) -> None:
-        """Take what wheels and casters touch first for the ground."""
+        """Take what wheels and casters touch at the start for the ground."""
         if self._ground:
             return
         for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
@@ -220,7 +220,7 @@ class CollisionMonitor:
                 self._ground.update(set(pair) - self._settings.links)
 
     def _learn_held(self, contacts: Contacts, holding: bool) -> None:
-        """Find what is held, and what the pads have or had between them."""
+        """Find what is held, and what is or was between the pads."""
         touched = {pad: self._touched_by(contacts, pad) for pad in self._settings.pads}
         close = {link for pad in self._settings.pads for link in self._near(contacts, pad, _APART)}
         one, other = (touched[pad] for pad in self._settings.pads)

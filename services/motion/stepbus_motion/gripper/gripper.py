@@ -1,22 +1,22 @@
-"""Opens and closes a gripper, tells when that is done, and notices when it loses what it held."""
+"""Opens and closes a gripper, and notices when it loses what it held."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from stepbus_motion.goals.outcome import Outcome, Refused
+from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
 
 
 @dataclass(frozen=True, kw_only=True)
-class GripSettings:
-    """When a gripper has done what it shall.
+class GripperSettings:
+    """When a gripper has reached its goal.
 
-    widest: between the pads [m]. tolerance: of the width [m]. still: the width changes by no more
-    while the fingers stand [m]. still_for: how long they have to stand for that [s]. patience: how
-    long they may stand without having done anything [s]. hold_force: to keep the fingers where
-    they are before the first goal [N].
+    widest: largest width between the pads [m]. tolerance: of the width [m]. still: largest change
+    of the width while the fingers stand still [m]. still_for: time that they must stand still [s].
+    patience: time that they may stand still short of the goal [s]. hold_force: keeps the fingers
+    where they are before the first goal [N].
     """
 
     widest: float = 0.1
@@ -27,14 +27,14 @@ class GripSettings:
     hold_force: float = 15.0
 
 
-class Grip:
-    """Carries out goals of type `grip`, one at a time.
+class Gripper:
+    """Carries out `grip` goals, one at a time.
 
-    A goal is done when the width is reached, or when the fingers stand because they hold
-    something between them.
+    A goal is done when the width is reached, or when the fingers stand still because they hold
+    something.
     """
 
-    def __init__(self, settings: GripSettings) -> None:
+    def __init__(self, settings: GripperSettings) -> None:
         self._settings = settings
         self._command: GripperCommand | None = None
         self._state: GripperState | None = None
@@ -51,7 +51,7 @@ class Grip:
         return self._holds_width is not None
 
     def hold(self, state: GripperState) -> None:
-        """Keep the fingers where they are when it all begins."""
+        """Keep the fingers where they are."""
         self._state = state
         self._command = self._keep(state)
 
@@ -60,9 +60,9 @@ class Grip:
         return GripperCommand(width=width, force=self._settings.hold_force)
 
     def begin(self, goal: Goal, t: float) -> str:
-        """Take in a goal at a time [s]; returns a sentence that says what will be done.
+        """Start a goal at a time [s] and return a sentence for its status.
 
-        Raises Refused for a width or force that cannot be.
+        Raises Refused for a width or force out of range.
         """
         state = self._now()
         if not 0.0 <= goal.width <= self._settings.widest:
@@ -80,7 +80,7 @@ class Grip:
         return f"{verb} from {_mm(state.width)} to {_mm(goal.width)} with {goal.force:.1f} N"
 
     def stop(self) -> None:
-        """Let the fingers stay where they are; what they hold they keep."""
+        """Leave the fingers where they are; they keep what they hold."""
         state = self._now()
         if self._goal is not None and state.holding:
             self._holds_width = state.width
@@ -89,13 +89,13 @@ class Grip:
         self._goal = None
 
     def command(self) -> GripperCommand:
-        """Return what the gripper shall do now."""
+        """Return the command of this step."""
         if self._command is None:
             raise RunError("the gripper has not been measured yet")
         return self._command
 
-    def look(self, state: GripperState, t: float) -> Outcome | None:
-        """Take in what the gripper does at a time [s]; returns how the goal has ended, if so."""
+    def check(self, state: GripperState, t: float) -> Outcome | None:
+        """Compare with what was measured at a time [s]; return how the goal ended, once it has."""
         self._state = state
         if abs(state.width - self._anchor) > self._settings.still:
             self._anchor, self._still_since = state.width, t
@@ -125,9 +125,9 @@ class Grip:
         return Outcome(state="failed", cause="stuck", text=text)
 
     def lost(self, t: float) -> str:
-        """Return what became of the thing that was held, when it has slipped out; or nothing.
+        """Return a sentence once what was held has slipped out, else nothing.
 
-        To be asked at every step; said once.
+        Call it in every step.
         """
         if self._holds_width is None or self._goal is not None:
             return ""

@@ -1,67 +1,169 @@
-"""Where the joints may go for a goal: one way to stand after the other."""
+"""Where the joints may go for a goal: one solution after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
-from stepbus_kinematics import RobotModel, Vector
-from stepbus_motion.goals.outcome import Refused
-from stepbus_motion.goals.targets import frame_in_base, target_joints, target_pose
-from stepbus_motion.ik.analytic import BranchSolver
-from stepbus_motion.paths.spiral import SpiralMaker
-from stepbus_motion.paths.trajectories import JointPath
-from stepbus_schemas import BaseState, Goal
+from stepbus_kinematics import Indices, RobotModel, Vector
+from stepbus_motion.ik.branches import BranchSolver
+from stepbus_motion.ik.search import InverseKinematics, Solution
+from stepbus_motion.outcome import Refused
+from stepbus_motion.paths.follow import follow
+from stepbus_motion.paths.joint_path import JointPath
+from stepbus_motion.paths.spiral import SpiralPlanner
+from stepbus_motion.paths.tip_path import line
+from stepbus_schemas import BaseState, Goal, RunError
+
+from .options import ManipulatorOptions
+from .targets import frame_in_base, target_joints, target_pose
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leg:
-    """Joints to go to, shape (n,) [rad], and the paths of the tip that follow from there [m]."""
+class Candidate:
+    """Joint positions to go to, shape (n,) [rad].
+
+    paths: of the joints from there on, over the length of the tip's path [m]. text: description.
+    holds: whether the motors can hold the arm there.
+    """
 
     target: Vector
     paths: tuple[JointPath, ...] = ()
     text: str = ""
+    holds: bool = True
 
 
-class LegFinder:
-    """Turns goals of types move_joints, move_to_pose and spiral into legs, the nearest first."""
+class CandidateFinder(ABC):
+    """Turns goals of an arm into candidates, the nearest first."""
 
-    def __init__(self, robot: RobotModel, solver: BranchSolver, spirals: SpiralMaker) -> None:
-        self._robot = robot
+    def __init__(self, robot: RobotModel) -> None:
+        self.robot = robot
+
+    def candidates(
+        self, goal: Goal, rest: Vector, q: Vector, base: BaseState
+    ) -> Iterator[Candidate]:
+        """Return where to go from rest; q: measured, both of shape (n,) [rad].
+
+        Raises Refused for a goal of another part, and where there is no candidate; RunError for an
+        unknown frame.
+        """
+        match goal.type:
+            case "move_joints":
+                yield self.from_joints(*target_joints(goal, self.robot, rest))
+            case "move_to_pose":
+                self._check_tip(goal.tip)
+                yield from self.from_pose(goal.tip, self._target(goal, q, base), rest)
+            case "spiral":
+                self._check_tip(goal.tip)
+                frame = frame_in_base(self.robot, q, base, goal.frame)
+                yield from self.from_spiral(goal, frame, frame * target_pose(goal), rest)
+            case _:
+                raise _unsupported(goal)
+
+    def line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> JointPath | None:
+        """Return the joints along a straight path of the tip; None: the tip is there already.
+
+        Raises Refused where the joints cannot follow it.
+        """
+        self._check_tip(goal.tip)
+        return self.from_line(goal, self._target(goal, q, base), rest)
+
+    def _target(self, goal: Goal, q: Vector, base: BaseState) -> Any:
+        return frame_in_base(self.robot, q, base, goal.frame) * target_pose(goal)
+
+    def _check_tip(self, tip: str) -> None:
+        if not self.robot.chain(tip).size:
+            raise RunError(f"no joint of this controller moves tip {tip!r}")
+
+    @abstractmethod
+    def from_joints(self, target: Vector, named: Indices) -> Candidate:
+        """Return joint positions as a candidate; named: joints that the goal names."""
+
+    @abstractmethod
+    def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
+        """Return the candidates for a pose of the tip in the robot's base."""
+
+    def from_spiral(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
+        """Return the candidates for a spiral, in the frame of the goal."""
+        raise _unsupported(goal)
+
+    def from_line(self, goal: Goal, target: Any, rest: Vector) -> JointPath | None:
+        """Return the joints along a straight path to a pose in the robot's base."""
+        raise _unsupported(goal)
+
+
+def _unsupported(goal: Goal) -> Refused:
+    return Refused("invalid", f"this arm has no goals of type {goal.type}")
+
+
+class BranchCandidates(CandidateFinder):
+    """All solutions of the inverse kinematics; collisions are the planner's business."""
+
+    def __init__(
+        self, robot: RobotModel, options: ManipulatorOptions, solver: BranchSolver,
+        spirals: SpiralPlanner,
+    ) -> None:  # fmt: skip
+        super().__init__(robot)
+        self._options = options
         self._solver = solver
         self._spirals = spirals
-        self._kinds: dict[str, Callable[[Goal, Vector, Vector, BaseState], Iterator[Leg]]] = {
-            "move_joints": self._joints,
-            "move_to_pose": self._pose,
-            "spiral": self._spiral,
-        }
 
-    def legs(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> Iterator[Leg]:
-        """Return what may be gone to from rest; q: measured, both of shape (n,) [rad].
-
-        Raises Refused for another kind and, at the first leg, where nothing can be gone to;
-        RunError for an unknown frame.
-        """
-        if goal.type not in self._kinds:
-            raise Refused("invalid", f"an arm has no goals of type {goal.type}")
-        return self._kinds[goal.type](goal, rest, q, base)
-
-    def _joints(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> Iterator[Leg]:
-        target = target_joints(goal, self._robot, rest)
-        load = self._robot.overload(target)
+    def from_joints(self, target: Vector, named: Indices) -> Candidate:
+        """See `CandidateFinder`."""
+        load = self.robot.overload(target)
         if load is not None:
             raise Refused("not_holdable", f"not holdable: {load}")
-        yield Leg(target=target)
+        return Candidate(target=target)
 
-    def _pose(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> Iterator[Leg]:
-        self._solver.chain(goal.tip)
-        target = frame_in_base(self._robot, q, base, goal.frame) * target_pose(goal)
-        ways = self._solver.solve(goal.tip, target, rest)
-        for number, way in enumerate(ways, 1):
-            yield Leg(target=way, text=f"way to stand {number} of {len(ways)}")
+    def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
+        """See `CandidateFinder`."""
+        solutions = self._solver.solve(tip, target, rest)
+        for number, q in enumerate(solutions, 1):
+            yield Candidate(target=q, text=f"way to stand {number} of {len(solutions)}")
 
-    def _spiral(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> Iterator[Leg]:
-        self._solver.chain(goal.tip)
-        frame = frame_in_base(self._robot, q, base, goal.frame)
-        for way in self._spirals.ways(goal, frame, frame * target_pose(goal), rest):
-            yield Leg(target=way.start, paths=tuple(way.paths), text=way.text)
+    def from_spiral(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
+        """See `CandidateFinder`."""
+        for found in self._spirals.solve(goal, frame, target, rest):
+            yield Candidate(target=found.start, paths=tuple(found.paths), text=found.text)
+
+    def from_line(self, goal: Goal, target: Any, rest: Vector) -> JointPath | None:
+        """See `CandidateFinder`."""
+        start = self.robot.frame_pose(rest, goal.tip)
+        if not start.isApprox(target):
+            # An end that is out of reach is refused with the numbers of how far it is, before a
+            # path of very many poses is laid out to it.
+            self._solver.solve(goal.tip, target, rest)
+        path = line(start, target, self._options.turn_radius)
+        if not path:
+            return None
+        return follow(self.robot, goal.tip, path, rest, self._options.singular_below)
+
+
+class SearchedCandidates(CandidateFinder):
+    """The best solution of a search that checks for self-collisions.
+
+    tries_unholdable: poses that the motors cannot hold are candidates, too.
+    """
+
+    def __init__(
+        self, robot: RobotModel, ik: InverseKinematics, *, tries_unholdable: bool = False
+    ) -> None:
+        super().__init__(robot)
+        self._ik = ik
+        self._tries_unholdable = tries_unholdable
+
+    def from_joints(self, target: Vector, named: Indices) -> Candidate:
+        """See `CandidateFinder`."""
+        return self._accepted(self._ik.judge(target, named))
+
+    def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
+        """See `CandidateFinder`."""
+        yield self._accepted(self._ik.solve(tip, target, rest))
+
+    def _accepted(self, solution: Solution) -> Candidate:
+        holds = solution.verdict == "reached"
+        if not holds and not (self._tries_unholdable and solution.verdict == "not_holdable"):
+            raise Refused(solution.verdict, str(solution))
+        return Candidate(target=solution.q, text=str(solution), holds=holds)

@@ -1,4 +1,4 @@
-"""A controller of a mobile manipulator: `python -m stepbus_motion.mobile`."""
+"""Carries out goals of an arm on a mobile base with a gripper."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping
 from importlib.metadata import version
 
-import numpy as np
-
-from stepbus_kinematics import JointOrder
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.collisions.monitor import CollisionMonitor
-from stepbus_motion.goals.executor import Dispatcher, Sensed
-from stepbus_motion.gripper.gripper import Grip
-from stepbus_motion.manipulator.manipulator import Manipulator
+from stepbus_motion.goals.executor import GoalExecutor
+from stepbus_motion.goals.joint_sensor import JointReading, JointSensor
+from stepbus_motion.goals.measured import Measured
+from stepbus_motion.goals.parts import Parts
+from stepbus_motion.gripper.gripper import Gripper
+from stepbus_motion.manipulator.build import branching_manipulator
 from stepbus_participant import Config, Participant, Step
 from stepbus_schemas import (
     BaseState,
@@ -22,31 +22,28 @@ from stepbus_schemas import (
     Description,
     Goal,
     GripperState,
-    JointCommand,
     JointState,
     Message,
     Plan,
     RunError,
-    WiringError,
 )
 
 from .settings import MobileSettings, read_mobile_settings
 
 _PLANNER_FAILED = "planner_failed"
-"""Cause of a plan that stepbus sends in a planner's stead, when that is `on_fault: hold`."""
+"""Cause of a plan that stepbus sends instead of a failed planner with `on_fault: hold`."""
 
 
 class MobileController(Participant):
     """Carries out the goals of an arm on a mobile base with a gripper, one at a time.
 
     Inputs: one JointState/1, BaseState/1, GripperState/1, Goal/1; where the scenario wires them,
-    one Contacts/1, with which collisions are watched, and one Plan/1 of a planner. Outputs: one
-    JointCommand/1 of mode position with feed-forward velocity, one BaseCommand/1 and one
-    GripperCommand/1 at every step; one GoalStatus/1 whenever there is news; one PlanRequest/1 for
-    the planner; where it is wired, one ControllerStatus/1.
+    one Contacts/1, with which the robot is monitored for collisions, and one Plan/1 of a planner.
+    Outputs: one JointCommand/1 of mode position with feed-forward velocity, one BaseCommand/1 and
+    one GripperCommand/1 at every step; one GoalStatus/1 whenever the status changes; one
+    PlanRequest/1 for the planner; where it is wired, one ControllerStatus/1.
 
-    A goal is taken in when its id differs from the one before. Parameters: see
-    `read_mobile_settings`.
+    A goal starts when its id differs from the one before. Parameters: see `read_mobile_settings`.
     """
 
     def __init__(self, config: Config) -> None:
@@ -54,7 +51,7 @@ class MobileController(Participant):
         self._settings: MobileSettings = read_mobile_settings(config)
         self._ports = self._settings.ports
         self._period = config.every * config.step_ns * 1e-9
-        self._sensed: Sensed | None = None
+        self._reading: JointReading | None = None
         self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
@@ -68,105 +65,84 @@ class MobileController(Participant):
 
         Raises WiringError for joints that the plant does not sense.
         """
-        settings, described = self._settings, inputs[self._ports.joint_state]
-        joints = settings.robot.joints
-        try:
-            self._order = JointOrder(self._ports.joint_state, described.names, joints)
-        except WiringError as exc:
-            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-            raise WiringError("\n".join(lines)) from exc
-        effort = described.limits.get("effort")
-        if effort is not None:
-            settings.robot.effort_limit = self._order.pick(effort, "effort limits")
-        self._start_parts(settings)
-
-    def _start_parts(self, settings: MobileSettings) -> None:
-        self._arm = Manipulator(
+        settings, port = self._settings, self._ports.joint_state
+        self._sensor = JointSensor(
+            self.config.name, port, inputs[port], settings.robot, period=self._period
+        )
+        self._arm = branching_manipulator(
             settings.robot,
             settings.limits,
             settings.settling,
             settings.arm,
             seed=self.config.seed,
+            uses_planner=self._ports.plan is not None,
         )
-        self._base, self._hand = BaseMotion(settings.base), Grip(settings.hand)
-        self._dispatcher = Dispatcher(
-            self._arm,
-            self._base,
-            self._hand,
-            settings.travel,
+        self._base, self._gripper = BaseMotion(settings.base), Gripper(settings.gripper)
+        self._executor = GoalExecutor(
+            Parts(arm=self._arm, base=self._base, gripper=self._gripper, stow=settings.stow),
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
-            evasion=settings.evasion,
+            avoidance=settings.avoidance,
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Return the commands of this step, and what is new of the goal."""
-        sensed = self._sense(step)
-        if sensed is None:
+        """Return the commands of this step, and what is new about the goal."""
+        is_first = self._reading is None
+        now = self._sense(step)
+        if now is None or self._reading is None:
             return {}
-        if self._sensed is None:
-            self._dispatcher.hold(sensed)
+        if is_first:
+            self._executor.hold(now)
         else:
-            self._dispatcher.look(sensed, step.t, self._period)
-        self._sensed = sensed
+            self._executor.check(now, step.t, self._period)
         self._take_plan(step)
         goal = step.get(self._ports.goal, Goal)
         if goal is not None and goal.id != self._goal_id:
             self._goal_id = goal.id
-            self._dispatcher.begin(goal, step.t)
-        return self._messages(step, sensed)
+            self._executor.begin(goal, step.t)
+        return self._messages(step, self._reading)
 
-    def _sense(self, step: Step) -> Sensed | None:
-        """Return what was measured; None: not everything was measured yet."""
+    def _sense(self, step: Step) -> Measured | None:
+        """Return what was measured; None: some inputs have not come yet."""
         ports = self._ports
         joints = step.get(ports.joint_state, JointState)
         base = step.get(ports.odometry, BaseState)
-        hand = step.get(ports.hand_state, GripperState)
-        if joints is None or base is None or hand is None:
+        gripper = step.get(ports.gripper_state, GripperState)
+        if joints is None or base is None or gripper is None:
             return None
-        q = self._order.pick(joints.position, "position")
-        if joints.velocity is not None:
-            v = self._order.pick(joints.velocity, "velocity")
-        elif self._sensed is not None:
-            v = (q - self._sensed.q) / self._period
-        else:
-            v = np.zeros_like(q)
+        self._reading = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
-        sensed = Sensed(q=q, v=v, base=base, hand=hand, contacts=contacts)
-        _check(sensed)
-        return sensed
+        q, v = self._reading.q, self._reading.v
+        _check(self._reading, base, gripper)
+        return Measured(q=q, v=v, base=base, gripper=gripper, contacts=contacts)
 
     def _take_plan(self, step: Step) -> None:
         if self._ports.plan is None or not step.is_new(self._ports.plan):
             return
         plan = step.read(self._ports.plan, Plan)
         if plan.cause == _PLANNER_FAILED:
-            self._dispatcher.lose_planner(plan.text, step.t)
+            self._executor.lose_planner(plan.text, step.t)
         else:
             self._arm.take_plan(plan, step.t)
 
-    def _messages(self, step: Step, sensed: Sensed) -> dict[str, Message]:
+    def _messages(self, step: Step, reading: JointReading) -> dict[str, Message]:
         ports, target = self._ports, self._arm.at(step.t)
         messages: dict[str, Message] = {
-            ports.arm: JointCommand(
-                mode="position",
-                values=target.position.tolist(),
-                velocity=target.velocity.tolist(),
-            ),
+            ports.arm: target.command(),
             ports.base: self._base.command(),
-            ports.hand: self._hand.command(),
+            ports.gripper: self._gripper.command(),
         }
-        news = self._dispatcher.news()
-        if news is not None:
-            messages[ports.goal_status] = news
+        status = self._executor.reports.next_status()
+        if status is not None:
+            messages[ports.goal_status] = status
         request = self._arm.request()
         if request is not None and ports.plan_request is not None:
             messages[ports.plan_request] = request
         if ports.status is not None:
-            error: list[float] = (target.position - sensed.q).tolist()
+            error: list[float] = (target.position - reading.position).tolist()
             messages[ports.status] = ControllerStatus(
                 error=error,
                 saturated=[False] * len(error),
-                warnings=self._dispatcher.warnings(),
+                warnings=self._executor.reports.take_warnings(),
             )
         return messages
 
@@ -175,14 +151,13 @@ class MobileController(Participant):
         return {name: version(name) for name in ("numpy", "pin", "ruckig")}
 
 
-def _check(sensed: Sensed) -> None:
+def _check(reading: JointReading, base: BaseState, gripper: GripperState) -> None:
     """Raise RunError for a measurement that is no finite number."""
-    base, hand = sensed.base, sensed.hand
     rows = {
-        "the joints": (*sensed.q.tolist(), *sensed.v.tolist()),
+        "the joints": (*reading.q.tolist(), *reading.v.tolist()),
         "the base": (base.x, base.y, base.yaw, base.vx, base.wz),
-        "the gripper": (hand.width, hand.force),
+        "the gripper": (gripper.width, gripper.force),
     }
     for name, row in rows.items():
         if not math.isfinite(sum(row)):
-            raise RunError(f"what was measured of {name} are not finite numbers: {list(row)}")
+            raise RunError(f"the measurements of {name} are not finite: {list(row)}")

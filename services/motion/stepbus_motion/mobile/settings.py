@@ -7,22 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from stepbus_kinematics import RobotModel
-from stepbus_motion.arm.settings import (
-    read_joint_limit,
-    read_robot,
-    read_settling,
-    read_velocity_limit,
-)
-from stepbus_motion.base.motion import BaseSettings
+from stepbus_motion.arm.settings import read_limits, read_robot, read_settling
+from stepbus_motion.base.settings import BaseSettings
 from stepbus_motion.collisions.monitor import MonitorSettings
-from stepbus_motion.goals.executor import Evasion, TravelRule
-from stepbus_motion.goals.outcome import Settling
-from stepbus_motion.gripper.gripper import GripSettings
-from stepbus_motion.manipulator.manipulator import ManipulatorOptions
-from stepbus_motion.paths.motion import MotionLimits
+from stepbus_motion.goals.avoidance import AvoidanceSettings
+from stepbus_motion.goals.stow import StowCondition
+from stepbus_motion.gripper.gripper import GripperSettings
+from stepbus_motion.manipulator.options import ManipulatorOptions
+from stepbus_motion.manipulator.settling import Settling
+from stepbus_motion.motions.joint_motion import MotionLimits
 from stepbus_participant import Config
 from stepbus_participant.settings import Settings, nearest
 from stepbus_schemas import RunError
@@ -34,13 +29,13 @@ class MobilePorts:
 
     joint_state: str
     odometry: str
-    hand_state: str
+    gripper_state: str
     goal: str
     contacts: str | None
     plan: str | None
     arm: str
     base: str
-    hand: str
+    gripper: str
     goal_status: str
     plan_request: str | None
     status: str | None
@@ -59,10 +54,10 @@ class MobileSettings:
     settling: Settling
     arm: ManipulatorOptions
     base: BaseSettings
-    hand: GripSettings
-    travel: TravelRule
+    gripper: GripperSettings
+    stow: StowCondition
     monitor: MonitorSettings | None
-    evasion: Evasion
+    avoidance: AvoidanceSettings
 
 
 def read_mobile_settings(config: Config) -> MobileSettings:
@@ -74,29 +69,29 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     see `ManipulatorOptions`. The base: base_speed, base_acceleration, base_jerk, base_turn_speed,
     base_turn_acceleration, base_turn_jerk, base_position, base_angle, base_timeout, base_lag,
     base_lag_angle, track: see `BaseSettings`; safe_height, safe_reach of the tip while it moves.
-    The gripper: hand_widest, hand_tolerance, hand_force (to hold before the first goal). The
+    The gripper: gripper_widest, gripper_tolerance, gripper_force (before the first goal). The
     monitor: robot_links (default: all of the model), pads, ignore (default: links of the model
     with wheel or caster in their names), collision_force [N], slow_within, slowest (share of the
-    full speed), back_off, stop_within, replans: see `Evasion`.
+    full speed), back_off, stop_within, replans: see `AvoidanceSettings`.
     Raises WiringError with all that is wrong.
     """
     settings = Settings(config)
     ports = _read_ports(settings, config)
     robot = read_robot(settings)
-    limits = _read_limits(settings, robot)
+    limits = read_limits(settings, robot, acceleration=2.0, jerk=20.0)
     settling = read_settling(settings)
-    arm = _read_arm(settings, config, uses_planner=ports.plan is not None)
+    arm = _read_arm(settings, config)
     base = _read_base(settings)
-    hand = _read_hand(settings)
+    gripper = _read_gripper(settings)
     height = settings.number("safe_height", 1.0, bound="positive")
     reach = settings.number("safe_reach", 0.9, bound="positive")
     monitor = _read_monitor(settings, robot)
-    evasion = _read_evasion(settings)
+    avoidance = _read_avoidance(settings)
     _check_frame(settings, "tip", arm.tip, robot)
     settings.check()
     if robot is None:
         settings.refuse()
-    travel = TravelRule(robot=robot, frame=arm.tip, height=height, reach=reach)
+    stow = StowCondition(robot=robot, frame=arm.tip, height=height, reach=reach)
     return MobileSettings(
         ports=ports,
         robot=robot,
@@ -104,10 +99,10 @@ def read_mobile_settings(config: Config) -> MobileSettings:
         settling=settling,
         arm=arm,
         base=base,
-        hand=hand,
-        travel=travel,
+        gripper=gripper,
+        stow=stow,
         monitor=monitor if ports.contacts is not None else None,
-        evasion=evasion,
+        avoidance=avoidance,
     )
 
 
@@ -120,13 +115,13 @@ def _read_ports(settings: Settings, config: Config) -> MobilePorts:
     ports = MobilePorts(
         joint_state=settings.input_of("JointState/1"),
         odometry=settings.input_of("BaseState/1"),
-        hand_state=settings.input_of("GripperState/1"),
+        gripper_state=settings.input_of("GripperState/1"),
         goal=settings.input_of("Goal/1"),
         contacts=_optional_input_of(settings, config, "Contacts/1"),
         plan=plan,
         arm=settings.output_of("JointCommand/1"),
         base=settings.output_of("BaseCommand/1"),
-        hand=settings.output_of("GripperCommand/1"),
+        gripper=settings.output_of("GripperCommand/1"),
         goal_status=settings.output_of("GoalStatus/1"),
         plan_request=request,
         status=settings.optional_output_of("ControllerStatus/1"),
@@ -144,24 +139,14 @@ def _optional_input_of(settings: Settings, config: Config, kind: str) -> str | N
     return None
 
 
-def _read_limits(settings: Settings, robot: RobotModel | None) -> MotionLimits:
-    acceleration = read_joint_limit(settings, robot, "acceleration_limit", 2.0)
-    jerk = read_joint_limit(settings, robot, "jerk_limit", 20.0)
-    return MotionLimits(
-        velocity=np.array(read_velocity_limit(settings, robot)),
-        acceleration=np.array(acceleration),
-        jerk=np.array(jerk),
-    )
-
-
-def _read_arm(settings: Settings, config: Config, *, uses_planner: bool) -> ManipulatorOptions:
+def _read_arm(settings: Settings, config: Config) -> ManipulatorOptions:
     names = ("tip_velocity", "tip_acceleration", "tip_jerk", "tip_turning", "plan_timeout")
     usual = ManipulatorOptions(period=config.every * config.step_ns * 1e-9, tip="grasp")
     given: dict[str, Any] = {
         name: settings.number(name, getattr(usual, name), bound="positive") for name in names
     }
     tip = str(settings.value("tip", usual.tip))
-    return ManipulatorOptions(period=usual.period, tip=tip, uses_planner=uses_planner, **given)
+    return ManipulatorOptions(period=usual.period, tip=tip, **given)
 
 
 def _read_base(settings: Settings) -> BaseSettings:
@@ -178,12 +163,12 @@ def _read_base(settings: Settings) -> BaseSettings:
     return BaseSettings(track=track, **given)
 
 
-def _read_hand(settings: Settings) -> GripSettings:
-    usual = GripSettings()
-    return GripSettings(
-        widest=settings.number("hand_widest", usual.widest, bound="positive"),
-        tolerance=settings.number("hand_tolerance", usual.tolerance, bound="positive"),
-        hold_force=settings.number("hand_force", usual.hold_force, bound="not negative"),
+def _read_gripper(settings: Settings) -> GripperSettings:
+    usual = GripperSettings()
+    return GripperSettings(
+        widest=settings.number("gripper_widest", usual.widest, bound="positive"),
+        tolerance=settings.number("gripper_tolerance", usual.tolerance, bound="positive"),
+        hold_force=settings.number("gripper_force", usual.hold_force, bound="not negative"),
     )
 
 
@@ -214,12 +199,12 @@ def _read_monitor(settings: Settings, robot: RobotModel | None) -> MonitorSettin
     )
 
 
-def _read_evasion(settings: Settings) -> Evasion:
-    usual = Evasion()
+def _read_avoidance(settings: Settings) -> AvoidanceSettings:
+    usual = AvoidanceSettings()
     replans = settings.number("replans", usual.replans, bound="not negative")
     if replans != int(replans):
         settings.note("replans", f"is {replans:g}, not a whole number")
-    return Evasion(
+    return AvoidanceSettings(
         back_off=settings.number("back_off", usual.back_off, bound="not negative"),
         stop_within=settings.number("stop_within", usual.stop_within, bound="not negative"),
         replans=int(replans),
@@ -237,8 +222,7 @@ def _links(robot: RobotModel | None) -> tuple[str, ...]:
     """Return the names of all links of a robot, in the order of its model."""
     if robot is None:
         return ()
-    frames = robot.model.frames
-    return tuple(frame.name for frame in frames if frame.type == pin.FrameType.BODY)
+    return robot.links
 
 
 def _base_links(robot: RobotModel | None) -> tuple[str, ...]:

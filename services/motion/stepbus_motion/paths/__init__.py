@@ -1,1 +1,1 @@
-"""Paths of joints and of the tip, and motions along them."""
+"""Paths without time: of the joints, and of the tip, straight and spiral."""

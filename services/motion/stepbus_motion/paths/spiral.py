@@ -1,4 +1,4 @@
-"""Goals of type `spiral`: points out of reach are raised, then the joints follow on one branch."""
+"""Spiral goals: points out of reach are raised, then the joints follow on one branch."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_motion.goals.outcome import Refused
-from stepbus_motion.goals.targets import FARTHEST
-from stepbus_motion.ik.analytic import BranchSolver
+from stepbus_motion.ik.branches import BranchSolver
+from stepbus_motion.outcome import FARTHEST, Refused
 from stepbus_schemas import Goal
 
-from .tip_path import Lost, SpiralCurve, follow, line
-from .trajectories import JointPath
+from .follow import Lost, follow
+from .joint_path import JointPath
+from .spiral_curve import SpiralCurve
+from .tip_path import line
 
 _POINTS_PER_TURN = 24
 _MOST_TURNS = 100
-_MOST_WAYS = 16
-"""Ways to stand at the first point that are tried; full turns of joints count."""
+_MOST_STARTS = 16
+"""Solutions at the first point that are tried; full turns of joints count."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpiralSettings:
-    """How points out of reach are dealt with.
+    """How points out of reach are raised.
 
     raise_by: height that is added at a time [m]. most_raises: of one point. singular_below: see
-    `BranchSettings`. turn_radius: see `tip_path.line`.
+    `BranchSettings`. turn_radius: see `line`.
     """
 
     raise_by: float = 0.05
@@ -39,10 +40,10 @@ class SpiralSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpiralWay:
+class SpiralPath:
     """Joints along a spiral: from its first point to its last, then straight to the end.
 
-    start: where it begins, shape (n,) [rad]. paths: their parameter is the way of the tip [m].
+    start: shape (n,) [rad]. paths: over the length of the tip's path [m]. text: a description.
     """
 
     start: Vector
@@ -50,32 +51,32 @@ class SpiralWay:
     text: str
 
 
-class SpiralMaker:
-    """Finds joints along spirals, for each way to stand at the first point."""
+class SpiralPlanner:
+    """Finds joints along spirals, for each solution at the first point."""
 
     def __init__(self, robot: RobotModel, solver: BranchSolver, settings: SpiralSettings) -> None:
         self._robot = robot
         self._solver = solver
         self._settings = settings
 
-    def ways(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[SpiralWay]:
-        """Return what works, the way to stand nearest to q, shape (n,) [rad], first.
+    def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[SpiralPath]:
+        """Return paths that the joints can follow, the one nearest to q, shape (n,) [rad], first.
 
-        frame: of the goal, target: where the tip shall be in the end, both `pinocchio.SE3` in the
-        robot's base. Raises Refused for a goal that is none, and where nothing works at all.
+        frame: of the goal, target: of the tip at the end, both `pinocchio.SE3` in the robot's base.
+        Raises Refused for a goal that is no spiral, and where the joints can follow none.
         """
         spiral = self._raised(goal.tip, self._read(goal, frame, target, q), q)
         starts = self._solver.solve(goal.tip, spiral.at(0.0)[0], q)
         problem: Refused | None = None
         works = False
-        for start in starts[:_MOST_WAYS]:
+        for start in starts[:_MOST_STARTS]:
             try:
-                way = self._way(goal.tip, spiral, start, target)
+                path = self._path(goal.tip, spiral, start, target)
             except Refused as exc:
                 problem = problem or exc
                 continue
             works = True
-            yield way
+            yield path
         if not works and problem is not None:
             raise problem
 
@@ -103,21 +104,21 @@ class SpiralMaker:
             radius=wanted.radius,
             turns=wanted.turns,
             rise=wanted.rise,
-            begins_at=0.0 if near else math.atan2(beside[1], beside[0]),
+            starts_at=0.0 if near else math.atan2(beside[1], beside[0]),
             rotation=target.rotation,
             raised=np.zeros(points + 1),
         )
 
     def _raised(self, tip: str, spiral: SpiralCurve, q: Vector) -> SpiralCurve:
-        """Return the spiral with its points raised until each can be reached somehow."""
+        """Return the spiral with its points raised until each is within reach."""
         raised = spiral.raised.copy()
         gaps = len(raised) - 1
-        for place in range(gaps + 1):
-            pose, _ = spiral.at(place / gaps)
+        for index in range(gaps + 1):
+            pose, _ = spiral.at(index / gaps)
             while not self._solver.is_reachable(tip, pose, q):
-                if raised[place] >= self._most - 1e-9:
-                    self._explain(tip, spiral.at(place / gaps)[0], q, place)
-                raised[place] += self._settings.raise_by
+                if raised[index] >= self._most - 1e-9:
+                    self._explain(tip, spiral.at(index / gaps)[0], q, index)
+                raised[index] += self._settings.raise_by
                 pose.translation = pose.translation + np.array([0, 0, self._settings.raise_by])
         return replace(spiral, raised=raised)
 
@@ -125,17 +126,17 @@ class SpiralMaker:
     def _most(self) -> float:
         return self._settings.raise_by * self._settings.most_raises
 
-    def _explain(self, tip: str, pose: Any, q: Vector, place: int) -> None:
+    def _explain(self, tip: str, pose: Any, q: Vector, index: int) -> None:
         try:
             self._solver.solve(tip, pose, q)
         except Refused as exc:
             x, y, z = pose.translation
-            text = f"point {place} of the spiral at ({x:.3f}, {y:.3f}, {z:.3f}) m is {exc}"
+            text = f"point {index} of the spiral at ({x:.3f}, {y:.3f}, {z:.3f}) m is {exc}"
             raise Refused(
                 exc.cause, f"{text}; raising it by {self._most:g} m did not help"
             ) from exc
 
-    def _way(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralWay:
+    def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralPath:
         spiral, around = self._around(tip, spiral, start)
         paths = [around]
         rest = line(spiral.at(1.0)[0], target, self._settings.turn_radius)
@@ -149,12 +150,12 @@ class SpiralMaker:
             text += f", {count} of its {len(spiral.raised)} points raised by up to {by:.2f} m"
         if rest:
             text += f", then {rest[-1].u:.2f} m straight"
-        return SpiralWay(start=start, paths=paths, text=text)
+        return SpiralPath(start=start, paths=paths, text=text)
 
     def _around(
         self, tip: str, spiral: SpiralCurve, start: Vector
     ) -> tuple[SpiralCurve, JointPath]:
-        """Return the joints along a spiral; where they lose it, the points around are raised."""
+        """Return the joints along a spiral; raises the points where they cannot follow."""
         gaps = len(spiral.raised) - 1
         while True:
             poses = spiral.poses()
@@ -162,10 +163,10 @@ class SpiralMaker:
                 least = self._settings.singular_below
                 return spiral, follow(self._robot, tip, poses, start, least)
             except Lost as exc:
-                place = min(exc.place * gaps // (len(poses) - 1), gaps - 1)
+                index = min(exc.index * gaps // (len(poses) - 1), gaps - 1)
                 raised = spiral.raised.copy()
-                # The first point stays: that is where this way to stand is for.
-                raised[max(place, 1) : place + 2] += self._settings.raise_by
+                # The first point stays: this solution is for it.
+                raised[max(index, 1) : index + 2] += self._settings.raise_by
                 if exc.cause == "limits" or raised.max() > self._most + 1e-9:
                     raise
                 spiral = replace(spiral, raised=raised)

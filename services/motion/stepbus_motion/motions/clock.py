@@ -1,4 +1,4 @@
-"""The clock of a motion: runs slower, stops and goes on without a jerk of the joints."""
+"""The clock of a motion: it slows down, stops and runs again without a jerk of the joints."""
 
 from __future__ import annotations
 
@@ -7,32 +7,45 @@ import math
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_motion.paths.trajectories import Trajectory
+
+from .trajectory import Trajectory
 
 _FASTEST_RAMP = 10.0
 """Largest change of the rate, for motions that are slow or at rest [1/s]."""
 
 _LEAST_SHARE = 0.3
-"""Of the acceleration limit that a change of the rate may always use, so that it gets anywhere."""
+"""Of the acceleration limit, always available to change the rate, so that the rate can change."""
 
 
 class MotionClock:
     """Time of a motion that runs `rate` times as fast as simulation time.
 
-    The way of the joints stays the same (path-velocity decomposition: Kant, Zucker, Toward
+    The path of the joints stays the same (path-velocity decomposition: Kant, Zucker, Toward
     Efficient Trajectory Planning, 1986). A change of the rate accelerates the joints by q'·rate';
-    it is spread over so much time that this stays within what q''·rate² leaves of the
-    acceleration limit, shape (n,) [rad/s²].
+    the clock spreads it so that this stays within what q''·rate² leaves of the acceleration limit,
+    shape (n,) [rad/s²].
+
+    s: time of the motion, at simulation time t [s].
     """
 
     def __init__(self, acceleration: Vector) -> None:
         self._limit = acceleration
         self.s = 0.0
+        self.t = 0.0
         self.rate = 1.0
 
     def restart(self, rate: float) -> None:
-        """Begin a motion at a rate."""
+        """Start a motion at a rate."""
         self.s, self.rate = 0.0, rate
+
+    def time_at(self, t: float) -> float:
+        """Return the time of the motion at a simulation time, if the rate stays as it is [s]."""
+        return self.s + self.rate * (t - self.t)
+
+    def catch_up(self, t: float) -> None:
+        """Bring the clock to a simulation time, at the rate that it has [s]."""
+        self.s += self.rate * (t - self.t)
+        self.t = t
 
     def advance(self, dt: float, wanted: float, trajectory: Trajectory) -> None:
         """Move on by dt [s], towards the wanted rate, 0 to 1."""
@@ -41,9 +54,11 @@ class MotionClock:
             steepest = self._steepest(trajectory) * dt
             rate = self.rate + min(max(wanted - self.rate, -steepest), steepest)
         self.s += 0.5 * (self.rate + rate) * dt
+        self.t += dt
         self.rate = rate
 
     def _steepest(self, trajectory: Trajectory) -> float:
+        """Return the largest change of the rate [1/s]."""
         now = trajectory.at(self.s)
         room = self._limit - np.abs(now.acceleration) * self.rate**2
         room = np.maximum(room, _LEAST_SHARE * self._limit)

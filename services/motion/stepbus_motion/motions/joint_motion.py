@@ -1,8 +1,7 @@
-"""Joint motion from one pose to another within velocity and acceleration limits, by ruckig."""
+"""Joint motion to a goal within velocity, acceleration and jerk limits, by ruckig."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,8 @@ import numpy as np
 import ruckig
 
 from stepbus_kinematics import Vector
-from stepbus_schemas import RunError
+from stepbus_motion.outcome import Refused
+from stepbus_schemas import JointCommand
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +21,14 @@ class MotionLimits:
     acceleration: Vector
     jerk: Vector
 
+    @classmethod
+    def of_one(cls, velocity: float, acceleration: float, jerk: float) -> MotionLimits:
+        """Return the limits of a single coordinate, shape (1,)."""
+        rows = (np.array([limit]) for limit in (velocity, acceleration, jerk))
+        return cls(**dict(zip(("velocity", "acceleration", "jerk"), rows, strict=True)))
+
     def slowed(self, factor: float) -> MotionLimits:
-        """Return the limits of the same motion in `factor` of the time."""
+        """Return the limits of the same motion in `factor` times the duration."""
         return MotionLimits(
             velocity=self.velocity / factor,
             acceleration=self.acceleration / factor**2,
@@ -32,7 +38,7 @@ class MotionLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class JointMotion:
-    """Where the joints are: position, velocity, acceleration, shape (n,) [rad, rad/s, rad/s²]."""
+    """Position, velocity, acceleration of joints, shape (n,) [rad, rad/s, rad/s²]."""
 
     position: Vector
     velocity: Vector
@@ -40,13 +46,31 @@ class JointMotion:
 
     @classmethod
     def at_rest(cls, position: Vector) -> JointMotion:
-        """Return joints that stand still at a position."""
+        """Return joints that stand still at a position, shape (n,) [rad]."""
         still = np.zeros_like(position)
         return cls(position=position, velocity=still, acceleration=still)
 
+    def command(self) -> JointCommand:
+        """Return the command for position motors with feed-forward velocity."""
+        position, velocity = self.position.tolist(), self.velocity.tolist()
+        return JointCommand(mode="position", values=position, velocity=velocity)
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether any joint moves or accelerates."""
+        return bool(self.velocity.any() or self.acceleration.any())
+
+    def scaled(self, rate: float) -> JointMotion:
+        """Return the same motion with its time running `rate` times as fast."""
+        return JointMotion(
+            position=self.position,
+            velocity=self.velocity * rate,
+            acceleration=self.acceleration * rate**2,
+        )
+
 
 class Motion:
-    """Motion to rest, all joints arriving at the same time; at its end it stays there.
+    """A motion to rest in which all joints arrive together; after it they stay there.
 
     duration: [s].
     """
@@ -56,7 +80,7 @@ class Motion:
         self.duration: float = trajectory.duration
 
     def at(self, t: float) -> JointMotion:
-        """Return the joints at a time since its beginning [s]."""
+        """Return the joints at a time since its start [s]."""
         if t >= self.duration:
             return JointMotion.at_rest(np.array(self._trajectory.at_time(self.duration)[0]))
         rows = self._trajectory.at_time(max(t, 0.0))
@@ -64,33 +88,17 @@ class Motion:
         return JointMotion(position=position, velocity=velocity, acceleration=acceleration)
 
 
-class Route:
-    """Motions one after the other; duration: of all together [s]."""
-
-    def __init__(self, motions: Sequence[Motion]) -> None:
-        self._motions = list(motions)
-        self.duration = sum(motion.duration for motion in motions)
-
-    def at(self, t: float) -> JointMotion:
-        """Return the joints at a time since the beginning [s]."""
-        for motion in self._motions[:-1]:
-            if t < motion.duration:
-                return motion.at(t)
-            t -= motion.duration
-        return self._motions[-1].at(t)
-
-
 def motion_to(
     start: JointMotion, goal: Vector, limits: MotionLimits, least_duration: float = 0.0
 ) -> Motion:
     """Return the fastest motion to rest at goal, shape (n,) [rad].
 
-    From rest, the joints stay on the straight line between both. least_duration: it takes no less
-    [s]. Raises RunError when there is no such motion.
+    From rest, the joints stay on the straight line between both. least_duration: the motion takes
+    at least so long [s]. Raises Refused with cause no_way where no motion keeps the limits.
     """
     given = _input(start, limits)
     given.target_position = goal.tolist()
-    if not start.velocity.any() and not start.acceleration.any():
+    if not start.is_moving:
         given.synchronization = ruckig.Synchronization.Phase
     if least_duration > 0:
         given.minimum_duration = least_duration
@@ -100,7 +108,7 @@ def motion_to(
 def stop_from(start: JointMotion, limits: MotionLimits) -> Motion:
     """Return the fastest motion to a standstill, wherever that is.
 
-    Raises RunError when there is none.
+    Raises Refused with cause no_way where no motion keeps the limits.
     """
     given = _input(start, limits)
     given.control_interface = ruckig.ControlInterface.Velocity
@@ -125,7 +133,7 @@ def _calculated(given: Any) -> Motion:
         result = ruckig.Ruckig(given.degrees_of_freedom).calculate(given, trajectory)
     except (ruckig.RuckigError, ValueError) as exc:
         # A ValueError is a result that its Python side has no name for, as a duration of hours.
-        raise RunError(f"ruckig has no motion within the limits: {exc}") from exc
+        raise Refused("no_way", f"ruckig finds no motion within the limits: {exc}") from exc
     if result != ruckig.Result.Working:
-        raise RunError(f"ruckig has no motion within the limits: {result}")
+        raise Refused("no_way", f"ruckig finds no motion within the limits: {result}")
     return Motion(trajectory)

@@ -1,4 +1,4 @@
-"""What a goal of the arm wants, in the robot's base."""
+"""What a goal wants of the arm, in the robot's base."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import Indices, RobotModel, Vector
+from stepbus_motion.outcome import FARTHEST, Refused
 from stepbus_participant.settings import nearest
 from stepbus_schemas import BaseState, Goal, RunError
 
-from .outcome import Refused
-
-FARTHEST = 1e4
-"""No place of a goal is farther away [m], no turn larger [rad]; beyond it numbers overflow."""
-
 ODOMETRY = "odometry"
-"""Frame of a goal: where the base stood and looked at the start."""
+"""Frame of a goal: the base's pose at the start."""
 
 
 def base_in_odometry(base: BaseState) -> Any:
@@ -45,7 +41,7 @@ def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> 
 def target_pose(goal: Goal) -> Any:
     """Return the pose that a goal wants in its own frame, a `pinocchio.SE3`.
 
-    Raises Refused where it is none.
+    Raises Refused for a goal without a valid pose.
     """
     if goal.position is None or goal.orientation is None:
         raise Refused("invalid", f"type {goal.type} needs position and orientation")
@@ -60,26 +56,25 @@ def target_pose(goal: Goal) -> Any:
     return pin.SE3(turn.matrix(), np.array(goal.position))
 
 
-def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> Vector:
-    """Return where kind `move_joints` wants the joints, shape (n,) [rad]; the others stay at q.
+def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> tuple[Vector, Indices]:
+    """Return the positions that `move_joints` wants, shape (n,) [rad], and which joints it names.
 
-    Raises Refused for unknown joints and values beyond their limits.
+    The other joints stay at q. Raises Refused for unknown joints and values beyond their limits.
     """
     if len(goal.joints) != len(goal.values) or not goal.joints:
         counts = f"{len(goal.values)} values for {len(goal.joints)} joints"
         raise Refused("invalid", f"type move_joints has {counts}")
-    target = q.copy()
-    for name, value in zip(goal.joints, goal.values, strict=True):
-        place = _place(robot.joints, name)
-        low, high = robot.lower[place], robot.upper[place]
+    target, named = q.copy(), [_index(robot.joints, name) for name in goal.joints]
+    for name, index, value in zip(goal.joints, named, goal.values, strict=True):
+        low, high = robot.lower[index], robot.upper[index]
         if not low <= value <= high:
             text = f"{name} shall go to {value:g} rad, its limits are [{low:g}, {high:g}]"
             raise Refused("invalid", text)
-        target[place] = value
-    return target
+        target[index] = value
+    return target, np.array(named, dtype=np.intp)
 
 
-def _place(joints: Sequence[str], name: str) -> int:
+def _index(joints: Sequence[str], name: str) -> int:
     if name not in joints:
         raise Refused("invalid", f"joint {name!r}: {nearest(name, joints)}")
     return joints.index(name)

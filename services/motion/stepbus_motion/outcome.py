@@ -1,4 +1,4 @@
-"""How a goal has ended, as whoever carried it out tells it."""
+"""How a goal ends, and why one is refused."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ from stepbus_schemas import RunError
 class Outcome:
     """The end of a goal.
 
-    cause: one word for programs, empty where all is well. text: one sentence for people.
+    cause: one word for programs, empty for success. text: one sentence for people.
     """
 
     state: Literal["succeeded", "failed"]
     cause: str = ""
     text: str = ""
+
+
+FARTHEST = 1e4
+"""Largest length [m] and angle [rad] of a goal; beyond it numbers overflow."""
 
 
 class Refused(RunError):
@@ -26,17 +30,3 @@ class Refused(RunError):
     def __init__(self, cause: str, text: str) -> None:
         super().__init__(text)
         self.cause = cause
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settling:
-    """When a motion counts as done.
-
-    position: largest error of a joint [rad]. velocity: largest that still counts as still [rad/s].
-    steps: so many in a row. timeout: after the end of the motion [s].
-    """
-
-    position: float
-    velocity: float
-    steps: int
-    timeout: float

@@ -1,0 +1,46 @@
+"""How a base moves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stepbus_motion.motions.joint_motion import MotionLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaseSettings:
+    """How a base moves.
+
+    speed, acceleration, jerk: along its path [m/s, m/s², m/s³]. turn_speed, turn_acceleration,
+    turn_jerk: on the spot [rad/s, rad/s², rad/s³]. along, across, heading: gains of the law
+    [1/s, 1/m², 1/s]. position, angle: largest error of a goal [m, rad]. still, still_turning:
+    largest velocity that counts as standing [m/s, rad/s]. steps: of standing, in a row. timeout:
+    for that, after the end of the motion [s]. lag, lag_angle: behind its reference by more, the
+    base is jammed [m, rad]. track: between the wheels, to tell which of them lags [m].
+    """
+
+    speed: float = 0.5
+    acceleration: float = 0.4
+    jerk: float = 2.0
+    turn_speed: float = 0.8
+    turn_acceleration: float = 0.8
+    turn_jerk: float = 4.0
+    along: float = 3.0
+    across: float = 40.0
+    heading: float = 4.0
+    position: float = 1e-3
+    angle: float = math.radians(0.1)
+    still: float = 5e-3
+    still_turning: float = 1e-2
+    steps: int = 5
+    timeout: float = 3.0
+    lag: float = 0.05
+    lag_angle: float = math.radians(6.0)
+    track: float = 0.5
+
+    def limits(self, *, turns: bool) -> MotionLimits:
+        """Return the limits of a turn or of a straight segment, shape (1,)."""
+        if turns:
+            return MotionLimits.of_one(self.turn_speed, self.turn_acceleration, self.turn_jerk)
+        return MotionLimits.of_one(self.speed, self.acceleration, self.jerk)

@@ -1,0 +1,73 @@
+"""The feedback law that makes a base follow its reference."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from stepbus_schemas import BaseCommand, BaseState
+
+from .segments import Reference
+from .settings import BaseSettings
+
+_HEADROOM = 1.2
+"""How much faster than its reference the base may go to catch up with it."""
+
+_HOLDING_SPEED, _HOLDING_TURN = 0.02, 0.05
+"""Largest velocities at which a base at rest goes back to its pose [m/s, rad/s]."""
+
+
+class TrackingError(NamedTuple):
+    """How far the reference is ahead [m], to the left [m], and turned [rad]."""
+
+    along: float
+    across: float
+    angle: float
+
+    def exceeds(self, lag: float, lag_angle: float) -> bool:
+        """Return whether the base is further from its reference [m, rad]."""
+        return max(abs(self.along), abs(self.across)) > lag or abs(self.angle) > lag_angle
+
+
+def tracking_error(wanted: Reference, state: BaseState) -> TrackingError:
+    """Return where the reference is in the frame of the base."""
+    dx, dy = wanted.x - state.x, wanted.y - state.y
+    cos, sin = math.cos(state.yaw), math.sin(state.yaw)
+    return TrackingError(cos * dx + sin * dy, cos * dy - sin * dx, wanted.yaw - state.yaw)
+
+
+def tracking_command(
+    wanted: Reference, state: BaseState, settings: BaseSettings, *, holds: bool
+) -> BaseCommand:
+    """Return the velocities that bring a base to its reference.
+
+    By Kanayama et al. (A Stable Tracking Control Method for an Autonomous Mobile Robot, 1990),
+    v = v_r cos e_θ + K_x e_x, ω = ω_r + v_r K_y e_y + K_θ sin e_θ. There K_θ grows with v_r; here
+    it does not, since a base that turns on the spot has to find its heading too. holds: at rest,
+    it corrects slowly.
+    """
+    error = tracking_error(wanted, state)
+    vx = wanted.vx * math.cos(error.angle) + settings.along * error.along
+    across = wanted.vx * settings.across * error.across
+    wz = wanted.wz + across + settings.heading * math.sin(error.angle)
+    most = _HOLDING_SPEED if holds else _HEADROOM * settings.speed
+    most_turning = _HOLDING_TURN if holds else _HEADROOM * settings.turn_speed
+    return BaseCommand(vx=min(max(vx, -most), most), wz=min(max(wz, -most_turning), most_turning))
+
+
+def slow_wheels(state: BaseState, sent: BaseCommand, track: float) -> str:
+    """Return a sentence naming the wheels that roll at less than half of their command.
+
+    track: between the wheels [m].
+    """
+    rows = [
+        (side, state.vx + sign * track / 2 * state.wz, sent.vx + sign * track / 2 * sent.wz)
+        for side, sign in (("left", -1), ("right", 1))
+    ]
+    slow = [
+        # Adding 0 makes of -0 a 0.
+        f"the {side} wheel rolls at {round(now, 2) + 0.0:.2f} m/s instead of {wanted:.2f} m/s"
+        for side, now, wanted in rows
+        if abs(wanted) > 0.02 and now / wanted < 0.5
+    ]
+    return f"{' and '.join(slow)}: is it jammed?" if slow else "is a wheel jammed?"

@@ -1,0 +1,182 @@
+"""What is done about collisions and things that come into the path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stepbus_motion.collisions.monitor import Collision, CollisionMonitor, Watch
+from stepbus_motion.outcome import Outcome
+from stepbus_schemas import Goal, RunError
+
+from .measured import Measured
+from .parts import MOVES, Part, Parts
+from .reports import Reports
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvoidanceSettings:
+    """What is done about things that come into the path.
+
+    back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
+    planner's path stops where something is closer [m]; must be less than the planner's margin.
+    replans: how often a goal may get another path.
+    """
+
+    back_off: float = 0.05
+    stop_within: float = 0.004
+    replans: int = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BackOff:
+    """Backing off from a collision; failure: of the goal, unless it gets another path."""
+
+    failure: Outcome
+    collision: Collision
+    replans: bool
+
+
+class Avoidance:
+    """Watches a goal for collisions: slows the robot down, stops it, backs it off, replans.
+
+    monitor: None: nothing senses contacts. In each step: `scale`, then `react` where a goal is
+    under way.
+    """
+
+    def __init__(
+        self,
+        parts: Parts,
+        reports: Reports,
+        monitor: CollisionMonitor | None,
+        settings: AvoidanceSettings,
+    ) -> None:
+        self._parts = parts
+        self._reports = reports
+        self._monitor = monitor
+        self._settings = settings
+        self._watch: Watch | None = None
+        self._touched: tuple[str, str] | None = None
+        self._is_slow = False
+        self._back_off: _BackOff | None = None
+        self._replans = 0
+        self._close: tuple[str, str] | None = None
+
+    @property
+    def held(self) -> str:
+        """Return the link of the world in the gripper; empty: none."""
+        return self._monitor.held if self._monitor is not None else ""
+
+    def begin(self, goal: Goal, part: Part) -> None:
+        """Watch a new goal."""
+        self._touched, self._is_slow = None, False
+        self._back_off, self._replans, self._close = None, 0, None
+        self._monitor_goal(goal, part, grips=goal.type == "grip")
+
+    def _monitor_goal(self, goal: Goal, part: Part, *, grips: bool = False) -> None:
+        if self._monitor is not None:
+            self._monitor.begin(goal.touches, grips=grips, moves=MOVES[part])
+
+    def scale(self, now: Measured, dt: float, *, has_goal: bool) -> float | None:
+        """Return the share of its full speed for the robot; None: nothing is monitored.
+
+        dt: time since the step before [s].
+        """
+        if self._monitor is None or now.contacts is None:
+            self._watch = None
+            return None
+        holding = now.gripper is not None and now.gripper.holding
+        watch = self._watch = self._monitor.update(now.contacts, holding=holding, dt=dt)
+        if watch.near is not None and not self._is_slow and has_goal:
+            self._reports.warn(f"{_gap(watch)}: slower")
+        self._is_slow = watch.near is not None
+        return watch.scale
+
+    def new_collision(self) -> Collision | None:
+        """Return a collision when it starts; each pair of links once for each goal."""
+        collision = self._watch.collision if self._watch is not None else None
+        pair = collision.pair if collision is not None else None
+        is_old, self._touched = pair == self._touched, pair
+        return None if is_old else collision
+
+    def collide(self, goal: Goal, part: Part, collision: Collision, t: float) -> Outcome | None:
+        """Stop, and back off along the path so far; return the end of a goal that cannot."""
+        text = f"{collision}; stopped"
+        if part == "gripper":
+            self._parts.rest(part, t)
+            return Outcome(state="failed", cause="collision", text=text)
+        may_replan = part == "arm" and self._parts.arm.follows_plan
+        length = self._parts.back_off(part, t, self._settings.back_off)
+        replans = may_replan and length > 0.0 and self._replans < self._settings.replans
+        text = f"{text}, went back {length * 1e3:.0f} mm" if length > 0.0 else text
+        failure = Outcome(state="failed", cause="collision", text=text)
+        self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
+        self._monitor_goal(goal, part)
+        return None
+
+    @property
+    def backs_off(self) -> bool:
+        """Return whether the robot backs off from what it has touched."""
+        return self._back_off is not None
+
+    def check_back_off(
+        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
+    ) -> Outcome | None:
+        """Return the end of the goal once the robot has backed off, unless it gets another path.
+
+        end: of the part's motion. collision: that has just started.
+        """
+        back_off = self._back_off
+        if back_off is None:
+            return None
+        stands = part == "base" and self._parts.base_rests()
+        is_other = collision is not None and collision.pair != back_off.collision.pair
+        if not is_other and end is None and not stands:
+            return None
+        if is_other:
+            self._parts.rest(part, t)
+            self._reports.warn(f"on the way back {collision}")
+        elif back_off.replans and end is not None and end.state == "succeeded":
+            self._back_off = None
+            return self.replan(goal, part, back_off.failure.text, t)
+        return back_off.failure
+
+    def hindrance(self, part: Part) -> str:
+        """Return a sentence about what hinders an arm on a planner's path; empty: nothing."""
+        arm, watch = self._parts.arm, self._watch
+        if part != "arm":
+            return ""
+        near = watch.near if watch is not None else None
+        if not arm.follows_plan:
+            self._close = near
+            return ""
+        if arm.blocked:
+            return arm.blocked
+        if watch is None or near is None or near == self._close:
+            return ""
+        return _gap(watch) if watch.gap < self._settings.stop_within else ""
+
+    def replan(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
+        """Stop and ask for another path; return the end of a goal that had too many already."""
+        most = self._settings.replans
+        if self._replans == most:
+            ways = f", after {most} other way{'s' if most > 1 else ''}" if most else ""
+            return self._give_up(part, f"{why}; stopped{ways}", t)
+        self._replans += 1
+        try:
+            self._parts.arm.replan(t)
+        except RunError as exc:
+            return self._give_up(part, f"{why}; stopped; {exc}", t)
+        self._monitor_goal(goal, part)
+        text = f"{why}; stopped, asked for another way ({self._replans} of {most})"
+        self._reports.status(goal.id, "running", text=text)
+        self._reports.warn(text)
+        return None
+
+    def _give_up(self, part: Part, text: str, t: float) -> Outcome:
+        self._parts.rest(part, t)
+        return Outcome(state="failed", cause="no_way", text=text)
+
+
+def _gap(watch: Watch) -> str:
+    ours, other = watch.near or ("", "")
+    return f"{ours} is {watch.gap * 1e3:.0f} mm from {other}"

@@ -1,0 +1,116 @@
+"""The parts of a robot, and which of them carries out a goal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from stepbus_motion.base.motion import BaseMotion
+from stepbus_motion.collisions.monitor import Moves
+from stepbus_motion.gripper.gripper import Gripper
+from stepbus_motion.manipulator.manipulator import Manipulator
+from stepbus_motion.outcome import Outcome, Refused
+from stepbus_schemas import Goal, RunError
+from stepbus_schemas.messages import GoalType
+
+from .measured import Measured
+from .stow import StowCondition
+
+Part = Literal["arm", "base", "gripper", "all"]
+
+PART_OF: Mapping[GoalType, Part] = {
+    "move_joints": "arm",
+    "move_to_pose": "arm",
+    "move_linear": "arm",
+    "spiral": "arm",
+    "drive": "base",
+    "turn": "base",
+    "go_to": "base",
+    "grip": "gripper",
+    "stop": "all",
+}
+"""Which part of the robot carries out a goal."""
+
+MOVES: Mapping[Part, Moves] = {"arm": "arm", "gripper": "arm", "base": "base", "all": "all"}
+"""What the collision monitor must expect to move."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """The parts of a robot; None: it has none.
+
+    stow: how the arm must be stowed before the base moves; None: any way.
+    """
+
+    arm: Manipulator
+    base: BaseMotion | None = None
+    gripper: Gripper | None = None
+    stow: StowCondition | None = None
+
+    def hold(self, now: Measured) -> None:
+        """Stand still."""
+        self.arm.hold(now.q)
+        if self.base is not None:
+            self.base.hold(now.base)
+        if self.gripper is not None and now.gripper is not None:
+            self.gripper.hold(now.gripper)
+
+    def begin(self, part: Part, goal: Goal, now: Measured, t: float, held: str) -> str:
+        """Start a goal at a time [s] and return a sentence; raises Refused."""
+        match part:
+            case "arm":
+                return self.arm.begin(goal, now.q, now.base, t, held=held)
+            case "base" if self.base is not None:
+                if self.stow is not None:
+                    self.stow.check(now.q)
+                return self.base.begin(goal, now.base)
+            case "gripper" if self.gripper is not None:
+                return self.gripper.begin(goal, t)
+            case "all":
+                self.arm.stop(t)
+                return "stop"
+        raise Refused("invalid", f"this robot has no {part} for goals of type {goal.type}")
+
+    def advance(self, dt: float, scale: float) -> None:
+        """Move arm and base on by dt [s], at a scale of their speed, 0 to 1."""
+        self.arm.advance(dt, scale)
+        if self.base is not None:
+            self.base.advance(dt, scale)
+
+    def check(self, now: Measured, t: float) -> dict[Part, Outcome | None]:
+        """Return how the goal of each part ended at a time [s], once it has."""
+        ends: dict[Part, Outcome | None] = {"arm": self.arm.check(now.q, now.v, t)}
+        if self.base is not None:
+            ends["base"] = self.base.check(now.base)
+        if self.gripper is not None and now.gripper is not None:
+            ends["gripper"] = self.gripper.check(now.gripper, t)
+        return ends
+
+    def lost(self, t: float) -> str:
+        """Return a sentence once the gripper has lost what it held, else nothing."""
+        return self.gripper.lost(t) if self.gripper is not None else ""
+
+    def rest(self, part: Part, t: float) -> None:
+        """Bring a part to rest at a time [s]."""
+        if part == "arm":
+            self.arm.stop(t)
+        elif part == "base" and self.base is not None:
+            self.base.stop()
+        elif part == "gripper" and self.gripper is not None:
+            self.gripper.stop()
+
+    def back_off(self, part: Part, t: float, distance: float) -> float:
+        """Start to go back along the path so far; return its length [m]."""
+        if part == "base" and self.base is not None:
+            return self.base.back_off(distance)
+        try:
+            return self.arm.back_off(t, distance)
+        except RunError:
+            # There is no path to go back along, or none within the limits.
+            self.arm.stop(t)
+            return 0.0
+
+    def base_rests(self) -> bool:
+        """Return whether no base follows a reference that moves."""
+        return self.base is None or not self.base.is_moving

@@ -1,0 +1,116 @@
+"""Asking a planner about one candidate after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from stepbus_kinematics import Vector
+from stepbus_motion.outcome import Refused
+from stepbus_schemas import Goal, Plan, PlanRequest
+
+from .candidates import Candidate
+
+_CAUSES = {"bad_request": "invalid", "not_holdable": "not_holdable"}
+"""Cause of a plan → of the goal, where no other path would help; for all others: no_way."""
+
+
+@dataclass(kw_only=True)
+class PlannerSearch:
+    """The candidates of a goal, and what the planner is asked about the current one.
+
+    rest: where the arm waits, shape (n,) [rad]. asked_at: time of the newest request [s].
+    """
+
+    goal: Goal
+    held: str
+    rest: Vector
+    candidates: Iterator[Candidate]
+    candidate: Candidate
+    asked_at: float
+    request: PlanRequest
+    refusals: list[str] = field(default_factory=list)
+
+
+class PlannerQueries:
+    """Makes requests and takes the planner's refusals; one search at a time.
+
+    timeout: for an answer [s of simulation].
+    """
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout = timeout
+        self._next_id = 0
+        self._unsent: PlanRequest | None = None
+        self.search: PlannerSearch | None = None
+
+    def make(
+        self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate], t: float
+    ) -> PlannerSearch:
+        """Return a search for a goal; raises Refused where it has no candidate."""
+        candidate = next(candidates)
+        return PlannerSearch(
+            goal=goal,
+            held=held,
+            rest=rest,
+            candidates=candidates,
+            candidate=candidate,
+            asked_at=t,
+            request=self._request(goal, held, rest, candidate),
+        )
+
+    def ask(self, search: PlannerSearch) -> None:
+        """Send the request of a search."""
+        self.search, self._unsent = search, search.request
+
+    def pop(self) -> PlanRequest | None:
+        """Return what to send to the planner, once."""
+        request, self._unsent = self._unsent, None
+        return request
+
+    def cancel(self) -> None:
+        """Forget the search; its answer will be ignored."""
+        self.search, self._unsent = None, None
+
+    def overdue(self, t: float) -> Refused | None:
+        """Return the refusal of a search whose answer is late; None: it is not."""
+        if self.search is None or t - self.search.asked_at <= self._timeout:
+            return None
+        self.cancel()
+        text = f"the planner has not answered for {self._timeout:g} s"
+        return Refused("no_plan", f"{text}; is it running?")
+
+    def answered(self, plan: Plan) -> PlannerSearch | None:
+        """Return the search that a plan answers; None: it is an older one's."""
+        search = self.search
+        return search if search is not None and plan.id == search.request.id else None
+
+    def try_next(self, search: PlannerSearch, problem: Refused, t: float) -> Refused | None:
+        """Ask about the next candidate; return the refusal of the goal where there is none."""
+        search.refusals.append(str(problem))
+        candidate = next(search.candidates, None)
+        if candidate is None:
+            self.cancel()
+            count = len(search.refusals)
+            tried = f"{count} ways to stand were tried; the last: " if count > 1 else ""
+            return Refused(problem.cause, f"{tried}{problem}")
+        search.candidate, search.asked_at = candidate, t
+        search.request = self._request(search.goal, search.held, search.rest, candidate)
+        self.ask(search)
+        return None
+
+    def _request(self, goal: Goal, held: str, rest: Vector, candidate: Candidate) -> PlanRequest:
+        number = self._next_id
+        self._next_id += 1
+        return PlanRequest(
+            id=number,
+            start=rest.tolist(),
+            goal=candidate.target.tolist(),
+            held=held,
+            touches=list(goal.touches),
+        )
+
+
+def refusal_of(plan: Plan) -> Refused:
+    """Return a planner's refusal with the cause of a goal."""
+    return Refused(_CAUSES.get(plan.cause, "no_way"), plan.text or plan.cause)

@@ -1,0 +1,116 @@
+"""Plays the motion of an arm: starts it, slows it down, stops it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_schemas import RunError
+
+from .braking import hard_stop
+from .clock import MotionClock
+from .joint_motion import JointMotion, MotionLimits, stop_from
+from .trajectory import Joined, Rest, Trajectory
+
+
+class MotionPlayer:
+    """The motion under way, and its clock.
+
+    limits: of the joints. period: between two commands [s]. brake_acceleration, brake_jerk: of the
+    hardest stop [rad/s², rad/s³]. ignores_scale: the motion runs at full rate whatever the scale.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        limits: MotionLimits,
+        *,
+        period: float,
+        brake_acceleration: float,
+        brake_jerk: float,
+    ) -> None:
+        self._robot = robot
+        self._limits = limits
+        self._period = period
+        self._hardest = (brake_acceleration, brake_jerk)
+        self.clock = MotionClock(limits.acceleration)
+        self._trajectory: Trajectory | None = None
+        self.ignores_scale = False
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Return the motion under way; raises RunError before `hold`."""
+        if self._trajectory is None:
+            raise RunError("the joints have not been measured yet")
+        return self._trajectory
+
+    def late(self, t: float) -> float:
+        """Return the time since the end of the motion [s]; below 0: it is under way."""
+        return self.clock.time_at(t) - self.trajectory.duration
+
+    def advance(self, dt: float, scale: float) -> Vector:
+        """Move the clock on by dt [s], its rate approaching scale; return the joints, shape (n,).
+
+        scale: 0 (stand) to 1. The rate changes so that the joints keep their acceleration limits.
+        """
+        wanted = 1.0 if self.ignores_scale else min(max(scale, 0.0), 1.0)
+        self.clock.advance(dt, wanted, self.trajectory)
+        return self.trajectory.at(self.clock.s).position
+
+    def at(self, t: float) -> JointMotion:
+        """Return the joints at a time [s]."""
+        return self.trajectory.at(self.clock.time_at(t)).scaled(self.clock.rate)
+
+    def command(self, t: float) -> JointMotion:
+        """Return what to command at a time [s].
+
+        Its velocity takes the position to that of the next period, as position motors want it. A
+        motion that ends at a limit may be beyond it by the rounding of its polynomials: clipped.
+        """
+        now, then = self.at(t), self.at(t + self._period)
+        lower, upper = self._robot.lower, self._robot.upper
+        position = np.clip(now.position, lower, upper)
+        velocity = (np.clip(then.position, lower, upper) - position) / self._period
+        return JointMotion(position=position, velocity=velocity, acceleration=now.acceleration)
+
+    def catch_up(self, t: float) -> JointMotion:
+        """Bring the clock to a time [s] and return the joints there: the next motion's start."""
+        now = self.at(t)
+        self.clock.catch_up(t)
+        return now
+
+    def start(self, trajectory: Trajectory) -> None:
+        """Start a motion now; where the joints stand still, the clock keeps its rate."""
+        moving = bool(trajectory.at(0.0).velocity.any())
+        self._trajectory = trajectory
+        self.clock.restart(1.0 if moving else self.clock.rate)
+        self.ignores_scale = False
+
+    def rest(self, q: Vector) -> None:
+        """Stand still at q, shape (n,) [rad], clipped to the limits."""
+        self.start(Rest(np.clip(q, self._robot.lower, self._robot.upper)))
+
+    def brake(self, now: JointMotion, *, hard: bool = False) -> Vector:
+        """Start to come to rest; return where that will be, shape (n,) [rad]."""
+        if not now.is_moving:
+            self.start(Rest(now.position))
+            return now.position
+        if hard:
+            motion = hard_stop(now, self._robot, self._limits, *self._hardest)
+        else:
+            motion = stop_from(now, self._limits)
+        self.start(motion)
+        self.clock.restart(1.0)
+        self.ignores_scale = True
+        return motion.at(motion.duration).position
+
+    def then(self, parts: Sequence[Trajectory]) -> None:
+        """Append motions to the braking under way; where it is over, start them."""
+        braking = self.trajectory
+        if self.clock.s < braking.duration:
+            self._trajectory = Joined([braking, *parts])
+            self.ignores_scale = False
+        else:
+            self.start(Joined(parts))
