@@ -31,6 +31,7 @@ from .config import Config
 from .durations import LONGEST_NS, format_duration, parse_duration
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .files import find_file, package_path
+from .last_error import last_error
 from .main import main, take_part
 from .methods import CallError, Method
 from .models import read_urdf_text
@@ -139,6 +140,7 @@ __all__ = [
     "format_duration",
     "import_error_hint",
     "install_command",
+    "last_error",
     "load_ticket",
     "main",
     "need",

@@ -1,5 +1,6 @@
 """The contract of stepbus: message types, protocol envelopes and their codec."""
 
+from .bridge_formats import BRIDGE_FORMATS, RAW_TYPES, BridgeFormat, raw_problem
 from .codec import Decoder, encode, encoding_of, message_class, type_name
 from .errors import MessageError, RunError, StepbusError, WiringError
 from .messages import (
@@ -16,6 +17,7 @@ from .messages import (
     GripperState,
     Image,
     JointCommand,
+    JointMode,
     JointReference,
     JointState,
     Message,
@@ -51,16 +53,19 @@ from .protocol import (
     Welcome,
 )
 from .schedule import due_step
-from .schema import json_schema
+from .schema import json_schema, not_null
 from .shapes import Shape, parse_shapes
 
 __all__ = [
+    "BRIDGE_FORMATS",
     "ENVELOPE_TYPES",
     "HANDSHAKE_STEP",
     "MESSAGE_TYPES",
     "PROTOCOL_VERSION",
+    "RAW_TYPES",
     "BaseCommand",
     "BaseState",
+    "BridgeFormat",
     "Call",
     "CallDescription",
     "CallRecord",
@@ -83,6 +88,7 @@ __all__ = [
     "Image",
     "InputConfig",
     "JointCommand",
+    "JointMode",
     "JointReference",
     "JointState",
     "Log",
@@ -110,6 +116,8 @@ __all__ = [
     "encoding_of",
     "json_schema",
     "message_class",
+    "not_null",
     "parse_shapes",
+    "raw_problem",
     "type_name",
 ]

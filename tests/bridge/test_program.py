@@ -9,10 +9,7 @@ from pathlib import Path
 import pytest
 from bridge_support import BRIDGED
 
-from stepbus_orchestrator.bridge.errors import BridgeError
-from stepbus_orchestrator.bridge.maps import MapBridge
-from stepbus_orchestrator.bridge.participant import Task
-from stepbus_orchestrator.bridge.raw import RawBridge
+from stepbus_bridge import BridgedProgram, BridgeError, MapBridge, RawBridge
 from stepbus_participant import Config, Description, JointCommand, JointState, Step, WiringError
 from stepbus_participant.session import Input
 from stepbus_schemas import InputConfig, OutputConfig
@@ -20,7 +17,7 @@ from stepbus_schemas import InputConfig, OutputConfig
 STATE = InputConfig(source="plant", port="joint_state", type="JointState/1")
 JOINTS = {"joint_state": Description(names=["knee", "hip"])}
 FORMS = ["json", "msgpack"]
-RIGHT = ["python", str(BRIDGED), "json", "right", "1"]
+RIGHT = [sys.executable, str(BRIDGED), "json", "right", "1"]
 
 
 def config(**changes):
@@ -51,9 +48,9 @@ def bridge():
     made = []
 
     def make(form, kind, words=None, **changes):
-        words = words or ["python", str(BRIDGED), form, kind, "1"]
+        words = words or [sys.executable, str(BRIDGED), form, kind, "1"]
         cls = RawBridge if form == "raw" else MapBridge
-        made.append(cls(config(**changes), Task(words=words, form=form)))
+        made.append(cls(config(**changes), BridgedProgram(argv=words, format=form)))
         made[-1].describe()
         made[-1].start(JOINTS)
         return made[-1]
@@ -136,6 +133,12 @@ def test_a_program_may_ask_for_the_end_of_the_run(bridge, form):
     assert step.end_reason == "enough"
 
 
+def test_a_program_that_publishes_first_may_ask_for_the_end_too(bridge):
+    step = step_at(1, [0.0, 1.0])
+    assert bridge("json", "end", publishes="first").update(step) == {}
+    assert step.end_reason == "enough"
+
+
 def test_one_that_publishes_first_cannot_answer_an_update_with_outputs(bridge):
     with pytest.raises(BridgeError, match="publishes first"):
         bridge("json", "right", publishes="first").update(step_at(0, [0.0, 1.0]))
@@ -149,7 +152,7 @@ def test_a_program_that_exits_with_a_code_at_the_stop_is_an_error(bridge):
 
 def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
     outputs = {"command": OutputConfig(type="JointCommand/1"), "news": OutputConfig(type="Event/1")}
-    described = MapBridge(config(outputs=outputs), Task(words=RIGHT, form="json"))
+    described = MapBridge(config(outputs=outputs), BridgedProgram(argv=RIGHT, format="json"))
     try:
         assert described.describe() == {"command": Description(like="joint_state")}
     finally:
@@ -159,8 +162,8 @@ def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["nodde", "x.mjs"], "no program 'nodde' on PATH, nor in .*; is it installed"),
-        ([str(BRIDGED)], "is not executable"),
+        (["/bin/nodde", "x.mjs"], "/bin/nodde cannot be started: No such file or directory"),
+        ([str(BRIDGED)], "cannot be started: Permission denied"),
     ],
 )
 def test_a_missing_program_is_named(bridge, words, sentence):

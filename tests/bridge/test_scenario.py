@@ -1,12 +1,13 @@
 """The key `bridge` of a scenario: read, checked, resolved, and made into a command."""
 
+import subprocess
 import sys
 
 import pytest
 from scenario_support import changed, load_text, problem_of
 
-from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.scenario import BridgeSpec, command, files, resolved, start_command
+from stepbus_schemas import WiringError
 
 OWN = "exec: [python, -c, pass]\n    inputs: {joint_state: plant.joint_state, reference"
 BRIDGED = changed(OWN, OWN.replace("pass]", "pass]\n    bridge: json"))
@@ -16,8 +17,8 @@ LONG = "{format: json, describe: {command: {like: reference}}}"
 def test_one_word_is_all_a_user_writes(tmp_path):
     spec = load_text(tmp_path, BRIDGED).participant("controller")
     assert spec.bridge == BridgeSpec(format="json")
-    words = (sys.executable, "-m", "stepbus_orchestrator.bridge", "--format", "json", "--")
-    assert start_command(spec, tmp_path) == (*words, "python", "-c", "pass")
+    words = (sys.executable, "-m", "stepbus_bridge", "--format", "json", "--")
+    assert start_command(spec, tmp_path) == (*words, sys.executable, "-c", "pass")
 
 
 def test_the_long_form_describes_the_outputs(tmp_path):
@@ -35,9 +36,9 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
 @pytest.mark.parametrize(
     ("value", "sentence"),
     [
-        ("yaml", "bridge: must be json or msgpack or raw, not 'yaml'"),
-        ("[json]", "bridge: must be a format, e.g. json, or {format: json"),
-        ("{format: json, describe: {command: 3}}", "must be a description, e.g. {names: [joint1"),
+        ("yaml", "bridge: must be json, msgpack or raw, not 'yaml'"),
+        ("[json]", "bridge: must be text or a map, not a list"),
+        ("{format: json, describe: {command: 3}}", "bridge.describe.command: must be a map, not 3"),
         ("{describe: {}}", "bridge: the key 'format' is missing"),
         ("{format: json, describe: {komand: {}}}", "no output 'komand'; did you mean 'command'?"),
         ("{format: json, describe: {command: {name: [a]}}}", "unknown key 'name'"),
@@ -67,10 +68,17 @@ def test_what_a_script_in_javascript_imports_is_attached(tmp_path):
 
 
 def test_the_bridge_by_hand_does_not_load_the_other_commands(tmp_path):
-    words = command(("stepbus", "bridge", "--", "node", "x.mjs"), tmp_path)
-    assert words == (sys.executable, "-m", "stepbus_orchestrator.bridge", "--", "node", "x.mjs")
+    words = command(("stepbus", "bridge", "--", "python", "x.py"), tmp_path)
+    assert words == (sys.executable, "-m", "stepbus_bridge", "--", sys.executable, "x.py")
 
 
-def test_a_bridge_without_a_ticket_says_so(capfd):
-    assert main(["bridge", "--format", "json", "--", "node", "x.mjs"]) == 2
-    assert "no ticket: STEPBUS_TICKET is not set" in capfd.readouterr().err
+def test_a_program_behind_the_bridge_that_does_not_exist_is_named(tmp_path):
+    with pytest.raises(WiringError, match="no program 'nodde' on PATH, nor in"):
+        command(("stepbus", "bridge", "--", "nodde", "x.mjs"), tmp_path)
+
+
+def test_a_bridge_without_a_ticket_says_so():
+    words = [sys.executable, "-m", "stepbus_orchestrator", "bridge", "--", "python", "x.py"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "no ticket: STEPBUS_TICKET is not set" in done.stderr

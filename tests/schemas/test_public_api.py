@@ -51,12 +51,12 @@ def test_all_is_complete(name: str) -> None:
 
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
-        "ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION BaseCommand BaseState Call "
+        "BRIDGE_FORMATS ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION RAW_TYPES BaseCommand BaseState BridgeFormat Call "
         "CallDescription CallRecord CallReply CallRequest Called Contacts ControllerStatus Decoder Description Detections "
         "Envelope Event Fault Goal GoalStatus GripperCommand GripperState Hello Image InputConfig "
-        "JointCommand JointReference JointState Log Message MessageError OutputConfig Outputs "
+        "JointCommand JointMode JointReference JointState Log Message MessageError OutputConfig Outputs "
         "Plan PlanRequest Poses Ready Refusal RunError Shape Spiral Start StepbusError Stop Trigger Waiting Welcome "
-        "WiringError due_step encode encoding_of json_schema message_class parse_shapes type_name"
+        "WiringError due_step encode encoding_of json_schema message_class not_null parse_shapes raw_problem type_name"
     )
 
 

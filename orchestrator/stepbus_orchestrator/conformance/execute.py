@@ -9,9 +9,9 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.bridge.formats import RAW_TYPES
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
 from stepbus_orchestrator.scenario.model import BridgeSpec
+from stepbus_schemas import RAW_TYPES
 
 from .catalogue import CHECKS
 from .check import Check, run_checks

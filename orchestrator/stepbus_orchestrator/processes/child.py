@@ -13,8 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
-
-from .last_error import last_error
+from stepbus_participant import last_error
 
 _TERM_GRACE_S = 1.0
 _KILL_S = 5.0

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from stepbus_orchestrator.bridge.formats import raw_mistake
 from stepbus_participant import Problems, suggest
-from stepbus_schemas import WiringError
+from stepbus_schemas import WiringError, raw_problem
 
 from .declared import check_params
 from .files.search import search_files
@@ -94,7 +93,7 @@ def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec]) ->
         if item.source in specs
     }
     inputs = {name: output.type for name, output in sources.items() if output is not None}
-    return raw_mistake(spec.publishes, inputs, outputs)
+    return raw_problem(spec.publishes, inputs, outputs)
 
 
 def _check_programs(scenario: Scenario, problems: Problems) -> None:

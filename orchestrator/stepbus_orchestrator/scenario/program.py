@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import shutil
 import sys
@@ -10,7 +11,6 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from stepbus_orchestrator.bridge.formats import bridge_words
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
@@ -40,8 +40,7 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     if program == "python":
         return (sys.executable, *rest)
     if (program, *rest[:1]) == ("stepbus", "bridge"):
-        # The whole command line takes a second longer to load, at the start of each run.
-        return (sys.executable, "-m", "stepbus_orchestrator.bridge", *rest[1:])
+        return _bridge_command(rest[1:], folder)
     if program == "stepbus":
         return (sys.executable, "-m", "stepbus_orchestrator", *rest)
     return (_find(program, folder), *rest)
@@ -54,7 +53,16 @@ def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
     """
     if spec.bridge is None:
         return command(spec.exec, folder)
-    return command(bridge_words(spec.bridge.format, spec.bridge.describe, spec.exec), folder)
+    described = spec.bridge.describe
+    describe = ("--describe", json.dumps(described)) if described else ()
+    return _bridge_command(("--format", spec.bridge.format, *describe, "--", *spec.exec), folder)
+
+
+def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """Return the command of the bridge; the bridged program, after `--`, is found first."""
+    split = arguments.index("--") + 1 if "--" in arguments else len(arguments)
+    program = command(arguments[split:], folder) if arguments[split:] else ()
+    return (sys.executable, "-m", "stepbus_bridge", *arguments[:split], *program)
 
 
 def check_command(words: Sequence[str], folder: Path) -> None:

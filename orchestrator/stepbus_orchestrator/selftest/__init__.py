@@ -20,9 +20,9 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import Description, WiringError
+from stepbus_selftest import make_plan, modes_of, read_joints
 
 from .judge import Verdict, better, judge
-from .plan import make_plan, modes_of, read_joints
 
 __all__ = ["SelfTest", "SelfTestFailed", "Verdict", "selftest"]
 
@@ -137,7 +137,7 @@ def _test_scenario(
     kept = {name: out for name, out in plant.outputs.items() if out.type in (_STATE, _EVENT)}
     tester = ParticipantSpec(
         name=_TESTER if plant.name != _TESTER else f"{_TESTER}_2",
-        exec=("python", "-m", __name__),
+        exec=("python", "-m", "stepbus_selftest"),
         every=plant.every,
         inputs={"joint_state": InputSpec(source=plant.name, port=port)},
         outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},

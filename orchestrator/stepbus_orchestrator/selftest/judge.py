@@ -10,8 +10,7 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array, Signal
-
-from .plan import TestedJoint, Trial
+from stepbus_selftest import TestedJoint, Trial
 
 # How far from its goal a joint may end, and how far another may move meanwhile [rad, m].
 _CLOSE = {True: math.radians(0.5), False: 0.0005}

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from stepbus_orchestrator.bridge.formats import Format
 from stepbus_participant.parameters import (
     Count,
     Duration,
@@ -22,7 +21,7 @@ from stepbus_participant.parameters import (
     Whole,
     suggest,
 )
-from stepbus_schemas import Description, WiringError, message_class
+from stepbus_schemas import BridgeFormat, Description, WiringError, message_class
 
 from ..model import BusSpec, Deadlines, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Publishes
 from ..model import Scenario as Model
@@ -81,7 +80,7 @@ class BridgeRow(Settings):
 
     short = "format"
 
-    format: Format
+    format: BridgeFormat
     """What the program reads and writes."""
     describe: dict[str, dict[str, Any]] = {}
     """Output → its description, where it is not the default."""

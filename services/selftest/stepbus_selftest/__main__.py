@@ -1,4 +1,4 @@
-"""The tester as a process: `python -m stepbus_orchestrator.selftest`."""
+"""The tester as a process: `python -m stepbus_selftest`."""
 
 from stepbus_participant import main
 

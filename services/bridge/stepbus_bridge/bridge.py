@@ -1,45 +1,42 @@
-"""What every bridged participant does, whatever the format."""
+"""What every bridged participant does, in any format."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import Config, Description, Participant, RunError, WiringError
-from stepbus_schemas import json_schema
-from stepbus_schemas.schema import not_null
+from stepbus_schemas import json_schema, not_null
 
 from .link import Framing, Link
 from .program import Program
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
-    """What is bridged: a command as in `exec`, its format, and what describes its outputs."""
+class BridgedProgram:
+    """A program to bridge: its argv, its format, and what describes its outputs."""
 
-    words: Sequence[str]
-    form: str
+    argv: Sequence[str]
+    format: str
     describe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 class Bridge(Participant):
-    """Owns the program and says what its outputs are.
+    """Owns the program and describes its outputs.
 
     Raises WiringError when there is no such program, or when it is described wrongly.
     """
 
-    def __init__(self, config: Config, task: Task, framing: Framing) -> None:
+    def __init__(self, config: Config, bridged: BridgedProgram, framing: Framing) -> None:
         super().__init__(config)
-        self._described = _descriptions(config, task.describe)
-        self._link = Link(Program(command(task.words, Path.cwd()), task.form), framing)
+        self._described = _descriptions(config, bridged.describe)
+        self._link = Link(Program(bridged.argv, bridged.format), framing)
 
     def close(self) -> None:
-        """Let the program end; raises RunError when it does so with another code than 0."""
+        """Wait for the program's end; raises RunError when its exit code is not 0."""
         program = self._link.program
         program.stop()
         if program.exit_code and not self._link.failed:
@@ -47,9 +44,9 @@ class Bridge(Participant):
 
 
 def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dict[str, Description]:
-    """Return what is known of each output before the program is asked.
+    """Return the descriptions that are known before the program describes its outputs.
 
-    Without a word on it, an output with joints is like the first input with joints.
+    An output with joints that nobody describes is like the first input with joints.
     """
     first = next((name for name, port in config.inputs.items() if has_joints(port.type)), None)
     found = {

@@ -11,20 +11,20 @@ from msgspec.structs import astuple
 from stepbus_participant import Config, Description, Message, Step
 from stepbus_schemas import PROTOCOL_VERSION, message_class
 
+from .bridge import Bridge, BridgedProgram
 from .errors import BridgeError
 from .link import Framing, Line, Prefixed, show
-from .participant import Bridge, Task
 
 _BROKEN = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 
 
-class _Said(msgspec.Struct):
+class _Descriptions(msgspec.Struct):
     outputs: dict[str, Description] = {}
     versions: dict[str, str] = {}
 
 
 class _Ready(msgspec.Struct):
-    ready: _Said
+    ready: _Descriptions
 
 
 class Codec(Protocol):
@@ -100,9 +100,9 @@ CODECS: dict[str, type[Json | MessagePack]] = {"json": Json, "msgpack": MessageP
 class MapBridge(Bridge):
     """A participant whose program speaks JSON or MessagePack."""
 
-    def __init__(self, config: Config, task: Task) -> None:
-        self._codec = CODECS[task.form]()
-        super().__init__(config, task, self._codec.framing)
+    def __init__(self, config: Config, bridged: BridgedProgram) -> None:
+        self._codec = CODECS[bridged.format]()
+        super().__init__(config, bridged, self._codec.framing)
         self._first = config.publishes == "first"
         self._ports = tuple(config.inputs)
         self._outputs = tuple(config.outputs)
@@ -150,9 +150,9 @@ class MapBridge(Bridge):
                 found = {port: value for port, value in found.items() if value is not None}
         if answer.end is not None:
             step.end(answer.end)
-        if self._first and (answer.end is not None or (found and not publishes)):
+        if found and not publishes:
             raise self._link.wrong(
-                "publishes first: it answers an update with {}, and cannot ask for the end"
+                "publishes first: it answers `output` with its outputs and `update` with none"
             )
         return found
 

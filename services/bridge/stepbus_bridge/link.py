@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_orchestrator.processes.last_error import last_error
+from stepbus_participant import last_error
 
 from .errors import BridgeError
 from .program import Program
@@ -137,8 +137,8 @@ class Link:
     def gone(self, half: str = "") -> BridgeError:
         """Return the error of a program from which nothing comes any more."""
         ended = self.program.how_it_ended()
-        said = last_error(_OWN_LOG)
-        tail = f'; it last said: "{said}"' if said else ""
+        error = last_error(_OWN_LOG)
+        tail = f'; it last said: "{error}"' if error else ""
         return self.wrong(f"{ended}{half}{tail}")
 
     def wrong(self, what: str) -> BridgeError:

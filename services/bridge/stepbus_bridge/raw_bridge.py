@@ -17,12 +17,10 @@ from stepbus_participant import (
     Step,
     WiringError,
 )
-from stepbus_schemas import PROTOCOL_VERSION
-from stepbus_schemas.messages import JointMode
+from stepbus_schemas import PROTOCOL_VERSION, JointMode, raw_problem
 
-from .formats import raw_mistake
+from .bridge import Bridge, BridgedProgram
 from .link import Block
-from .participant import Bridge, Task
 
 Row = list[float]
 _MODES: tuple[JointMode, ...] = ("torque", "velocity", "position", "teleport", "brake")
@@ -84,10 +82,10 @@ UNFLATTEN: dict[str, Callable[[Sequence[float], int], Message]] = {
 class RawBridge(Bridge):
     """A participant whose program speaks numbers alone."""
 
-    def __init__(self, config: Config, task: Task) -> None:
+    def __init__(self, config: Config, bridged: BridgedProgram) -> None:
         _check(config)
         self._block = Block(1)
-        super().__init__(config, task, self._block)
+        super().__init__(config, bridged, self._block)
         self._in: list[tuple[str, str, int, Sequence[int]]] = []
         self._out: list[tuple[str, str, int]] = []
         self._codes = (struct.Struct(""), struct.Struct(""))
@@ -113,8 +111,8 @@ class RawBridge(Bridge):
             self._in.append((name, port.type, n, _order(inputs[name].names, joints[0])))
         for (name, row), names in zip(self.config.outputs.items(), joints, strict=True):
             self._out.append((name, row.type, len(names)))
-        n_in = 2 + sum(1 + width(kind, n) for _, kind, n, _ in self._in)
-        n_out = sum(width(kind, n) for _, kind, n in self._out)
+        n_in = 2 + sum(1 + width(type_name, n) for _, type_name, n, _ in self._in)
+        n_out = sum(width(type_name, n) for _, type_name, n in self._out)
         self._block.count = n_out
         self._codes = (struct.Struct(f"<{n_in}d"), struct.Struct(f"<{n_out}d"))
         header = self._header(n_in, n_out)
@@ -145,14 +143,14 @@ class RawBridge(Bridge):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Hand the inputs of a step to the program and return its outputs."""
         numbers: Row = [float(step.index), step.t]
-        for name, kind, n, order in self._in:
+        for name, type_name, n, order in self._in:
             message = step.get(name)
             numbers.append(float(message is not None))
             try:
                 numbers += (
-                    [math.nan] * width(kind, n)
+                    [math.nan] * width(type_name, n)
                     if message is None
-                    else flatten(message, kind, n, order)
+                    else flatten(message, type_name, n, order)
                 )
             except RunError as exc:
                 raise RunError(f"input {name!r}: {exc}") from exc
@@ -163,10 +161,10 @@ class RawBridge(Bridge):
     def _messages(self, numbers: Sequence[float]) -> dict[str, Message]:
         found: dict[str, Message] = {}
         begin = 0
-        for name, kind, n in self._out:
-            end = begin + width(kind, n)
+        for name, type_name, n in self._out:
+            end = begin + width(type_name, n)
             try:
-                found[name] = UNFLATTEN[kind](numbers[begin:end], n)
+                found[name] = UNFLATTEN[type_name](numbers[begin:end], n)
             except ValueError as exc:
                 raise self._link.wrong(f"answered wrongly: {name}: {exc}") from exc
             begin = end
@@ -184,6 +182,6 @@ def _check(config: Config) -> None:
     """Raise WiringError for what has no layout in numbers alone."""
     inputs = {name: port.type for name, port in config.inputs.items()}
     outputs = {name: port.type for name, port in config.outputs.items()}
-    mistake = raw_mistake(config.publishes, inputs, outputs)
+    mistake = raw_problem(config.publishes, inputs, outputs)
     if mistake:
         raise WiringError(f"participants.{config.name}.bridge: {mistake}")
