@@ -104,7 +104,7 @@ def test_names_of_an_output_that_is_like_an_input_are_those_of_the_input(tmp_pat
     [
         ('names=["a", "b"], limits={"lower": [1.0]}', "limits.lower has 1 values for 2 names"),
         ('names=["a"], details={"type": ["x", "y"]}', "details.type has 2 values for 1 names"),
-        ('names=["a", "a"]', "a is there twice"),
+        ('names=["a", "a"]', "a is listed twice"),
         ('like="stat"', "state is like 'stat', which is no input of it; it has none"),
     ],
 )

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from stepbus_orchestrator.run.fallback.substitute import StandIn
+from stepbus_orchestrator.run.fallback.substitute import Substitute
 from stepbus_orchestrator.scenario import HoldSpec, OutputSpec, ParticipantSpec
 from stepbus_schemas import (
     BaseCommand,
@@ -21,34 +21,21 @@ STEP_NS = 10_000_000
 TOKEN = "token"
 
 
-class Bus:
-    """Keeps what is put, and gives samples as they are."""
-
-    def __init__(self):
-        self.sent = []
-
-    def publisher(self, key, encoding):
-        return self.sent.append
-
-    def payload(self, sample):
-        return sample
-
-
-def stand_in_for(message):
-    """Return what is published once a participant that has published one message is held."""
-    bus = Bus()
+def published_for(message):
+    """Return what is published for a participant that has failed after one message."""
     kind = f"{type(message).__name__}/1"
     spec = ParticipantSpec(name="one", exec=("python",), outputs={"port": OutputSpec(type=kind)})
-    stand_in = StandIn(
-        spec, HoldSpec(keep_ns=0, hold_ns=STEP_NS), bus=bus, token=TOKEN, step_ns=STEP_NS,
-        take=lambda data: None,
+    sent = []
+    substitute = Substitute(
+        spec, HoldSpec(keep_ns=0, hold_ns=STEP_NS), token=TOKEN, step_ns=STEP_NS,
+        put=sent.append, log=lambda data: None,
     )  # fmt: skip
     ports = {"port": msgspec.Raw(encode(message))}
-    stand_in.hear(encode(Outputs(token=TOKEN, step=0, t_ns=0, ports=ports)))
-    stand_in.take_over(0, {})
-    bus.sent.clear()
-    stand_in.publish_below(10)
-    (data,) = bus.sent
+    substitute.take(encode(Outputs(token=TOKEN, step=0, t_ns=0, ports=ports)))
+    substitute.take_over(0, {})
+    sent.clear()
+    substitute.publish_below(10)
+    (data,) = sent
     ports = Decoder(Outputs)(data).ports
     return Decoder(message_class(kind))(ports["port"]) if "port" in ports else None
 
@@ -67,4 +54,4 @@ def stand_in_for(message):
     ],
 )
 def test_a_held_participant_brings_to_rest_what_it_commands(last, safe):
-    assert stand_in_for(last) == safe
+    assert published_for(last) == safe

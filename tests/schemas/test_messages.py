@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from types import SimpleNamespace
 
 import msgspec
@@ -13,9 +12,10 @@ from run_support import write_scenario
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
-from stepbus_orchestrator.run.kernel.participants import Member, Phase
-from stepbus_orchestrator.run.loop import Conductor
-from stepbus_orchestrator.run.progress import Silent
+from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
+from stepbus_orchestrator.run.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.strategy import NoPeers
 from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
 from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
@@ -37,8 +37,14 @@ class Child:
         return False
 
 
+class AllStarted:
+    """A strategy that plays nobody, and has nobody to start."""
+
+    peers = NoPeers()
+
+
 class Stand:
-    """A conductor that is handed its messages; `state` is all that they might change."""
+    """A run loop that gets its messages by hand; `state` is all that they might change."""
 
     def __init__(self, folder, *overrides):
         scenario = load(write_scenario(folder / "source"), overrides)
@@ -46,27 +52,32 @@ class Stand:
         self.bus = HandBus()
         self.recorder = Recorder(McapFile(folder / "run.mcap"), list(specs), scenario.step_ns)
         self.timing = TimingRecorder(folder / "timing.mcap")
-        self.conductor = Conductor(
-            scenario=scenario, bus=self.bus, token=TOKEN, recorder=self.recorder, timing=self.timing,
-            observer=Silent(), interrupt=threading.Event(),
-        )  # fmt: skip
-        self.conductor.state.roster = {spec.name: Member(spec, Child()) for spec in specs}
+        self.session = Session(scenario, self.bus, TOKEN)
+        records = Records(recorder=self.recorder, timing=self.timing)
+        self.loop = RunLoop(self.session, AllStarted(), records, Controls())
+        self.loop.state.participants = {
+            spec.name: ParticipantState(spec, Child()) for spec in specs
+        }
 
     def take(self, sample):
         self.bus.hand(sample)
-        self.conductor._drain(0)
+        self.receive()
+
+    def receive(self):
+        self.session.inbox.receive(0)
 
     def start(self):
         """Let the clock of the run begin."""
         self.recorder.open_channels({}, {})
-        self.conductor.state.started_at = 1.0
+        self.loop.state.started_at = 1.0
 
     def state(self):
-        members = self.conductor.state.roster.values()
+        members = self.loop.state.participants.values()
         phases = [(m.phase, m.ready, m.waiting, dict(m.drops), m.language) for m in members]
-        return phases, dict(self.conductor.state.barrier.reported), self.conductor.state.end
+        return phases, dict(self.loop.state.barrier.reported), self.loop.state.end
 
     def close(self):
+        self.session.announcer.close()
         self.recorder.abort()
         self.timing.close()
 
@@ -83,7 +94,7 @@ def test_the_orchestrator_counts_every_mutant_and_takes_none(stand, key):
     mutator, before = Mutator(1), stand.state()
     for _ in range(PER_KEY):
         stand.take(Sample(key, mutator.broken(envelopes()[key])))
-    assert (stand.conductor.state.unauthenticated, stand.state()) == (PER_KEY, before)
+    assert (stand.loop.state.unauthenticated, stand.state()) == (PER_KEY, before)
 
 
 @pytest.mark.parametrize("key", TO_ORCHESTRATOR)
@@ -95,14 +106,14 @@ def test_the_orchestrator_takes_the_message_that_was_not_mutated(stand, key):
     except RunFailure as exc:
         failure = exc
     assert failure is not None or stand.state() != before
-    assert stand.conductor.state.unauthenticated == 0
+    assert stand.loop.state.unauthenticated == 0
 
 
 @pytest.mark.parametrize("key", TO_ORCHESTRATOR)
 def test_a_mutant_that_still_has_the_token_ends_in_at_most_one_sentence(tmp_path, key):
     mutator, stand, sentences = Mutator(2), Stand(tmp_path), []
     stand.start()
-    for member in stand.conductor.state.roster.values():
+    for member in stand.loop.state.participants.values():
         member.phase = Phase.READY
     for _ in range(PER_KEY):
         try:
@@ -119,9 +130,9 @@ def test_outputs_before_the_start_are_a_fault(stand):
 
 
 def test_a_join_before_its_process_is_started_is_a_strangers(stand):
-    stand.conductor.state.roster = {}
+    stand.loop.state.participants = {}
     stand.take(Sample("join", encode(envelopes()["join"])))
-    assert stand.conductor.state.unauthenticated == 1
+    assert stand.loop.state.unauthenticated == 1
 
 
 def test_every_query_is_answered_with_a_refusal(stand):
@@ -138,7 +149,7 @@ def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
     for _ in range(PER_KEY):
         stand.take(Sample("bulk/controller/image", b"pixels", mutator.broken_stamp()))
     stand.close()
-    assert stand.conductor.state.unauthenticated == PER_KEY
+    assert stand.loop.state.unauthenticated == PER_KEY
 
 
 def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
@@ -146,21 +157,21 @@ def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
     stand.take(Sample("bulk/controller/imago", b"pixels", stamp(0, TOKEN)))
     stand.take(Sample("bulk/controller/command", b"pixels", stamp(0, TOKEN)))
     stand.close()
-    assert stand.conductor.state.unauthenticated == 2
+    assert stand.loop.state.unauthenticated == 2
 
 
 @pytest.mark.parametrize("name", ["stranger", "Plant"])
 def test_somebody_alive_who_is_not_in_the_run_is_counted(stand, name):
     before = stand.state()
     stand.bus.sinks["alive/*"](f"alive/{name}", True)
-    stand.conductor._drain(0)
-    assert (stand.conductor.state.unauthenticated, stand.state()) == (1, before)
+    stand.receive()
+    assert (stand.loop.state.unauthenticated, stand.state()) == (1, before)
 
 
 def test_the_orchestrators_own_life_is_not_counted(stand):
     stand.bus.sinks["alive/*"]("alive/orchestrator", True)
-    stand.conductor._drain(0)
-    assert stand.conductor.state.unauthenticated == 0
+    stand.receive()
+    assert stand.loop.state.unauthenticated == 0
 
 
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)

@@ -12,7 +12,7 @@ from stepbus_orchestrator.analysis.comparison import (
 )
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Descriptions, Recorder, Recording
-from stepbus_orchestrator.run.kernel.deadlines import at
+from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 

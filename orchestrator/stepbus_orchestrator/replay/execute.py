@@ -6,8 +6,9 @@ import contextlib
 import shutil
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
@@ -15,21 +16,23 @@ from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.recording import Recording, TimingRecorder, layout
+from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.kernel.participants import Member
+from stepbus_orchestrator.run.kernel.participants import Process
+from stepbus_orchestrator.run.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.progress import Observer, Silent
-from stepbus_orchestrator.run.supervise import supervise
 from stepbus_orchestrator.scenario import Scenario, Schedule, command, start_command
-from stepbus_participant import Bus, BusError, ZenohBus
+from stepbus_participant import BusError, ZenohBus
 
 from .check import Check, recorded_descriptions
 from .inputs import inputs_of
-from .loop import Replayer
 from .peers import Peer, Peers
 from .prepare import alone, prepare, shorten
 from .recorded import Recorded
 from .reference import Reference
 from .result import ReplayResult
+from .strategy import Replay
 
 WINDOW = 256
 """How many steps the peers are played ahead of the participant [steps]."""
@@ -134,7 +137,7 @@ class _Replay:
             reference=None if reference is None else reference.recorder,
         )
         try:
-            wall_s, steps = self._inside_private_folder(check)
+            wall_s, steps = self._with_processes(check)
             if reference is not None:
                 reference.keep()
         finally:
@@ -142,7 +145,7 @@ class _Replay:
                 reference.discard()
         return self._result(check, wall_s, steps)
 
-    def _inside_private_folder(self, check: Check) -> tuple[float, int]:
+    def _with_processes(self, check: Check) -> tuple[float, int]:
         """Return how long it took [s], and how many steps it were."""
         run, folder, logs = new_token(), private_folder(), self._folder / "logs"
         with contextlib.ExitStack() as stack:
@@ -154,45 +157,48 @@ class _Replay:
             mesh = make_mesh(alone(self._scenario, self._spec.name), folder, self._token)
             bus = _open_bus(mesh, run)
             stack.callback(bus.close)
-            replayer = self._replayer(bus, check, timing)
-            stack.callback(replayer.close)
+            limit_s = self._spec.deadlines.step_s
+            session = Session(self._scenario, bus, self._token, limit_s)
+            stack.callback(session.announcer.close)
+            loop = RunLoop(
+                session,
+                self._strategy(session, partial(self._start, launcher, mesh)),
+                Records(recorder=check, timing=timing),
+                Controls(
+                    observer=self._observer,
+                    interrupt=self._interrupt,
+                    calls=recorded_calls(self._task.recording, self._spec.name),
+                ),
+            )
             self.keeps_log = True
-            supervise(replayer, lambda: self._launch(replayer, launcher, mesh))
+            run_phases(loop)
             self.keeps_log = False
         check.miss_below(self._expected_end())
-        return replayer.ended_at - replayer.state.started_at, replayer.steps
+        return loop.ended_at - loop.state.started_at, loop.state.steps
 
-    def _replayer(self, bus: Bus, check: Check, timing: TimingRecorder) -> Replayer:
+    def _strategy(self, session: Session, start: Callable[[], Process]) -> Replay:
         recording, scenario = self._task.recording, self._scenario
-        heard = {item.source for item in self._spec.inputs.values()}
+        sources = {item.source for item in self._spec.inputs.values()}
         others = [spec for spec in scenario.participants if spec.name != self._spec.name]
         reference = self._reference
         peers = Peers(
-            [Peer(s, Recorded(recording, s), bus, is_heard=s.name in heard) for s in others],
+            [
+                Peer(
+                    spec, Recorded(recording, spec), session.announcer, is_read=spec.name in sources
+                )
+                for spec in others
+            ],
             token=self._token,
             step_ns=scenario.step_ns,
             take=None if reference is None else reference.recorder.offer,
         )
-        return Replayer(
-            participant=self._spec.name,
-            scenario=scenario,
-            bus=bus,
-            token=self._token,
-            recorder=check,
-            timing=timing,
-            observer=self._observer,
-            interrupt=self._interrupt,
-            peers=peers,
-            descriptions=recorded_descriptions(recording),
-            planned=recorded_calls(recording, self._spec.name),
-        )
+        return Replay(self._spec, start, peers, recorded_descriptions(recording), session.bus)
 
-    def _launch(self, replayer: Replayer, launcher: Launcher, mesh: Mesh) -> None:
+    def _start(self, launcher: Launcher, mesh: Mesh) -> Process:
         spec, program = self._spec, self._task.program
         own_folder = self._scenario.folder if program is None else Path.cwd()
-        words = command(program, own_folder) if program else start_command(spec, own_folder)
-        child = launcher.start(spec, words, mesh.participants[spec.name], own_folder)
-        replayer.state.roster = {spec.name: Member(spec, child, replayer.newest_step)}
+        argv = command(program, own_folder) if program else start_command(spec, own_folder)
+        return launcher.start(spec, argv, mesh.participants[spec.name], own_folder)
 
     def _expected_end(self) -> int:
         """Return the first step at which nothing is expected of the participant."""

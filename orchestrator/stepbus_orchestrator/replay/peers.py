@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
+from stepbus_orchestrator.run.bus.announcer import Announcer
 from stepbus_orchestrator.scenario import ParticipantSpec
-from stepbus_participant import Bus, stamp
-from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode, encoding_of
+from stepbus_participant import stamp
+from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode
 
 from .recorded import Recorded, envelope
 
@@ -20,16 +21,16 @@ class Peer:
     """
 
     def __init__(
-        self, spec: ParticipantSpec, recorded: Recorded, bus: Bus, *, is_heard: bool
+        self, spec: ParticipantSpec, recorded: Recorded, announcer: Announcer, *, is_read: bool
     ) -> None:
         self.name = spec.name
         self.recorded = recorded
         self._put: Callable[..., None] | None = None
         self._put_bulk: Mapping[str, Callable[..., None]] = {}
-        if is_heard:
-            self._put = bus.publisher(f"out/{spec.name}", encoding_of("Outputs/1"))
+        if is_read:
+            self._put = announcer.publisher(f"out/{spec.name}", "Outputs/1")
             self._put_bulk = {
-                port: bus.publisher(f"bulk/{spec.name}/{port}", encoding_of(output.type))
+                port: announcer.publisher(f"bulk/{spec.name}/{port}", output.type)
                 for port, output in spec.outputs.items()
                 if output.bulk
             }

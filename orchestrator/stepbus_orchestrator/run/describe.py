@@ -12,12 +12,16 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
-from stepbus_orchestrator.recording import Descriptions, Recording
+from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_schemas import Description
 
-from .kernel.participants import input_descriptions
-from .run_scenario import Options, run
+from .kernel.descriptions import input_descriptions
+from .kernel.participants import Participants
+from .kernel.state import RunState
+from .options import Options
+from .run_scenario import run_with
+from .strategy import Strategy
 
 _JOINT_STATE = "JointState/1"
 _WITHOUT_MOTOR = ("passive", "teleport")
@@ -91,29 +95,42 @@ def describe(scenario: Scenario, interrupt: threading.Event | None = None) -> li
     Raises DescribeFailed when that fails; the logs, which its sentence names, are then kept.
     """
     folder = Path(tempfile.mkdtemp(prefix="describe-stepbus-"))
-    options = Options(out=folder / "run")
-    result = run(dataclasses.replace(scenario, steps=0), options, interrupt=interrupt)
+    found: list[_Describe] = []
+
+    def adapt(live: Strategy) -> Strategy:
+        found.append(_Describe(live))
+        return found[0]
+
+    standing = dataclasses.replace(scenario, steps=0)
+    result = run_with(adapt, standing, Options(out=folder / "run"), interrupt=interrupt)
     if result.exit_code not in {ExitCode.FINISHED, ExitCode.INTERRUPTED}:
         raise DescribeFailed(result.reason, result.exit_code)
-    try:
-        if result.exit_code:
-            raise DescribeFailed(result.reason, result.exit_code)
-        said = _said(scenario, Recording.open(result.recording))
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-    return _portraits(scenario, said)
+    shutil.rmtree(folder, ignore_errors=True)
+    if result.exit_code:
+        raise DescribeFailed(result.reason, result.exit_code)
+    return _portraits(scenario, found[0].outputs)
 
 
-def _said(scenario: Scenario, recording: Recording) -> Descriptions:
-    """Return the description of every output: participant → output → description."""
-    return {
-        spec.name: {name: recording[f"{spec.name}.{name}"].description for name in spec.outputs}
-        for spec in scenario.participants
-    }
+class _Describe:
+    """The strategy of a description: a run whose participants are asked for nothing else."""
+
+    def __init__(self, live: Strategy) -> None:
+        self.outputs: Descriptions = {}
+        self.peers = live.peers
+        self._live = live
+
+    def launch(self, state: RunState) -> None:
+        """Start the participants, as for a run."""
+        self._live.launch(state)
+
+    def descriptions(self, participants: Participants) -> Descriptions:
+        """Keep how the participants describe their outputs."""
+        self.outputs = self._live.descriptions(participants)
+        return self.outputs
 
 
-def _portraits(scenario: Scenario, said: Descriptions) -> list[Portrait]:
-    heard = input_descriptions(scenario, said)
+def _portraits(scenario: Scenario, outputs: Descriptions) -> list[Portrait]:
+    inputs = input_descriptions(scenario, outputs)
     return [
         Portrait(
             participant=name,
@@ -123,7 +140,7 @@ def _portraits(scenario: Scenario, said: Descriptions) -> list[Portrait]:
                     port,
                     output.type,
                     _taken_by(scenario, name, port),
-                    _with_names(said[name][port], heard[name]),
+                    _with_names(outputs[name].get(port, Description()), inputs[name]),
                 )
                 for port, output in scenario.participant(name).outputs.items()
             ],

@@ -1,4 +1,4 @@
-"""Calls beside the step loop: asked from outside, answered between two steps."""
+"""Calls beside the step loop: made from outside, answered between two steps (P15)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from typing import Any
 
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.recording import Recording, Sink, layout
-from stepbus_orchestrator.run.kernel.deadlines import at
-from stepbus_orchestrator.run.kernel.messages import RunState
-from stepbus_orchestrator.run.kernel.participants import Member
-from stepbus_participant import Bus, suggest
+from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.kernel.failures import deadline, seconds
+from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_participant import suggest
 from stepbus_schemas import (
     Call,
+    CallDescription,
     Called,
     CallRecord,
     CallReply,
@@ -23,26 +26,27 @@ from stepbus_schemas import (
     Decoder,
     MessageError,
     encode,
-    encoding_of,
 )
-
-from .pace import FAR
 
 CALL_KEY = "call"
 _decode_request = Decoder(CallRequest)
 _decode_called = Decoder(Called)
 _REPEAT_S = 0.2
+_LONGEST_CHECK_S = 0.25
+"""One check counts for at most this long: a suspended orchestrator is nobody's fault (P12.1)."""
+
+Reply = Callable[[CallReply], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Asked:
-    """A call that waits for its turn. step: when; None: as soon as possible. reply: to whom."""
+    """A call that waits for its turn. step: when; None: as soon as possible."""
 
     participant: str
     method: str
     args: list[Any]
     step: int | None
-    reply: Callable[[CallReply], None]
+    reply: Reply
 
 
 @dataclass
@@ -53,31 +57,29 @@ class _Open:
     message: Call
     step: int
     sent_at: float
-    began_at: float
+    checked_at: float
+    waited_s: float = 0.0
 
 
 class Calls:
-    """Asks participants what somebody outside wants to know, each before a step of the run.
+    """Makes the calls of users to participants, each before a step of the run.
 
-    Nobody is let into that step before the answer is there. So it is always given between the same
-    two steps, and what a call changes is a function of its step: those that say they change
-    something are recorded, and done again by `rerun` and `replay`.
+    No participant is let into that step before the answer has come (P15.2). So a call is always
+    answered between the same two steps, and what it changes is a function of its step: calls that
+    change something are recorded, and made again by `rerun` and `replay`.
 
-    planned: calls of a recording. Methods run on the conductor's thread.
+    planned: calls of a recording. Methods run on the run's own thread.
     """
 
     def __init__(
         self,
-        *,
+        session: Session,
         state: RunState,
-        bus: Bus,
-        token: str,
         recorder: Sink,
         planned: Sequence[CallRecord] = (),
     ) -> None:
         self._state = state
-        self._bus = bus
-        self._token = token
+        self._token = session.token
         self._recorder = recorder
         self._waiting: deque[_Asked] = deque(
             _Asked(
@@ -85,15 +87,15 @@ class Calls:
                 method=call.method,
                 args=call.args,
                 step=call.step,
-                reply=_nobody,
+                reply=_no_reply,
             )
             for call in planned
         )
         self._open: _Open | None = None
         self._number = 0
         self._puts = {
-            spec.name: bus.publisher(f"call/{spec.name}", encoding_of("Call/1"))
-            for spec in state.scenario.participants
+            spec.name: session.announcer.publisher(f"call/{spec.name}", "Call/1")
+            for spec in session.scenario.participants
         }
 
     def limit(self, released: int) -> int:
@@ -106,17 +108,16 @@ class Calls:
         return released if first is None else first
 
     def act(self, released: int) -> None:
-        """Send the next call, when all steps before its own are complete; repeat an open one.
+        """Send the next call, when all steps before its own are complete; resend an open one.
 
-        Raises StepTimeout when somebody has not answered within its deadline for a step.
+        Raises StepTimeout when a participant has not answered within its deadline for a step.
         """
-        completed = self._state.barrier.completed
         if self._open is not None:
-            self._urge(self._open)
+            self._check(self._open)
         elif self._waiting:
             asked = self._waiting[0]
             step = released if asked.step is None else asked.step
-            if completed >= step:
+            if self._state.barrier.completed >= step:
                 self._waiting.popleft()
                 self._send(asked, step)
 
@@ -124,18 +125,18 @@ class Calls:
         self._number += 1
         call = Call(token=self._token, id=self._number, method=asked.method, args=asked.args)
         now = time.monotonic()
-        self._open = _Open(asked=asked, message=call, step=step, sent_at=now, began_at=now)
+        self._open = _Open(asked=asked, message=call, step=step, sent_at=now, checked_at=now)
         self._puts[asked.participant](encode(call))
 
-    def _urge(self, call: _Open) -> None:
+    def _check(self, call: _Open) -> None:
         now = time.monotonic()
-        member = self._state.roster[call.asked.participant]
-        deadline_s = member.spec.deadlines.step_s
-        if now - call.began_at > deadline_s:
+        call.waited_s += min(now - call.checked_at, _LONGEST_CHECK_S)
+        call.checked_at = now
+        member = self._state.participants[call.asked.participant]
+        if call.waited_s > seconds(member.spec, "step"):
             raise StepTimeout(
-                f"{at(call.step, self._state.scenario.step_ns)}: {member.who()} has not answered "
-                f"the call {call.asked.method} for {now - call.began_at:.1f} s; deadline "
-                f"{deadline_s:g} s (participants.{member.name}.step_timeout)",
+                f"{self._state.at(call.step)}: {member.who()} has not answered the call "
+                f"{call.asked.method} for {call.waited_s:.1f} s; {deadline(member.spec, 'step')}",
                 participant=member.name,
                 step=call.step,
             )
@@ -143,20 +144,16 @@ class Calls:
             call.sent_at = now
             self._puts[member.name](encode(call.message))
 
-    def take_request(self, query: Any) -> None:
-        """Take in what somebody asks; one without the run's token is a stranger."""
+    def take_request(self, data: bytes, reply: Reply) -> None:
+        """Take a user's request; one without the run's token is counted and not answered."""
         try:
-            request = _decode_request(query.payload)
+            request = _decode_request(data)
         except MessageError:
             self._state.unauthenticated += 1
             return
         if request.token != self._token:
             self._state.unauthenticated += 1
             return
-
-        def reply(answer: CallReply) -> None:
-            query.reply(encode(answer), encoding_of("CallReply/1"))
-
         if not request.participant:
             reply(CallReply(value=self._offered()))
             return
@@ -164,6 +161,7 @@ class Calls:
         if mistake is not None:
             reply(CallReply(error=mistake))
             return
+        self._state.is_release_due = True
         self._waiting.append(
             _Asked(
                 participant=request.participant,
@@ -175,55 +173,52 @@ class Calls:
         )
 
     def _offered(self) -> dict[str, dict[str, Any]]:
-        """Return what everybody can be asked: participant → method → its help."""
+        """Return all calls that participants offer: participant → method → its help."""
         return {
             name: {
                 method: {"help": item.help, "changes": item.changes}
-                for method, item in self._methods(member).items()
+                for method, item in _methods(member).items()
             }
-            for name, member in self._state.roster.items()
+            for name, member in self._state.participants.items()
         }
-
-    def _methods(self, member: Member) -> dict[str, Any]:
-        return dict(member.ready.calls) if member.ready is not None else {}
 
     def _mistake(self, request: CallRequest) -> str | None:
         """Return why a call cannot be made, or None."""
-        if self._state.phase != "stepping":
-            return f"the run is {self._state.phase}; calls are answered between its steps"
-        member = self._state.roster.get(request.participant)
+        state = self._state
+        if not state.phase.is_stepping:
+            return f"the run is {state.phase.shown}; calls are answered between its steps"
+        member = state.participants.get(request.participant)
         if member is None:
             name = request.participant
-            return f"no participant {name!r}{suggest(name, self._state.roster)}"
-        methods = self._methods(member)
+            return f"no participant {name!r}{suggest(name, state.participants)}"
+        methods = _methods(member)
         if request.method not in methods:
             if not methods:
                 return f"{member.name} offers no calls"
             return f"{member.name} has no call {request.method!r}{suggest(request.method, methods)}"
         return None
 
-    def take_called(self, sample: Any) -> None:
-        """Take in an answer."""
+    def take_called(self, key_name: str, data: bytes) -> None:
+        """Take an answer; one to another call than the open one is dropped (P15.3)."""
         try:
-            called = _decode_called(self._bus.payload(sample))
+            called = _decode_called(data)
         except MessageError:
             self._state.unauthenticated += 1
             return
         call = self._open
-        key_name = self._bus.key(sample).rpartition("/")[2]
         if called.token != self._token or called.name != key_name:
             self._state.unauthenticated += 1
-        elif (
-            call is not None
-            and called.id == call.message.id
-            and called.name == call.asked.participant
+        elif call is not None and (called.id, called.name) == (
+            call.message.id,
+            call.asked.participant,
         ):
             self._open = None
+            self._state.is_release_due = True
             self._finish(call, called)
 
     def _finish(self, call: _Open, called: Called) -> None:
         asked = call.asked
-        methods = self._methods(self._state.roster[asked.participant])
+        methods = _methods(self._state.participants[asked.participant])
         if asked.method in methods and methods[asked.method].changes:
             self._recorder.add_call(
                 CallRecord(
@@ -238,12 +233,16 @@ class Calls:
         asked.reply(CallReply(step=call.step, value=called.value, error=called.error))
 
     def close(self) -> None:
-        """Tell everybody who waits that there will be no answer."""
+        """Answer every call that is left: there is no step it could be made before."""
         waiting = [*([self._open.asked] if self._open is not None else []), *self._waiting]
         self._open = None
         self._waiting.clear()
         for asked in waiting:
             asked.reply(CallReply(error="the run has ended"))
+
+
+def _methods(member: ParticipantState) -> dict[str, CallDescription]:
+    return dict(member.ready.calls) if member.ready is not None else {}
 
 
 def recorded_calls(recording: Recording, participant: str | None = None) -> list[CallRecord]:
@@ -258,5 +257,5 @@ def recorded_calls(recording: Recording, participant: str | None = None) -> list
     return [call for call in calls if participant in {None, call.participant}]
 
 
-def _nobody(_reply: CallReply) -> None:
-    """Nobody waits for the answer to a call that is done again."""
+def _no_reply(_reply: CallReply) -> None:
+    """Drop the answer to a call that is made again."""

@@ -1,4 +1,4 @@
-"""Faults on purpose from outside: processes frozen, slowed down, killed or crashed at a step."""
+"""Injected faults from outside: processes frozen, slowed down, killed or crashed at a step."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from stepbus_orchestrator.errors import StartFailed
-from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.run.kernel.participants import Roster
+from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.participants import Participants, Process
 from stepbus_orchestrator.scenario import (
     MESSAGE_KINDS,
     PROCESS_KINDS,
@@ -20,8 +20,6 @@ from stepbus_orchestrator.scenario import (
     format_fault,
 )
 
-from .pace import FAR
-
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
 
@@ -29,22 +27,22 @@ _SLOW_RUN_S = 0.002
 class Injector:
     """Injects the process faults of a scenario, each when all steps before its own are complete.
 
-    Until then nobody is let into that step, so that the participant is hit at this step and no
-    other. injected: is told of each fault, those on messages included, when its step begins.
+    Until then no participant is let into that step, so that the fault hits at this step and no
+    other. injected: is called with each fault, those on messages included, when its step starts.
     """
 
     def __init__(self, faults: Sequence[FaultSpec], injected: Callable[[FaultSpec], None]) -> None:
         self._faults = faults_of(faults, PROCESS_KINDS)
         self._messages = faults_of(faults, MESSAGE_KINDS)
         self._injected = injected
-        self._frozen: list[tuple[float, Child]] = []
+        self._frozen: list[tuple[float, Process]] = []
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []
 
-    def check(self, roster: Roster) -> None:
+    def check(self, participants: Participants) -> None:
         """Raise StartFailed when a fault cannot be injected into a participant's messages."""
         for fault in self._messages:
-            language = roster[fault.participant].language
+            language = participants[fault.participant].language
             if language != "python":
                 raise StartFailed(
                     f"before the first step: the fault '{format_fault(fault)}' needs a participant "
@@ -54,65 +52,65 @@ class Injector:
                 )
 
     def limit(self, released: int) -> int:
-        """Return the step of the next fault: nobody may work on it before."""
+        """Return the step of the next fault, which must not be released before."""
         return self._faults[0].step if self._faults else FAR
 
-    def act(self, completed: int, roster: Roster) -> None:
+    def act(self, completed: int, participants: Participants) -> None:
         """Inject what is due when all steps below `completed` are complete."""
-        self._note_messages(completed)
+        self._report_messages(completed)
         while self._faults and self._faults[0].step <= completed:
             fault = self._faults.pop(0)
-            self._inject(fault, roster[fault.participant].child)
+            self._inject(fault, participants[fault.participant].process)
             self._injected(fault)
         self._thaw()
 
-    def _note_messages(self, step: int) -> None:
+    def _report_messages(self, step: int) -> None:
         while self._messages and self._messages[0].step <= step:
             self._injected(self._messages.pop(0))
 
-    def _inject(self, fault: FaultSpec, child: Child) -> None:
+    def _inject(self, fault: FaultSpec, process: Process) -> None:
         lasts_s = (fault.duration_ns or 0) * 1e-9
         if fault.kind == "freeze":
-            child.signal(signal.SIGSTOP)
+            process.signal(signal.SIGSTOP)
             if fault.duration_ns is not None:
-                self._frozen.append((time.monotonic() + lasts_s, child))
+                self._frozen.append((time.monotonic() + lasts_s, process))
         elif fault.kind == "slow":
-            thread = threading.Thread(target=self._slow_down, args=(child, lasts_s), daemon=True)
+            thread = threading.Thread(target=self._slow_down, args=(process, lasts_s), daemon=True)
             thread.start()
             self._threads.append(thread)
         else:
-            _end(child, signal.SIGKILL if fault.kind == "kill" else signal.SIGSEGV)
+            _end(process, signal.SIGKILL if fault.kind == "kill" else signal.SIGSEGV)
 
     def _thaw(self) -> None:
         now = time.monotonic()
-        for until, child in self._frozen:
+        for until, process in self._frozen:
             if now >= until:
-                child.signal(signal.SIGCONT)
+                process.signal(signal.SIGCONT)
         self._frozen = [item for item in self._frozen if now < item[0]]
 
-    def _slow_down(self, child: Child, lasts_s: float) -> None:
-        """Let a process run for a fifth of the time only."""
+    def _slow_down(self, process: Process, lasts_s: float) -> None:
+        """Let a process run for a fifth of the time."""
         until = time.monotonic() + lasts_s
-        while time.monotonic() < until and not self._over.is_set() and child.exit_code() is None:
-            child.signal(signal.SIGSTOP)
+        while time.monotonic() < until and not self._over.is_set() and process.exit_code() is None:
+            process.signal(signal.SIGSTOP)
             self._over.wait(_SLOW_HOLD_S)
-            child.signal(signal.SIGCONT)
+            process.signal(signal.SIGCONT)
             self._over.wait(_SLOW_RUN_S)
 
     def close(self, step: int) -> None:
-        """Let everybody who is only held up for a while go on. step: the one the run came to."""
-        self._note_messages(step)
+        """Resume every process that is frozen or slowed down. step: where the run has ended."""
+        self._report_messages(step)
         self._over.set()
         for thread in self._threads:
             thread.join()
-        for _, child in self._frozen:
-            child.signal(signal.SIGCONT)
+        for _, process in self._frozen:
+            process.signal(signal.SIGCONT)
         self._frozen = []
 
 
-def _end(child: Child, number: int) -> None:
+def _end(process: Process, number: int) -> None:
     """End a process by a signal, without a core file in the scenario's folder."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
-        resource.prlimit(child.pid, resource.RLIMIT_CORE, (0, 0))
-    child.signal(number)
-    child.wait(1.0)
+        resource.prlimit(process.pid, resource.RLIMIT_CORE, (0, 0))
+    process.signal(number)
+    process.wait(1.0)

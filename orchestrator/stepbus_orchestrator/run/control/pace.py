@@ -1,29 +1,17 @@
-"""Pause, resume and single steps: how far a run may go, as the user wants it."""
+"""Pause, resume and single steps: how far a run may go, as the user asks."""
 
 from __future__ import annotations
 
 import threading
-from typing import Protocol
 
-FAR = 1 << 62
-"""Beyond the last step of any run."""
-
-
-class Gate(Protocol):
-    """Somebody who may keep a run from going on."""
-
-    def limit(self, released: int) -> int:
-        """Return the step that must not be worked on yet, nor any after it.
-
-        released: steps below it are being worked on, or done. Called again and again.
-        """
+from stepbus_orchestrator.run.kernel.gates import FAR
 
 
 class Pace:
-    """Holds a run between two steps, and lets it go on; from any thread.
+    """Pauses a run between two steps and resumes it, from any thread.
 
     It only chooses when a trigger is sent: inputs are fixed by their step numbers, so a pause
-    changes no result. at: the step to stop before; none: the run goes on until `pause`.
+    changes no result. at: the step to pause before; default: the run continues until `pause`.
     """
 
     def __init__(self, at: int | None = None) -> None:
@@ -34,27 +22,27 @@ class Pace:
 
     @property
     def paused(self) -> bool:
-        """Return whether the run is held, or will be at a step."""
+        """Return whether the run is paused, or will be at a step."""
         return self._pausing or self._at is not None
 
     def pause(self) -> None:
-        """Hold the run as soon as all that is being worked on is done."""
+        """Pause as soon as all released steps are complete."""
         with self._lock:
             self._pausing, self._at = True, None
 
     def resume(self) -> None:
-        """Let the run go on."""
+        """Let the run continue."""
         with self._lock:
             self._pausing, self._at, self._more = False, None, 0
 
     def step(self, count: int = 1) -> None:
-        """Let the run go on by a number of steps and hold it then."""
+        """Let the run continue for a number of steps, then pause."""
         with self._lock:
             self._pausing = True
             self._more += count
 
     def limit(self, released: int) -> int:
-        """Return the step that must not be worked on yet."""
+        """Return the first step that must not be released yet."""
         with self._lock:
             if self._pausing:
                 self._at = released if self._at is None else max(self._at, released)

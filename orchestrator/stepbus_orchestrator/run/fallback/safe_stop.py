@@ -1,90 +1,91 @@
-"""Emergency stop: the run goes on without the one that failed, until everything is at rest."""
+"""The safe stop: the run continues without a participant that has failed until all is at rest."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, RunFailure
 from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.run.control.pace import FAR
-from stepbus_orchestrator.run.kernel.messages import Intake, RunState
-from stepbus_orchestrator.run.kernel.participants import input_descriptions
-from stepbus_participant import Bus
+from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
+from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.messages import MessageHandler
+from stepbus_orchestrator.run.kernel.phase import RunPhase
+from stepbus_orchestrator.run.kernel.state import RunState
 
-from .substitute import StandIn
+from .substitute import Substitute
 
 
-class Emergency:
-    """Who can be stood in for, and whoever is being stood in for now.
+class SafeStop:
+    """The participants that can be replaced, and the one that is.
 
-    state: of the run. Only participants with `on_fault: hold` are listened to: to see every
-    message costs a step some microseconds.
+    replaced_steps: the first step that is not its own, and the one before which the run ends.
+    Only those with `on_fault: hold` are followed: to take every message costs a step some
+    microseconds.
     """
 
-    def __init__(self, state: RunState, bus: Bus, token: str, intake: Intake) -> None:
+    def __init__(self, session: Session, state: RunState, messages: MessageHandler) -> None:
         self._state = state
-        scenario = state.scenario
-        self._stand_ins: Mapping[str, StandIn] = {
-            spec.name: StandIn(
+        scenario = session.scenario
+        self._substitutes: Mapping[str, Substitute] = {
+            spec.name: Substitute(
                 spec,
                 spec.on_fault,
-                bus=bus,
-                token=token,
+                token=session.token,
                 step_ns=scenario.step_ns,
-                take=partial(intake.take_outputs, spec.name),
+                put=session.announcer.publisher(f"out/{spec.name}", "Outputs/1"),
+                log=partial(messages.take_outputs, spec.name),
             )
             for spec in scenario.participants
             if spec.on_fault is not None
         }
-        self._active: StandIn | None = None
+        self._active: Substitute | None = None
+        self.replaced_steps = (0, 0)
 
-    def hear(self, name: str, sample: Any) -> None:
-        """Take in what one of those participants published."""
+    def take(self, name: str, data: bytes) -> None:
+        """Take what one of those participants published."""
         if self._active is None:
-            self._stand_ins[name].hear(sample)
+            self._substitutes[name].take(data)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return who can be stood in for."""
-        return tuple(self._stand_ins)
+        """Return who can be replaced."""
+        return tuple(self._substitutes)
 
     def follow(self, released: int) -> None:
-        """Publish what is due below `released`, and forget what nobody will ask for."""
+        """Publish what is due below `released`, and forget what nobody will need."""
         if self._active is not None:
             self._active.publish_below(released)
             return
-        for name, stand_in in self._stand_ins.items():
-            stand_in.forget(self._state.barrier.reported[name])
+        for name, substitute in self._substitutes.items():
+            substitute.forget(self._state.barrier.reported[name])
 
     def can_handle(self, failure: RunFailure) -> bool:
-        """Return whether a failure is one that somebody can be stood in for.
+        """Return whether the participant that failed can be replaced.
 
-        Whoever found a message of another broken has ended itself: then two are gone.
+        A witness that found a message of another malformed has ended itself (P8.1): then two are
+        gone.
         """
-        seen_by_other = isinstance(failure, ParticipantFault) and failure.witness is not None
+        has_witness = isinstance(failure, ParticipantFault) and failure.witness is not None
         return (
-            self._state.phase == "stepping"
-            and self._state.replaced is None
-            and failure.participant in self._stand_ins
-            and not seen_by_other
+            self._state.phase is RunPhase.STEPPING
+            and failure.participant in self._substitutes
+            and not has_witness
         )
 
-    def begin(self, name: str, descriptions: Descriptions) -> tuple[int, int]:
-        """Stand in for the participant that is to be replaced and whose process is gone.
-
-        Return the first step that is not its own, and the one before which the run ends.
-        """
+    def start(self, name: str, descriptions: Descriptions) -> tuple[int, int]:
+        """Replace the participant of a name, whose process is gone; return `replaced_steps`."""
         state = self._state
-        self._active = self._stand_ins[name]
-        read = input_descriptions(state.scenario, descriptions)
+        self._active = self._substitutes[name]
+        inputs = input_descriptions(state.scenario, descriptions)
         ports = {
-            item.port: read[spec.name][port]
+            item.port: inputs[spec.name][port]
             for spec in state.scenario.participants
             for port, item in spec.inputs.items()
             if item.source == name
         }
         first, until = self._active.take_over(state.barrier.reported[name], ports)
         last = FAR if state.scenario.steps is None else state.scenario.steps
-        return first, min(until, last)
+        self.replaced_steps = (first, min(until, last))
+        return self.replaced_steps

@@ -1,4 +1,4 @@
-"""Who may join a run: names, tokens, protocol version, port types."""
+"""Who may join a run: name, token, protocol version, port types (P4.2)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LOW_LATENCY_BYTES = 60_000
 
 
 def max_message_bytes(scenario: Scenario) -> int:
-    """Return the largest message that the scenario's transport carries [bytes]."""
+    """Return the largest message that the scenario's transport carries [bytes] (P3.7)."""
     return _LOW_LATENCY_BYTES if low_latency(scenario) else _NO_LIMIT
 
 
@@ -25,7 +25,7 @@ def participant_seed(seed: int, name: str) -> int:
 
 
 def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome:
-    """Return all a participant has to know."""
+    """Return the answer to a participant that may join."""
     specs = {other.name: other for other in scenario.participants}
     return Welcome(
         protocol=PROTOCOL_VERSION,
@@ -35,7 +35,7 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
         every=spec.every,
         publishes=spec.publishes,
         window=scenario.window,
-        # Who fires at every fourth step fills a batch in four times the steps of the window.
+        # One that fires at every fourth step would fill its batch in four windows.
         batch=max(1, scenario.batch // spec.every),
         seed=participant_seed(scenario.seed, spec.name),
         inputs={
@@ -63,7 +63,7 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     """Return the answer to a `Hello`."""
     welcome = welcomes.get(hello.name)
     if hello.token != token:
-        return Refusal(reason="this is another run: the token of the ticket is not ours")
+        return Refusal(reason="this is another run: the token of the ticket is not of this one")
     if welcome is None:
         known = ", ".join(welcomes)
         return Refusal(reason=f"no participant {hello.name!r} in this run; it has {known}")

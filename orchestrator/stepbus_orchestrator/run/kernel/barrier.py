@@ -1,25 +1,15 @@
-"""The step barrier: what has been reported, how far everybody may go, and who holds a step."""
+"""The step barrier: what has been reported, how far the run may go, and who holds a step."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from operator import add
 
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario import InputSpec, Scenario
 from stepbus_schemas import due_step
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Edge:
-    """One input as the barrier sees it."""
-
-    source: str
-    delay: int
-
-
 class Barrier:
-    """Counts the outputs of every participant; pure logic, no clock and no bus.
+    """Counts the outputs of every participant.
 
     reported: newest step each participant has reported; negative before its first.
     """
@@ -29,14 +19,11 @@ class Barrier:
         self._steps = scenario.steps
         self._every = {spec.name: spec.every for spec in scenario.participants}
         self._first = {s.name for s in scenario.participants if s.publishes == "first"}
-        self._edges: Mapping[str, list[_Edge]] = {
-            spec.name: [_Edge(source=i.source, delay=i.delay) for i in spec.inputs.values()]
-            for spec in scenario.participants
-        }
+        self._inputs = {spec.name: list(spec.inputs.values()) for spec in scenario.participants}
         self.reported = {name: -every for name, every in self._every.items()}
 
     def report(self, name: str, step: int) -> bool:
-        """Take in that a participant has published a step; return whether it was the next one."""
+        """Count the outputs of a step; return whether it is the next one (P7.1)."""
         if step != self.reported[name] + self._every[name]:
             return False
         self.reported[name] = step
@@ -50,7 +37,7 @@ class Barrier:
 
     @property
     def step_limit(self) -> int:
-        """Return the newest trigger: steps below it may be worked on."""
+        """Return the newest trigger: steps below it may be worked on (P5.5)."""
         ahead = self.completed + self._window
         return ahead if self._steps is None else min(ahead, self._steps)
 
@@ -64,7 +51,7 @@ class Barrier:
         return self.reported[name] + self._every[name]
 
     def holders(self) -> list[str]:
-        """Return those who hold the oldest incomplete step.
+        """Return those who hold the oldest incomplete step (P12.2).
 
         They owe an output although all they need for it has been reported; whoever waits for
         them is not among them.
@@ -73,19 +60,16 @@ class Barrier:
             return []
         step = self.completed
         owing = [name for name in self.reported if self.next_step(name) <= step]
-        return [name for name in owing if self._has_inputs(name)]
-
-    def _has_inputs(self, name: str) -> bool:
-        return not self.missing(name)
+        return [name for name in owing if not self.missing(name)]
 
     def missing(self, name: str) -> list[str]:
         """Return the participants whose outputs somebody still needs for its next output."""
         step = self.next_step(name)
         if name in self._first:
-            # What it publishes next is the result of the step before.
+            # What it publishes next is the result of the step before (P5.3).
             step -= self._every[name]
-        return [edge.source for edge in self._edges[name] if not self._arrived(edge, step)]
+        return [item.source for item in self._inputs[name] if not self._arrived(item, step)]
 
-    def _arrived(self, edge: _Edge, step: int) -> bool:
-        due = due_step(step, edge.delay, self._every[edge.source])
-        return due < 0 or self.reported[edge.source] >= due
+    def _arrived(self, item: InputSpec, step: int) -> bool:
+        due = due_step(step, item.delay, self._every[item.source])
+        return due < 0 or self.reported[item.source] >= due

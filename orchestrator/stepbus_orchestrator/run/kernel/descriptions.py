@@ -1,23 +1,63 @@
-"""Whether what a participant says of its outputs fits together."""
+"""How participants describe their outputs: inherited along `like`, and checked (P4.7)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
 from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.scenario import Scenario
 from stepbus_schemas import Description
 
-from .participants import Member, Roster
+from .participants import Participants, ParticipantState
 
 
-def check_descriptions(roster: Roster, inputs: Mapping[str, Mapping[str, Description]]) -> None:
+def input_descriptions(
+    scenario: Scenario, outputs: Descriptions
+) -> dict[str, dict[str, Description]]:
+    """Return the description of every input: participant → input → description."""
+    return {
+        spec.name: {
+            port: _resolve(scenario, outputs, source.source, source.port, set())
+            for port, source in spec.inputs.items()
+        }
+        for spec in scenario.participants
+    }
+
+
+def _resolve(
+    scenario: Scenario,
+    outputs: Descriptions,
+    name: str,
+    port: str,
+    seen: set[tuple[str, str]],
+) -> Description:
+    """Return an output's description, with the names of the input it is `like`."""
+    description = outputs.get(name, {}).get(port, Description())
+    spec = next(spec for spec in scenario.participants if spec.name == name)
+    origin = spec.inputs.get(description.like or "")
+    if origin is None or (name, port) in seen:
+        return description
+    like = _resolve(scenario, outputs, origin.source, origin.port, seen | {(name, port)})
+    return Description(
+        names=like.names,
+        units=description.units,
+        limits=description.limits,
+        shape=description.shape,
+        details=description.details,
+    )
+
+
+def check_descriptions(
+    participants: Participants, inputs: Mapping[str, Mapping[str, Description]]
+) -> None:
     """Check the descriptions of all who are ready.
 
     inputs: participant → input → its description.
 
     Raises StartFailed that lists all that is wrong with those of one participant.
     """
-    for member in roster.values():
+    for member in participants.values():
         problems = list(_problems(member, inputs[member.name]))
         if problems:
             raise StartFailed(
@@ -27,29 +67,29 @@ def check_descriptions(roster: Roster, inputs: Mapping[str, Mapping[str, Descrip
             )
 
 
-def _problems(member: Member, inputs: Mapping[str, Description]) -> Iterator[str]:
-    described = {} if member.ready is None else member.ready.outputs
-    for port, said in described.items():
+def _problems(member: ParticipantState, inputs: Mapping[str, Description]) -> Iterator[str]:
+    outputs = {} if member.ready is None else member.ready.outputs
+    for port, output in outputs.items():
         if port not in member.spec.outputs:
             yield f"{port!r} is no output of it; {_known(member.spec.outputs)}"
-        elif said.like is not None and said.like not in inputs:
-            yield f"{port} is like {said.like!r}, which is no input of it; {_known(inputs)}"
+        elif output.like is not None and output.like not in inputs:
+            yield f"{port} is like {output.like!r}, which is no input of it; {_known(inputs)}"
         else:
-            names = said.names if said.like is None else inputs[said.like].names
-            yield from (f"{port}: {what}" for what in _misfits(said, names))
+            names = output.names if output.like is None else inputs[output.like].names
+            yield from (f"{port}: {what}" for what in _inconsistencies(output, names))
 
 
 def _known(ports: Iterable[str]) -> str:
     return f"it has {', '.join(ports) or 'none'}"
 
 
-def _misfits(said: Description, names: list[str]) -> Iterator[str]:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        yield f"{', '.join(twice)} is there twice"
+def _inconsistencies(description: Description, names: list[str]) -> Iterator[str]:
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        yield f"{', '.join(repeated)} is listed twice"
     lengths = {
-        **{f"limits.{key}": len(row) for key, row in said.limits.items()},
-        **{f"details.{key}": len(row) for key, row in said.details.items()},
+        **{f"limits.{key}": len(row) for key, row in description.limits.items()},
+        **{f"details.{key}": len(row) for key, row in description.details.items()},
     }
     for row, length in lengths.items():
         if length != len(names):

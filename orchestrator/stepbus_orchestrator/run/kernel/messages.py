@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
 from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed
 from stepbus_orchestrator.processes.endpoints import ORCHESTRATOR
 from stepbus_orchestrator.recording import Sink, TimingRecorder
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
-from stepbus_participant import Bus, read_stamp
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_participant import read_stamp
 from stepbus_schemas import (
     Decoder,
     Fault,
@@ -20,14 +19,14 @@ from stepbus_schemas import (
     Outputs,
     Ready,
     Refusal,
+    Welcome,
     encode,
-    encoding_of,
 )
 
-from .admission import max_message_bytes, receive, welcome_of
-from .barrier import Barrier
-from .deadlines import at, skipped
-from .participants import Member, Phase, Roster
+from .admission import receive, welcome_of
+from .failures import refused, skipped
+from .participants import ParticipantState, Phase
+from .state import RunState
 
 _decode_hello = Decoder(Hello)
 _decode_ready = Decoder(Ready)
@@ -36,153 +35,97 @@ _decode_outputs = Decoder(Outputs)
 _decode_fault = Decoder(Fault)
 
 
-@dataclass
-class RunState:
-    """How far a run is.
+class MessageHandler:
+    """Takes what participants send; unauthenticated and malformed messages are counted (P8.6).
 
-    phase: `starting`, `stepping` or `stopping`. unauthenticated: messages that were not taken.
-    end: the step before which the run ends, and why, once somebody has asked for it. compute:
-    participant → total computing time [ns] and number of steps. started_at: when the first trigger
-    was sent, by the monotonic clock [s]. replaced: who has failed and is stood in for.
-    """
-
-    scenario: Scenario
-    barrier: Barrier
-    roster: Roster = field(default_factory=dict)
-    phase: str = "starting"
-    unauthenticated: int = 0
-    end: tuple[int, str] | None = None
-    compute: dict[str, tuple[int, int]] = field(default_factory=dict)
-    started_at: float = 0.0
-    replaced: str | None = None
-
-    def at(self, step: int) -> str:
-        """Return `step 1042 (t = 5.210 s)`."""
-        return at(step, self.scenario.step_ns)
-
-    def check_size(self, what: str, data: bytes) -> None:
-        """Raise StartFailed for what the low-latency transport would silently lose."""
-        limit = max_message_bytes(self.scenario)
-        if len(data) > limit:
-            raise StartFailed(
-                f"before the first step: {what} take {len(data)} bytes, over the {limit} that the "
-                "low-latency transport carries; set bus.low_latency: false"
-            )
-
-
-class Intake:
-    """Takes in what participants send; strangers and broken messages are counted, no more.
-
-    died: is called when a process of ours is seen to have ended. Its methods run on the
-    conductor's thread and raise RunFailure when a message ends the run.
+    replayed: names whose messages the orchestrator itself publishes. Methods take the name in the
+    message's key, and raise RunFailure for a message that ends the run.
     """
 
     def __init__(
         self,
-        *,
         state: RunState,
-        bus: Bus,
         token: str,
         recorder: Sink,
         timing: TimingRecorder,
-        died: Callable[[], None],
+        replayed: Collection[str] = (),
     ) -> None:
         self._state = state
-        self._bus = bus
         self._token = token
         self._recorder = recorder
         self._timing = timing
-        self._died = died
+        self._replayed = replayed
         self._step_ns = state.scenario.step_ns
         specs = state.scenario.participants
         self._ports = {spec.name: _Ports(spec) for spec in specs}
         self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
 
-    def take_alive(self, item: tuple[str, bool]) -> None:
-        """Take in that somebody has come to the bus, or left it."""
-        key, alive = item
-        name = key.removeprefix("alive/")
-        state = self._state
-        member = state.roster.get(name)
+    def take_alive(self, name: str, is_alive: bool) -> None:
+        """Take that somebody has come to the bus, or left it."""
+        member = self._state.participants.get(name)
         if member is None:
-            state.unauthenticated += alive and name != ORCHESTRATOR
-            return
-        if alive and member.advance(Phase.ALIVE):
-            self._timing.event("alive", member.name)
-        if (
-            not alive
-            and name != state.replaced
-            and state.phase != "stopping"
-            and member.child.wait(_GONE_S)
-        ):
-            self._died()
+            self._state.unauthenticated += is_alive and name != ORCHESTRATOR
+        elif not is_alive:
+            # Its process may have ended; that is seen at the next check, which need not wait.
+            self._state.is_check_due = True
+        elif member.advance(Phase.ALIVE):
+            self._timing.event("alive", name)
 
-    def take_join(self, request: Any) -> None:
-        """Answer a `Hello`."""
+    def take_join(self, data: bytes, reply: Callable[[Welcome | Refusal], None]) -> None:
+        """Answer a `Hello`; an unauthenticated one is refused and counted (P4.2, P4.3)."""
         try:
-            hello = _decode_hello(request.payload)
+            hello = _decode_hello(data)
         except MessageError as exc:
             self._state.unauthenticated += 1
-            request.reply(encode(Refusal(reason=str(exc))), encoding_of("Refusal/1"))
+            reply(Refusal(reason=str(exc)))
             return
-        # Nobody of ours can ask before its process is started.
-        roster = self._state.roster
-        answer = receive(hello, {name: self._welcomes[name] for name in roster}, self._token)
-        if isinstance(answer, Refusal):
-            request.reply(encode(answer), encoding_of("Refusal/1"))
-            self._refused(hello, answer)
-            return
-        welcome = encode(answer)
-        self._state.check_size(f"the params of {hello.name}", welcome)
-        request.reply(welcome, encoding_of("Welcome/1"))
-        member = roster[hello.name]
+        # None of ours can ask before its process has been started.
+        participants = self._state.participants
+        answer = receive(hello, {name: self._welcomes[name] for name in participants}, self._token)
+        if not isinstance(answer, Refusal):
+            self._state.check_size(f"the params of {hello.name}", encode(answer))
+        reply(answer)
+        if not isinstance(answer, Refusal):
+            self._admit(participants[hello.name], hello)
+        elif hello.token != self._token or hello.name not in participants:
+            self._state.unauthenticated += 1
+        else:
+            raise refused(participants[hello.name], answer.reason)
+
+    def _admit(self, member: ParticipantState, hello: Hello) -> None:
         member.language = hello.language
         if member.advance(Phase.JOINED):
             self._timing.event("join", member.name, f"{hello.language} {hello.sdk}".strip())
 
-    def _refused(self, hello: Hello, refusal: Refusal) -> None:
-        """End the run when one of ours cannot join; a stranger is only counted."""
-        roster = self._state.roster
-        if hello.token != self._token or hello.name not in roster:
-            self._state.unauthenticated += 1
-            return
-        raise StartFailed(
-            f"before the first step: {roster[hello.name].who()} was refused: {refusal.reason}",
-            participant=hello.name,
-        )
-
-    def _member(self, token: str, name: str, key_name: str) -> Member | None:
-        """Return whom a message is from; None, and counted, when it is a stranger's."""
-        member = self._state.roster.get(name)
+    def _sender(self, token: str, name: str, key_name: str) -> ParticipantState | None:
+        """Return who sent a message; None, and counted, where it is unauthenticated (P3.5)."""
+        member = self._state.participants.get(name)
         if token != self._token or member is None or name != key_name:
             self._state.unauthenticated += 1
             return None
-        # What comes late from one that is stood in for is published already.
+        # What comes late from a participant that is replaced has been published already.
         return None if name == self._state.replaced else member
 
-    def _name_in_key(self, sample: Any) -> str:
-        return self._bus.key(sample).rpartition("/")[2]
-
-    def take_ready(self, sample: Any) -> None:
-        """Take in that somebody is ready, and what it says of its outputs."""
+    def take_ready(self, key_name: str, data: bytes) -> None:
+        """Take that somebody is ready, and its descriptions (P4.7)."""
         try:
-            ready = _decode_ready(self._bus.payload(sample))
+            ready = _decode_ready(data)
         except MessageError:
             self._state.unauthenticated += 1
             return
-        member = self._member(ready.token, ready.name, self._name_in_key(sample))
+        member = self._sender(ready.token, ready.name, key_name)
         if member is not None and member.advance(Phase.READY):
             member.ready = ready
             self._timing.event("ready", member.name)
 
-    def take_log(self, key_name: str, sample: Any) -> None:
-        """Take in a batch of outputs, from the key of `key_name`."""
+    def take_log(self, key_name: str, data: bytes) -> None:
+        """Take a batch of outputs (P9)."""
         try:
-            log = _decode_log(self._bus.payload(sample))
+            log = _decode_log(data)
         except MessageError:
             self._state.unauthenticated += 1
             return
-        member = self._member(log.token, log.name, key_name)
+        member = self._sender(log.token, log.name, key_name)
         if member is None:
             return
         self._check_waiting(member, log)
@@ -190,20 +133,20 @@ class Intake:
         for raw in log.outputs:
             self._take_outputs(member, raw)
         if log.timing:
-            self._note_timing(log)
+            self._add_timing(log)
 
-    def _check_waiting(self, member: Member, log: Log) -> None:
+    def _check_waiting(self, member: ParticipantState, log: Log) -> None:
         if log.waiting is None:
             return
         sources = [item.source for item in member.spec.inputs.values()]
         if any(name not in sources for name in log.waiting.sources):
-            raise self._broken(member, "says it waits for somebody who is no source of it")
+            raise self._broken(member, "reports that it waits for somebody who is no source of it")
 
     def take_outputs(self, name: str, data: bytes) -> None:
-        """Take in outputs that the orchestrator publishes in a participant's stead."""
-        self._take_outputs(self._state.roster[name], data)
+        """Take outputs that the orchestrator publishes for a participant that has failed."""
+        self._take_outputs(self._state.participants[name], data)
 
-    def _take_outputs(self, member: Member, raw: Any) -> None:
+    def _take_outputs(self, member: ParticipantState, raw: Any) -> None:
         state = self._state
         if not state.started_at:
             raise self._broken(member, "logged outputs before the start")
@@ -220,10 +163,9 @@ class Intake:
             raise skipped(member, outputs.step, state.barrier, self._step_ns)
         self._recorder.offer(member.name, outputs)
         if outputs.end is not None:
-            end = (outputs.step + 1, f"{member.name}: {outputs.end}")
-            state.end = end if state.end is None else min(state.end, end)
+            state.ask_end(outputs.step + 1, f"{member.name}: {outputs.end}")
 
-    def _broken(self, member: Member, what: str) -> ParticipantFault:
+    def _broken(self, member: ParticipantState, what: str) -> ParticipantFault:
         step = self._state.barrier.next_step(member.name)
         return ParticipantFault(
             f"{self._state.at(step)}: {member.who()} {what}; see docs/protocol.md",
@@ -231,50 +173,47 @@ class Intake:
             step=step,
         )
 
-    def _note_timing(self, log: Log) -> None:
+    def _add_timing(self, log: Log) -> None:
         self._timing.steps(log.name, log.timing)
         total, count = self._state.compute.get(log.name, (0, 0))
         for _, _, computed in log.timing:
             total += computed
         self._state.compute[log.name] = (total, count + len(log.timing))
 
-    def take_bulk(self, sample: Any) -> None:
-        """Take in bulk content."""
-        step = read_stamp(self._bus.attachment(sample), self._token)
-        _, name, port = self._bus.key(sample).split("/")
-        member = self._state.roster.get(name)
+    def take_bulk(self, name: str, port: str, stamp: bytes, data: bytes) -> None:
+        """Take bulk content; stamp: step and token, from its attachment (P7.5, P8.3)."""
+        if name in self._replayed:
+            return
+        step = read_stamp(stamp, self._token)
+        member = self._state.participants.get(name)
         output = member.spec.outputs.get(port) if member is not None else None
         if step is None or output is None or not output.bulk:
             self._state.unauthenticated += 1
         elif step >= 0:
-            self._recorder.offer_bulk(name, port, step, self._bus.payload(sample))
+            self._recorder.offer_bulk(name, port, step, data)
 
-    def take_fault(self, sample: Any) -> None:
-        """End the run with what a participant says has gone wrong."""
+    def take_fault(self, key_name: str, data: bytes) -> None:
+        """End the run with the fault that a participant reports (P10)."""
         try:
-            fault = _decode_fault(self._bus.payload(sample))
+            fault = _decode_fault(data)
         except MessageError:
             self._state.unauthenticated += 1
             return
-        member = self._member(fault.token, fault.name, self._name_in_key(sample))
+        member = self._sender(fault.token, fault.name, key_name)
         if member is None:
             return
-        blamed = self._state.roster.get(fault.blames or fault.name, member)
+        blamed = self._state.participants.get(fault.blames or fault.name, member)
         seen = "" if blamed is member else f" (seen by {member.who()})"
-        kind = StartFailed if member.phase < Phase.READY else ParticipantFault
-        failure = kind(
+        failed = StartFailed if member.phase < Phase.READY else ParticipantFault
+        failure = failed(
             f"{self._state.at(fault.step)}: {blamed.who()}: {fault.message}{seen}; "
-            f"its log: {blamed.child.log}",
+            f"its log: {blamed.process.log}",
             participant=blamed.name,
             step=fault.step,
         )
         if isinstance(failure, ParticipantFault) and blamed is not member:
             failure.witness = member.name
         raise failure
-
-
-# Its process may take this long to end after it has left the bus [s].
-_GONE_S = 0.05
 
 
 class _Ports:
@@ -285,11 +224,11 @@ class _Ports:
         self._bulk = set(spec.outputs) - self._plain
 
     def wrong(self, outputs: Outputs) -> str | None:
-        """Return what is wrong with what was published, if anything is."""
+        """Return what is wrong with the ports of published outputs, or None (P7.2, P7.3)."""
         if outputs.ports.keys() <= self._plain and outputs.bulk.keys() <= self._bulk:
             return None
         known = self._plain | self._bulk
         unknown = [port for port in (*outputs.ports, *outputs.bulk) if port not in known]
         if unknown:
             return f"published on {unknown[0]!r}, not a port of the scenario"
-        return "published a port as bulk that is none, or the reverse"
+        return "published a plain port as bulk, or a bulk port as plain"

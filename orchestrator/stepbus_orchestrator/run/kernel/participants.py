@@ -5,15 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from pathlib import Path
+from typing import Protocol
 
-from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
-from stepbus_schemas import Description, Ready, Waiting
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_schemas import Ready, Waiting
+
+
+class Process(Protocol):
+    """A participant's process, as a run sees it; `processes.child.Child` is the real one."""
+
+    @property
+    def pid(self) -> int:
+        """Return its process id."""
+
+    @property
+    def log(self) -> Path:
+        """Return the file its stdout and stderr go to."""
+
+    def exit_code(self) -> int | None:
+        """Return its exit code, negative for a signal; None while it runs."""
+
+    def how_it_ended(self) -> str:
+        """Return its end in words."""
+
+    def last_error(self) -> str:
+        """Return the last error it printed, or its last line, or nothing."""
+
+    def is_stopped(self) -> bool:
+        """Return whether a signal or a debugger has stopped it."""
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+
+    def wait(self, timeout_s: float) -> bool:
+        """Return whether it has ended within a time [s]."""
+
+    def end(self) -> None:
+        """Terminate it, then kill it and all it has started."""
 
 
 class Phase(IntEnum):
-    """How far a participant has come."""
+    """How far a participant has come (P4)."""
 
     SPAWNED = 0
     ALIVE = 1
@@ -24,22 +57,22 @@ class Phase(IntEnum):
 PHASE_DEADLINES = {Phase.SPAWNED: "spawn", Phase.ALIVE: "join", Phase.JOINED: "ready"}
 
 
-def _unseen() -> int:
+def _unknown() -> int:
     return -1
 
 
 @dataclass
-class Member:
-    """One participant of a run, as the orchestrator sees it.
+class ParticipantState:
+    """How far one participant is, as the orchestrator sees it.
 
     in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. waiting: what
-    it said it waits for when it last flushed its log. newest: returns the newest step it was seen
-    to publish, where somebody looks.
+    it waited for when it last sent its log. newest: returns the newest step it was seen to
+    publish, where somebody watches; −1 elsewhere.
     """
 
     spec: ParticipantSpec
-    child: Child
-    newest: Callable[[], int] = _unseen
+    process: Process
+    newest: Callable[[], int] = _unknown
     phase: Phase = Phase.SPAWNED
     in_phase_s: float = 0.0
     holds_s: float = 0.0
@@ -55,56 +88,20 @@ class Member:
         return self.spec.name
 
     def advance(self, phase: Phase) -> bool:
-        """Move on to a phase; return whether that is news."""
+        """Enter a phase; return whether it is a later one."""
         if phase <= self.phase:
             return False
         self.phase, self.in_phase_s = phase, 0.0
         return True
 
     def hold(self, step: int, elapsed_s: float) -> None:
-        """Note that it has held a step for some more time [s]."""
+        """Count some more time [s] in which it has held a step."""
         self.holds_s = elapsed_s + (self.holds_s if self.held_step == step else 0.0)
         self.held_step = step
 
     def who(self) -> str:
         """Return its name and process id, as error messages give them."""
-        return f"{self.name} (pid {self.child.pid})"
+        return f"{self.name} (pid {self.process.pid})"
 
 
-Roster = Mapping[str, Member]
-
-
-def input_descriptions(
-    scenario: Scenario, outputs: Descriptions
-) -> dict[str, dict[str, Description]]:
-    """Return the description of every input: participant → input → description."""
-    return {
-        spec.name: {
-            port: _resolve(scenario, outputs, source.source, source.port, set())
-            for port, source in spec.inputs.items()
-        }
-        for spec in scenario.participants
-    }
-
-
-def _resolve(
-    scenario: Scenario,
-    outputs: Descriptions,
-    name: str,
-    port: str,
-    seen: set[tuple[str, str]],
-) -> Description:
-    """Return an output's description, with the names of the input it is `like`."""
-    description = outputs.get(name, {}).get(port, Description())
-    spec = next(spec for spec in scenario.participants if spec.name == name)
-    origin = spec.inputs.get(description.like or "")
-    if origin is None or (name, port) in seen:
-        return description
-    like = _resolve(scenario, outputs, origin.source, origin.port, seen | {(name, port)})
-    return Description(
-        names=like.names,
-        units=description.units,
-        limits=description.limits,
-        shape=description.shape,
-        details=description.details,
-    )
+Participants = Mapping[str, ParticipantState]

@@ -1,0 +1,68 @@
+"""What brings to rest whoever reads a port of a participant that has failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from stepbus_schemas import (
+    BaseCommand,
+    Decoder,
+    Description,
+    Goal,
+    JointCommand,
+    JointReference,
+    Message,
+    Plan,
+    message_class,
+)
+
+MOMENTARY = (
+    "ControllerStatus/1",
+    "Detections/1",
+    "Event/1",
+    "GoalStatus/1",
+    "Image/1",
+    "Plan/1",
+    "PlanRequest/1",
+)
+"""Types that report a moment; to repeat such a message would be a lie."""
+
+_NO_PLANNER = Plan(id=0, cause="planner_failed", text="the planner has failed")
+"""What is true of every request from then on."""
+
+
+def safe_message(
+    type_name: str,
+    description: Description,
+    given: Mapping[str, Any] | None,
+    last: bytes | None,
+) -> Message | None:
+    """Return the safe message of a port; None where nothing is to be published.
+
+    given: the message of the scenario (`on_fault.safe`), which comes first. last: what the
+    participant last published on the port.
+    """
+    cls = message_class(type_name)
+    if given is not None:
+        return msgspec.convert(given, cls)
+    if type_name in MOMENTARY:
+        return _NO_PLANNER if cls is Plan else None
+    if cls is JointCommand:
+        return JointCommand(mode="brake", values=[0.0] * len(description.names))
+    if cls is BaseCommand:
+        return BaseCommand()
+    return _at_rest(Decoder(cls)(last)) if last is not None else None
+
+
+def _at_rest(last: Message) -> Message:
+    """Return what comes to rest after the last message of a port."""
+    if isinstance(last, Goal):
+        # Ids of goals are the sender's own; the next one ends the goal in progress.
+        return Goal(id=last.id + 1, type="stop")
+    if isinstance(last, JointReference):
+        still = [0.0] * len(last.position)
+        return JointReference(position=last.position, velocity=still, acceleration=still)
+    return last

@@ -1,0 +1,73 @@
+"""The folder of a run: a new one for each, also for runs that start in the same second."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from itertools import chain, count
+from pathlib import Path
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import McapFile, layout
+from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
+
+from .result import own_versions
+
+LOGS_FOLDER = "logs"
+
+
+def default_folder(scenario: Scenario, parent: Path) -> Path:
+    """Make a new folder for a run: `<scenario>-<time>`, or the first free `<scenario>-<time>-<n>`.
+
+    Two runs that start in the same second get different ones. Raises RecordingFailed when it
+    cannot be made.
+    """
+    stem = f"{scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    names = chain([stem], (f"{stem}-{number}" for number in count(2)))
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        return next(parent / name for name in names if _is_made(parent / name))
+    except OSError as exc:
+        raise RecordingFailed(f"cannot make a folder in {parent}: {exc.strerror}") from exc
+
+
+def _is_made(folder: Path) -> bool:
+    """Make a folder; return False where somebody else has made it."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    return True
+
+
+def claim(out: Path) -> None:
+    """Make a run's folder, with one for logs in it; raises RecordingFailed where one is in use."""
+    taken = (layout.RUN_FILE, layout.TIMING_FILE)
+    try:
+        is_used = any((out / name).exists() for name in taken)
+        if not is_used:
+            out.mkdir(parents=True, exist_ok=True)
+            # Of two runs that are given the same folder, one makes this.
+            is_used = not _is_made(out / LOGS_FOLDER)
+    except OSError as exc:
+        raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
+    if is_used:
+        raise RecordingFailed(f"{out} holds a run already; choose another --out")
+
+
+def attach(file: McapFile, scenario: Scenario) -> None:
+    """Attach all that is needed to run again from the recording alone.
+
+    Raises RecordingFailed when a file of the scenario cannot be read.
+    """
+    text = resolved(scenario)
+    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text.encode())
+    for name, path in files(scenario).items():
+        try:
+            content = path.read_bytes()
+        except OSError as exc:
+            raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
+        file.attach(layout.file_attachment(name), "application/octet-stream", content)
+    file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
+    if scenario.faults:
+        rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(scenario.faults)}
+        file.add_metadata(layout.FAULTS_METADATA, rows)

@@ -1,0 +1,206 @@
+"""The failures of a run, each with its sentence: who, at which step, the numbers, what to check."""
+
+from __future__ import annotations
+
+from stepbus_orchestrator.errors import (
+    ParticipantDied,
+    ParticipantFault,
+    RunFailure,
+    StartFailed,
+    StepTimeout,
+)
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_schemas import due_step
+
+from .barrier import Barrier
+from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
+
+
+def at(step: int, step_ns: int) -> str:
+    """Return `step 1042 (t = 5.210 s)`, or `before the first step`."""
+    if step < 0:
+        return "before the first step"
+    return f"step {step} (t = {step * step_ns * 1e-9:.3f} s)"
+
+
+def seconds(spec: ParticipantSpec, phase: str) -> float:
+    """Return one of a participant's deadlines [s]."""
+    value: float = getattr(spec.deadlines, f"{phase}_s")
+    return value
+
+
+def deadline(spec: ParticipantSpec, phase: str) -> str:
+    """Return a deadline as error messages give it: `deadline 3 s (participants.a.step_timeout)`."""
+    return f"deadline {seconds(spec, phase):g} s (participants.{spec.name}.{phase}_timeout)"
+
+
+def owed_step(name: str, participants: Participants, barrier: Barrier) -> int:
+    """Return the step whose output a participant owes.
+
+    Its own reports lag behind by up to a log batch; whoever waits for it is ahead of them (P9.3).
+    """
+    every = participants[name].spec.every
+    newest = participants[name].newest()
+    owed = max(barrier.next_step(name), newest + every if newest >= 0 else 0)
+    for other in participants.values():
+        waiting = other.waiting
+        if waiting is not None and name in waiting.sources:
+            delays = [item.delay for item in other.spec.inputs.values() if item.source == name]
+            owed = max(owed, due_step(waiting.step, min(delays), every))
+    return owed
+
+
+def late_to_start(member: ParticipantState) -> StartFailed:
+    """Return the failure of a participant that is not ready in time."""
+    phase = PHASE_DEADLINES[member.phase]
+    what = {
+        "spawn": "has not reached the bus; does its program take part with stepbus?",
+        "join": "has reached the bus and not asked to join; does it hang?",
+        "ready": f"has joined and {_worker(member)}is not ready; {_why_not_ready(member)}",
+    }[phase]
+    if phase == "ready" and member.waiting is not None:
+        sources = ", ".join(member.waiting.sources)
+        what = f"is not connected to {sources}, which is up; can the two reach each other?"
+    return StartFailed(
+        f"before the first step: {member.who()} {what} "
+        f"It had a {deadline(member.spec, phase)}; its log: {member.process.log}",
+        participant=member.name,
+    )
+
+
+def refused(member: ParticipantState, reason: str) -> StartFailed:
+    """Return the failure of a participant that was not admitted (P4.3)."""
+    return StartFailed(
+        f"before the first step: {member.who()} was refused: {reason}", participant=member.name
+    )
+
+
+def late_for_step(late: list[ParticipantState], barrier: Barrier, step_ns: int) -> StepTimeout:
+    """Return the failure of the participants that hold a step past their deadline."""
+    step = _stuck_at(late[0])
+    sentences = [_holds(member, barrier) for member in late]
+    return StepTimeout(
+        f"{at(step, step_ns)}: {'; '.join(sentences)}", participant=late[0].name, step=step
+    )
+
+
+def late_to_close(member: ParticipantState, end: int, step_ns: int) -> StepTimeout:
+    """Return the failure of a participant whose closing outputs do not come (P11.3)."""
+    return StepTimeout(
+        f"{at(end, step_ns)}: {member.who()} has not published its closing outputs for "
+        f"{member.holds_s:.1f} s; {deadline(member.spec, 'stop')}",
+        participant=member.name,
+        step=end,
+    )
+
+
+def missing_bulk(end: int, waited_s: float, deadline_s: float, step_ns: int) -> StepTimeout:
+    """Return the failure of a run whose announced bulk content does not come (P7.5)."""
+    return StepTimeout(
+        f"{at(end, step_ns)}: announced bulk content has not arrived for {waited_s:.1f} s; "
+        f"deadline {deadline_s:g} s (stop_timeout); was it published?",
+        step=end,
+    )
+
+
+def took_nothing(
+    member: ParticipantState, participants: Participants, barrier: Barrier, step_ns: int
+) -> StepTimeout:
+    """Return the failure of a participant that was killed because it read nothing any more."""
+    step = owed_step(member.name, participants, barrier)
+    return StepTimeout(
+        f"{at(step, step_ns)}: {member.who()} has read nothing for "
+        f"{seconds(member.spec, 'step'):g} s, and messages to it piled up; "
+        f"{deadline(member.spec, 'step')}",
+        participant=member.name,
+        step=step,
+    )
+
+
+def death(
+    member: ParticipantState, participants: Participants, barrier: Barrier, step_ns: int
+) -> RunFailure:
+    """Return the failure of a participant whose process has ended (P10.4)."""
+    is_ready = member.phase == Phase.READY
+    step = owed_step(member.name, participants, barrier) if is_ready else -1
+    output = member.process.last_error()
+    sentence = (
+        f"{at(step, step_ns)}: {member.who()} {member.process.how_it_ended()}"
+        f"{_quoted(output)}; its log: {member.process.log}"
+    )
+    if not is_ready:
+        return StartFailed(sentence, participant=member.name)
+    return ParticipantDied(sentence, participant=member.name, step=step)
+
+
+def _quoted(output: str) -> str:
+    return f'; its last output: "{output}"' if output else ""
+
+
+def skipped(
+    member: ParticipantState, step: int, barrier: Barrier, step_ns: int
+) -> ParticipantFault:
+    """Return the failure of a participant that left out a step (P7.1)."""
+    expected = barrier.next_step(member.name)
+    return ParticipantFault(
+        f"{at(expected, step_ns)}: {member.who()} reported step {step} instead; "
+        "it must publish at every step it fires at, in order",
+        participant=member.name,
+        step=expected,
+    )
+
+
+def _stuck_at(member: ParticipantState) -> int:
+    """Return the step a participant does not complete.
+
+    One that publishes first owes the outputs of the next step when it waits for inputs of this.
+    """
+    waiting = member.waiting
+    if waiting is not None and waiting.sources and _waits_in_held_step(member):
+        return waiting.step
+    return member.held_step
+
+
+def _waits_in_held_step(member: ParticipantState) -> bool:
+    ahead = member.spec.every if member.spec.publishes == "first" else 0
+    return member.waiting is not None and member.waiting.step + ahead == member.held_step
+
+
+def _holds(member: ParticipantState, barrier: Barrier) -> str:
+    """Return why a participant holds the step, as far as the orchestrator can see it."""
+    limit = deadline(member.spec, "step")
+    held = f"{member.holds_s:.1f} s"
+    missing = barrier.missing(member.name)
+    waiting = member.waiting
+    if member.process.is_stopped():
+        return (
+            f"{member.who()} has been stopped by a signal or a debugger, and has held the step "
+            f"for {held}; {limit}"
+        )
+    if missing:
+        return f"{member.who()} still waits for {', '.join(missing)}; {limit}"
+    if waiting is not None and waiting.sources and _waits_in_held_step(member):
+        dropped = sum(member.drops.values())
+        return (
+            f"{member.who()} has been waiting for {', '.join(waiting.sources)} for {held}, whose "
+            f"outputs were published; was a message lost or dropped ({dropped} dropped so far)? "
+            f"{limit}"
+        )
+    if member.spec.bridge is not None:
+        return (
+            f"{member.who()} has been waiting for {_worker(member)}for {held}; "
+            f"inputs arrived; does it answer every message? {limit}"
+        )
+    return f"{member.who()} has been computing for {held}; inputs arrived; {limit}"
+
+
+def _why_not_ready(member: ParticipantState) -> str:
+    loading = "is its model still loading?"
+    if member.spec.bridge is None:
+        return loading
+    return f"{loading} Does it write its answers to descriptor 4, and flush them?"
+
+
+def _worker(member: ParticipantState) -> str:
+    """Return the program behind a bridge, which does the participant's work."""
+    return "" if member.spec.bridge is None else f"`{' '.join(member.spec.exec)}` "

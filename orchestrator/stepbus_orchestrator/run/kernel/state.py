@@ -1,0 +1,100 @@
+"""The state of a run: how far it is, when it ends, who takes part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.scenario import Scenario
+
+from .admission import max_message_bytes
+from .barrier import Barrier
+from .failures import at
+from .gates import FAR
+from .participants import Participants, Phase
+from .phase import NEXT, RunPhase
+
+
+@dataclass
+class RunState:
+    """How far a run is.
+
+    participants: those whose processes have been started. released: the newest trigger; steps
+    below it may be worked on. unauthenticated: how many messages were dropped. end: the step
+    before which the run ends, and why, once somebody has asked for it. compute: participant →
+    total computing time [ns] and number of steps. started_at: when the first trigger was sent, by
+    the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
+    is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
+    """
+
+    scenario: Scenario
+    barrier: Barrier = field(init=False)
+    participants: Participants = field(default_factory=dict)
+    phase: RunPhase = RunPhase.START_UP
+    released: int = 0
+    unauthenticated: int = 0
+    end: tuple[int, str] | None = None
+    compute: dict[str, tuple[int, int]] = field(default_factory=dict)
+    started_at: float = 0.0
+    replaced: str | None = None
+    is_check_due: bool = False
+    is_release_due: bool = False
+
+    def __post_init__(self) -> None:
+        self.barrier = Barrier(self.scenario)
+
+    def enter(self, phase: RunPhase) -> None:
+        """Enter a phase; raises ValueError for one that cannot follow."""
+        if phase not in NEXT[self.phase]:
+            raise ValueError(f"{phase} does not follow {self.phase}")
+        self.phase = phase
+
+    def ask_end(self, step: int, reason: str) -> None:
+        """End the run before a step; of several requests, the earliest counts (P7.4)."""
+        asked = (step, reason)
+        self.end = asked if self.end is None else min(self.end, asked)
+
+    @property
+    def last_step(self) -> int:
+        """Return the number of steps of this run, as far as it is known."""
+        if self.end is not None:
+            return self.end[0]
+        return FAR if self.scenario.steps is None else self.scenario.steps
+
+    @property
+    def reason(self) -> str:
+        """Return why the run ends, where nothing failed."""
+        return "finished" if self.end is None else self.end[1]
+
+    @property
+    def steps(self) -> int:
+        """Return how many steps of the run are complete."""
+        return min(max(0, self.barrier.completed), self.last_step)
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether all steps of the run are complete."""
+        return self.barrier.completed >= self.last_step
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether all released steps are done, and a gate holds the run."""
+        return self.barrier.completed >= self.released
+
+    @property
+    def is_ready(self) -> bool:
+        """Return whether every participant is ready."""
+        return all(member.phase == Phase.READY for member in self.participants.values())
+
+    def at(self, step: int) -> str:
+        """Return `step 1042 (t = 5.210 s)`."""
+        return at(step, self.scenario.step_ns)
+
+    def check_size(self, what: str, data: bytes) -> None:
+        """Raise StartFailed for what the low-latency transport would silently lose (P3.7)."""
+        limit = max_message_bytes(self.scenario)
+        if len(data) > limit:
+            raise StartFailed(
+                f"before the first step: {what} take {len(data)} bytes, over the {limit} that the "
+                "low-latency transport carries; set bus.low_latency: false"
+            )

@@ -1,0 +1,55 @@
+"""The strategy of a run: every participant of the scenario is started."""
+
+from __future__ import annotations
+
+from stepbus_orchestrator.processes.endpoints import Mesh
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.recording import Descriptions, TimingRecorder
+from stepbus_orchestrator.scenario import MESSAGE_KINDS, Scenario, start_command
+from stepbus_participant import MessageFault
+
+from .kernel.participants import Participants, ParticipantState
+from .kernel.state import RunState
+from .options import Options
+from .strategy import NoPeers, ready_descriptions
+
+
+class LiveRun:
+    """Starts all participants; none is played."""
+
+    def __init__(
+        self, launcher: Launcher, mesh: Mesh, timing: TimingRecorder, options: Options
+    ) -> None:
+        self.peers = NoPeers()
+        self._launcher = launcher
+        self._mesh = mesh
+        self._timing = timing
+        self._options = options
+
+    def launch(self, state: RunState) -> None:
+        """Start the participants, in the order of the options."""
+        scenario = state.scenario
+        for name in self._options.start_order or [s.name for s in scenario.participants]:
+            spec = scenario.participant(name)
+            child = self._launcher.start(
+                spec,
+                start_command(spec, scenario.folder),
+                self._mesh.participants[name],
+                scenario.folder,
+                faults=_message_faults(scenario, name),
+                has_terminal=name in self._options.debug,
+            )
+            state.participants = {**state.participants, name: ParticipantState(spec, child)}
+            self._timing.event("spawn", name, f"pid {child.pid}")
+
+    def descriptions(self, participants: Participants) -> Descriptions:
+        """Return how the participants describe their outputs."""
+        return ready_descriptions(participants)
+
+
+def _message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
+    return [
+        MessageFault(type=fault.kind, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
+        for fault in scenario.faults
+        if fault.participant == name and fault.kind in MESSAGE_KINDS
+    ]

@@ -1,0 +1,61 @@
+"""How to run a scenario, as opposed to what."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.scenario import Deadlines, Scenario
+from stepbus_participant import suggest
+from stepbus_schemas import CallRecord, WiringError
+
+from .control.pace import Pace
+
+# Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
+_SUSPENDED_S = 1e6
+_NO_DEADLINES = Deadlines(
+    spawn_s=_SUSPENDED_S,
+    join_s=_SUSPENDED_S,
+    ready_s=_SUSPENDED_S,
+    step_s=_SUSPENDED_S,
+    stop_s=_SUSPENDED_S,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How to run, as opposed to what.
+
+    out: folder of the run's files; made, must be empty. start_order: names of the participants
+    in the order they are started; default: that of the scenario. around: is entered before the
+    first participant is started and left after the last has ended; it gets their processes by
+    name. pace: pauses the run. calls: of a recording, made again at their steps. debug: names of
+    participants that have the terminal and no deadline, to run in a debugger.
+    """
+
+    out: Path
+    start_order: Sequence[str] | None = None
+    around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
+    pace: Pace | None = None
+    calls: Sequence[CallRecord] = ()
+    debug: Sequence[str] = ()
+
+
+def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
+    """Return a scenario in which the participants of some names have no deadlines.
+
+    Raises WiringError for a name that no participant has.
+    """
+    known = [spec.name for spec in scenario.participants]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no participant {name!r} to debug{suggest(name, known)}")
+    specs = (
+        dataclasses.replace(s, deadlines=_NO_DEADLINES) if s.name in names else s
+        for s in scenario.participants
+    )
+    return dataclasses.replace(scenario, participants=tuple(specs))

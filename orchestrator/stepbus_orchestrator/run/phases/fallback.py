@@ -1,0 +1,53 @@
+"""Fallback: the run continues without a participant that has failed, to a safe stop."""
+
+from __future__ import annotations
+
+import signal
+
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.kernel.phase import RunPhase
+from stepbus_orchestrator.run.loop import LAST_REPORTS_S, LONGEST_TICK_S, RunLoop
+
+from .stepping import step
+
+
+def fall_back(loop: RunLoop, failure: RunFailure) -> RunPhase:
+    """Replace the participant that failed for as long as the scenario says (`on_fault`)."""
+    state = loop.state
+    member = state.participants[failure.participant or ""]
+    member.process.signal(signal.SIGKILL)
+    member.process.wait(LONGEST_TICK_S)
+    state.replaced = member.name
+    loop.receive_for(LAST_REPORTS_S)
+    first, until = loop.safe_stop.start(member.name, loop.descriptions)
+    state.end = (until, f"{member.name} has failed; the run was held")
+    loop.recorder.add_metadata(
+        layout.FALLBACK_METADATA,
+        {"participant": member.name, "first": str(first), "until": str(until)},
+    )
+    loop.timing.event("hold", member.name, f"steps {first} to {until - 1}")
+    loop.controls.observer.event(
+        "error", member.name, first, f"{failure}; holding until step {until}"
+    )
+    return step(loop)
+
+
+def after_fallback(failure: RunFailure, loop: RunLoop) -> RunFailure:
+    """Return the failure of a run that has come to its safe stop."""
+    first, until = loop.safe_stop.replaced_steps
+    text = f"its commands were held from step {first} to {until} and brought to rest"
+    return _extended(failure, text, failure)
+
+
+def failed_in_fallback(failure: RunFailure, other: RunFailure) -> RunFailure:
+    """Return the failure of a run in whose fallback something else failed."""
+    return _extended(failure, f"while its commands were held: {other}", other)
+
+
+def _extended(failure: RunFailure, text: str, cause: RunFailure) -> RunFailure:
+    extended = type(failure)(
+        f"{failure}; {text}", participant=failure.participant, step=failure.step
+    )
+    extended.__cause__ = cause
+    return extended

@@ -1,0 +1,40 @@
+"""Start-up: participants are started, admitted and ready; then the clock starts (P4)."""
+
+from __future__ import annotations
+
+import time
+
+from stepbus_orchestrator.run.kernel.deadlines import check_start
+from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
+from stepbus_orchestrator.run.kernel.phase import RunPhase
+from stepbus_orchestrator.run.loop import RunLoop
+from stepbus_schemas import Start, encode
+
+
+def start_up(loop: RunLoop) -> RunPhase:
+    """Start every participant, wait until all are ready, and publish the `Start`."""
+    state = loop.state
+    loop.strategy.launch(state)
+    while not state.is_ready:
+        loop.strategy.peers.send_handshake()
+        loop.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
+    loop.descriptions = loop.strategy.descriptions(state.participants)
+    inputs = input_descriptions(state.scenario, loop.descriptions)
+    check_descriptions(state.participants, inputs)
+    _open_channels(loop)
+    message = encode(Start(token=loop.session.token, inputs=inputs))
+    state.check_size("the descriptions of all inputs", message)
+    if loop.controls.injector is not None:
+        loop.controls.injector.check(state.participants)
+    loop.timing.event("start")
+    state.started_at = time.monotonic()
+    loop.announcer.start(message)
+    return RunPhase.STEPPING
+
+
+def _open_channels(loop: RunLoop) -> None:
+    ready = {name: member.ready for name, member in loop.state.participants.items()}
+    loop.recorder.open_channels(
+        {name: dict(item.outputs) for name, item in ready.items() if item is not None},
+        {name: dict(item.versions) for name, item in ready.items() if item is not None},
+    )

@@ -1,0 +1,28 @@
+"""Stepping: step after step is released until the run has ended (P5)."""
+
+from __future__ import annotations
+
+from stepbus_orchestrator.run.kernel.deadlines import check_step
+from stepbus_orchestrator.run.kernel.phase import RunPhase
+from stepbus_orchestrator.run.loop import RunLoop
+
+
+def step(loop: RunLoop) -> RunPhase:
+    """Release step after step until the last one is complete."""
+    state = loop.state
+    reported = state.barrier.reported
+    loop.release(always=True)
+    while not state.is_complete:
+        before = sum(reported.values())
+        loop.turn(lambda elapsed_s: _check(loop, elapsed_s))
+        if sum(reported.values()) == before:
+            # Somebody may have missed it: it was published before the link was complete.
+            loop.announcer.repeat(with_start=min(reported.values()) < 0)
+    return RunPhase.CLOSING
+
+
+def _check(loop: RunLoop, elapsed_s: float) -> None:
+    loop.release(always=True)
+    # Nobody is late while a gate holds the run.
+    if not loop.state.is_held:
+        check_step(loop.state, elapsed_s)
