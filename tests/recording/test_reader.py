@@ -2,13 +2,16 @@
 
 import math
 import os
+import tracemalloc
 
 import numpy as np
 import pytest
 from recording_support import chunks, rewrite, write
 
+from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import McapFile, Recording
+from stepbus_orchestrator.recording.layout import channel_metadata
 from stepbus_schemas import Description, Event, Image, JointState, WiringError
 
 PIXELS = {"width": 200, "height": 200, "focal": (1.0, 1.0), "centre": (0.0, 0.0)}
@@ -95,9 +98,15 @@ def test_vectors_that_change_their_length_have_no_array(tmp_path):
         Recording(path)["plant.joints"]["position"]
 
 
-def test_names_of_a_port_like_an_input_are_those_of_its_source(two_link_recording):
-    recording = Recording(two_link_recording)
-    assert recording["controller.command"].names == ["joint1", "joint2"]
+@pytest.mark.parametrize("source", ["plant.joints", "{from: plant.joints, delay: 1}"])
+def test_names_of_a_port_like_an_input_are_those_of_its_source(tmp_path, source):
+    file = McapFile(tmp_path / "run.mcap")
+    text = f"participants: {{arm: {{inputs: {{state: {source}}}}}}}"
+    file.attach("scenario.yaml", "application/yaml", text.encode())
+    for topic, described in (("plant/joints", '{"names": ["a"]}'), ("arm/u", '{"like": "state"}')):
+        file.add_channel(topic, "JointCommand/1", channel_metadata(*topic.split("/"), described))
+    file.close()
+    assert Recording(tmp_path)["arm.u"].names == ["a"]
 
 
 def test_opening_reads_neither_messages_nor_chunks(path, monkeypatch):
@@ -163,3 +172,19 @@ def test_a_recording_of_no_messages_has_empty_arrays(tmp_path):
     joints = recording["plant.joints"]
     assert (len(joints), joints.last_step, recording.last_step) == (0, -1, -1)
     assert joints.t.shape == (0,)
+
+
+def test_a_report_of_a_recording_with_images_takes_little_memory(tmp_path):
+    image = Image(encoding="rgb8", data=bytes(1_000_000), **PIXELS)
+    states = [JointState(position=[0.1 * n]) for n in range(150)]
+    path = write(
+        tmp_path / "run.mcap",
+        joints=("JointState/1", ["a"], states),
+        camera=("Image/1", [], [image] * 150),
+    )
+    tracemalloc.start()
+    tracking = read_tracking(Recording(path))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(tracking.state.t) == 150
+    assert peak < 60_000_000

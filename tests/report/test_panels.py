@@ -8,11 +8,14 @@ import pytest
 from matplotlib.figure import Figure
 from recording_support import write
 
-from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
+from stepbus_orchestrator.report.joint_panels import draw_panels
 from stepbus_orchestrator.report.report import draw_report
+from stepbus_orchestrator.report.style import thinned
+from stepbus_orchestrator.report.summary import summary_lines
 from stepbus_orchestrator.report.tracking_panels import draw_error
 from stepbus_participant import extra_hint
 from stepbus_schemas import (
@@ -121,6 +124,42 @@ def test_the_plots_of_a_mobile_manipulator_are_written(record, tmp_path):
     recording = record(**arm(target=[0.5]), **mobile())
     draw_report("store", read_tracking(recording), device_panels(recording), path)
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_many_joints_have_a_panel_each_in_degrees():
+    names = [f"j{n}" for n in range(7)]
+    state = Signal(
+        names=names,
+        steps=np.arange(3),
+        t=np.arange(3.0),
+        fields={"position": np.full((3, 7), np.pi)},
+        joint_types={"j6": "prismatic"},
+    )
+    figure = Figure(layout="constrained")
+    draw_panels(figure, Tracking(state=state, reference=None, command=None))
+    shown = [axis for axis in figure.axes if axis.axison]
+    assert [axis.get_title() for axis in shown] == names
+    assert shown[0].lines[0].get_ydata() == pytest.approx([180.0] * 3)
+    assert shown[6].lines[0].get_ydata() == pytest.approx([1e3 * np.pi] * 3)
+
+
+def test_long_lines_are_thinned_to_what_can_be_seen():
+    t = np.arange(100_000.0)
+    values = np.zeros(100_000)
+    values[777] = 5.0
+    thin, kept = thinned(t, values)
+    assert len(thin) <= 8000
+    assert kept.max() == 5.0
+
+
+def test_the_summary_names_the_worst_of_many_joints():
+    steps, names = np.arange(400), [f"j{n}" for n in range(7)]
+    t, zero = steps * 0.01, np.zeros((400, 7))
+    offset = zero + 0.01 * np.arange(7)
+    state = Signal(names=names, steps=steps, t=t, fields={"position": offset})
+    reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
+    lines = summary_lines(Tracking(state=state, reference=reference, command=None))
+    assert lines == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
 
 
 def test_nothing_loads_matplotlib_before_it_plots():

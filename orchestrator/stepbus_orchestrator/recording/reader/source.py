@@ -22,7 +22,7 @@ from stepbus_orchestrator.recording.records import (
 
 from .index import Block, read_index
 
-_CACHE_BYTES = 64 * 1024 * 1024
+_CACHE_BYTES = 32 * 1024 * 1024
 _LATEST_NS = 2**63 - 1
 
 
