@@ -45,6 +45,7 @@ from stepbus_participant import (
     each,
     load_ticket,
     main,
+    needed_when,
     take_part,
     when,
 )
@@ -205,6 +206,7 @@ __all__ = [
     "load",
     "load_ticket",
     "main",
+    "needed_when",
     "recover",
     "replay",
     "rerun",

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from scenario_support import changed, load_text, problem_of, write
+from scenario_support import changed, load_text, problem_of, problems_of, write
 
 from stepbus_orchestrator.scenario import files
 
@@ -29,7 +29,7 @@ def test_files_are_keyed_by_their_path_in_the_folder_and_sorted(tmp_path):
 
 def test_yaml_and_urdf_are_read_for_further_files(tmp_path):
     write(tmp_path, "bodies: {arm: {urdf: arm.urdf}, x: {urdf: gone.urdf}}", "models/world.yaml")
-    mesh = """<mesh filename="m/link.stl"/><mesh filename='package://x/y.stl'/>"""
+    mesh = """<robot><mesh filename="m/link.stl"/><mesh filename='package://x/y.stl'/></robot>"""
     write(tmp_path, mesh, "models/arm.urdf")
     write(tmp_path, "", "models/m/link.stl")
     assert names(tmp_path, with_params("world: models/world.yaml")) == [
@@ -102,3 +102,26 @@ def test_a_named_file_that_cannot_be_read_is_a_problem(tmp_path):
 def test_what_cannot_be_a_file_name_is_none(tmp_path):
     long = "x" * 5000
     assert names(tmp_path, with_params(f'a: {long}, b: "\\0", c: ".", d: "", e: "x:y:z"')) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("world.yaml", "a: [1", ":1: not YAML"),
+        ("arm.urdf", "<robot>\n<mesh>", ":2: not XML: no element found"),
+        ("law.py", "x = 1\ndef f(:", ":2: not Python: invalid syntax"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, name, text, message):
+    write(tmp_path, text, name)
+    (found,) = problems_of(tmp_path, with_params(f"world: {name}"))
+    assert f"params.world: {name}{message}" in found
+
+
+def test_imports_are_found_wherever_they_stand(tmp_path):
+    write(
+        tmp_path, "def f():\n    from .b import x\n    import c.d as e\nfrom . import a\n", "law.py"
+    )
+    for name in ("a.py", "b.py", "c.py", "d.py"):
+        write(tmp_path, "", name)
+    assert names(tmp_path, with_params("law: 'law:Law'")) == ["a.py", "b.py", "c.py", "law.py"]

@@ -35,9 +35,9 @@ from .settings import (
 )
 
 if TYPE_CHECKING:
-    from .yaml_file import YamlFile, fatal, parse_yaml, read_yaml
+    from .yaml_file import YamlFile, fatal, parse_yaml, read_yaml, texts_in
 
-_YAML = ("YamlFile", "fatal", "parse_yaml", "read_yaml")
+_YAML = ("YamlFile", "fatal", "parse_yaml", "read_yaml", "texts_in")
 
 __all__ = [
     "Count",
@@ -77,6 +77,7 @@ __all__ = [
     "read_yaml",
     "show",
     "suggest",
+    "texts_in",
     "when",
 ]
 

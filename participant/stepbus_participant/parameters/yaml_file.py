@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,45 @@ def parse_yaml(file: str, text: str) -> Any:
     return value
 
 
+def texts_in(file: str, text: str) -> list[str]:
+    """Return all texts of a YAML text, which may be of any kind; file: named in messages.
+
+    Raises SettingsError where it is no YAML.
+    """
+    with _translated(file):
+        roots = list(YAML(pure=True).compose_all(io.StringIO(text)))
+        seen: set[int] = set()
+        return [item for root in roots for item in _texts(root, seen)]
+
+
+def _texts(node: Node | None, seen: set[int]) -> Iterator[str]:
+    """Return all texts below a node; aliases, which may contain themselves, once."""
+    if node is None or id(node) in seen:
+        return
+    seen.add(id(node))
+    if isinstance(node, ScalarNode):
+        yield node.value
+    elif isinstance(node, SequenceNode):
+        for item in node.value:
+            yield from _texts(item, seen)
+    elif isinstance(node, MappingNode):
+        for _, item in node.value:
+            yield from _texts(item, seen)
+
+
+@contextmanager
+def _translated(file: str) -> Iterator[None]:
+    try:
+        yield
+    except MarkedYAMLError as exc:
+        line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
+        raise fatal(file, f"not YAML: {exc.problem}", line) from exc
+    except YAMLError as exc:
+        raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
+    except RecursionError as exc:
+        raise fatal(file, "is nested too deeply") from exc
+
+
 def fatal(file: str, message: str, line: int = 0) -> SettingsError:
     """Return the error of a file that is not worth reading on."""
     return SettingsError([Problem(file=file, line=line, path="", message=message)])
@@ -97,16 +137,9 @@ class _Conversion:
         self._open: list[Node] = []
 
     def run(self, text: str) -> Any:
-        try:
+        with _translated(self.file):
             root = YAML(pure=True).compose(io.StringIO(text))
             return None if root is None else self._value(root, ())
-        except MarkedYAMLError as exc:
-            line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
-            raise fatal(self.file, f"not YAML: {exc.problem}", line) from exc
-        except YAMLError as exc:
-            raise fatal(self.file, f"not YAML: {str(exc).splitlines()[0]}") from exc
-        except RecursionError as exc:
-            raise fatal(self.file, "is nested too deeply") from exc
 
     def _value(self, node: Node, keys: Keys) -> Any:
         if any(node is parent for parent in self._open):

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import io
+import ast
 import re
-from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
-
+from stepbus_participant.parameters import SettingsError, texts_in
 from stepbus_schemas import WiringError
 
-_XML = re.compile(r"""\b(?:filename|file)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-_IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+\.*([\w.]+)[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE
-)
 _JS_FILE = re.compile(r"""(?:"(\.{1,2}/[^"\n]+)"|'(\.{1,2}/[^'\n]+)')""")
 _JS_SUFFIXES = (".js", ".mjs", ".cjs")
 _YAML_SUFFIXES = (".yaml", ".yml")
@@ -36,7 +29,7 @@ def names_in(path: Path) -> list[str]:
     if suffix in _YAML_SUFFIXES:
         return _yaml_texts(_read(path))
     if suffix in _XML_SUFFIXES:
-        return [double or single for double, single in _XML.findall(_read(path))]
+        return _xml_names(_read(path))
     if suffix in _JS_SUFFIXES:
         return [double or single for double, single in _JS_FILE.findall(_read(path))]
     return []
@@ -46,8 +39,21 @@ def modules_in(path: Path) -> list[str]:
     """Return the modules a Python file imports; raises FileUnreadable."""
     if path.suffix != ".py":
         return []
-    found = [one or many for one, many in _IMPORT.findall(_read(path))]
-    return [part.split()[0] for item in found for part in item.split(",") if part.split()]
+    try:
+        tree = ast.parse(_read(path))
+    except SyntaxError as exc:
+        raise FileUnreadable(f":{exc.lineno}: not Python: {exc.msg}") from exc
+    except ValueError as exc:
+        raise FileUnreadable(f": not Python: {exc}") from exc
+    return [name for node in ast.walk(tree) for name in _imported(node)]
+
+
+def _imported(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        return [node.module] if node.module else [alias.name for alias in node.names]
+    return []
 
 
 def _read(path: Path) -> str:
@@ -59,30 +65,20 @@ def _read(path: Path) -> str:
         raise FileUnreadable(f" is not UTF-8 text (byte {exc.start})") from exc
 
 
+def _xml_names(text: str) -> list[str]:
+    """Return the attributes `filename` and `file` of all elements."""
+    try:
+        root = ET.fromstring(text)  # noqa: S314  the user's own file; expat stops expansions
+    except ET.ParseError as exc:
+        raise FileUnreadable(f":{exc.position[0]}: not XML: {exc}") from exc
+    values = (element.get(key) for element in root.iter() for key in ("filename", "file"))
+    return [value for value in values if value]
+
+
 def _yaml_texts(text: str) -> list[str]:
     try:
-        roots = list(YAML(pure=True).compose_all(io.StringIO(text)))
-        seen: set[int] = set()
-        return [item for root in roots for item in _texts(root, seen)]
-    except MarkedYAMLError as exc:
-        line = "" if exc.problem_mark is None else f":{exc.problem_mark.line + 1}"
-        raise FileUnreadable(f"{line}: not YAML: {exc.problem}") from exc
-    except YAMLError as exc:
-        raise FileUnreadable(f": not YAML: {str(exc).splitlines()[0]}") from exc
-    except RecursionError as exc:
-        raise FileUnreadable(": is nested too deeply") from exc
-
-
-def _texts(node: Node | None, seen: set[int]) -> Iterator[str]:
-    """Return all texts below a node; aliases, which may contain themselves, once."""
-    if node is None or id(node) in seen:
-        return
-    seen.add(id(node))
-    if isinstance(node, ScalarNode):
-        yield node.value
-    elif isinstance(node, SequenceNode):
-        for item in node.value:
-            yield from _texts(item, seen)
-    elif isinstance(node, MappingNode):
-        for _, item in node.value:
-            yield from _texts(item, seen)
+        return texts_in("", text)
+    except SettingsError as exc:
+        problem = exc.problems[0]
+        line = f":{problem.line}" if problem.line else ""
+        raise FileUnreadable(f"{line}: {problem.message}") from exc
