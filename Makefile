@@ -38,6 +38,7 @@ check: setup
 	@$(PYTHON) -m mypy
 	@.venv/bin/lint-imports
 	@$(PYTHON) -m stepbus_schemas.generate --check
+	@$(PYTHON) -m stepbus_orchestrator.scenario.describe --check
 	@$(PYTHON) scripts/check_changelog.py
 
 coverage: setup

@@ -5,6 +5,7 @@ What reads YAML is imported when it is first used: a participant does not need i
 
 from typing import TYPE_CHECKING, Any
 
+from .nodes import conditions, default, is_own, mark, options_of, plain
 from .problems import Keys, Place, Problem, Problems, dotted, show, suggest
 from .read import find_problems, read, read_value
 from .settings import (
@@ -66,12 +67,18 @@ __all__ = [
     "Vector3",
     "Whole",
     "YamlFile",
+    "conditions",
+    "default",
     "dotted",
     "each",
     "fatal",
     "find_problems",
+    "is_own",
+    "mark",
     "needed_when",
+    "options_of",
     "parse_yaml",
+    "plain",
     "read",
     "read_value",
     "read_yaml",

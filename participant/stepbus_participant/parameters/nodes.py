@@ -62,21 +62,22 @@ def is_ignored(field: inspect.Field) -> bool:
     return bool((extra or {}).get("ignored"))
 
 
-def _mark(node: inspect.Type) -> str:
+def mark(node: inspect.Type) -> str:
+    """Return the mark of a type of `settings.py`, such as `duration`, or nothing."""
     extra = node.extra if isinstance(node, inspect.Metadata) else None
     return str((extra or {}).get("read", ""))
 
 
 def is_own(field: inspect.Field) -> bool:
     """Return whether a field collects the parameters of a class of the user's own."""
-    return _mark(field.type) == "own"
+    return mark(field.type) == "own"
 
 
 def is_plugin(node: inspect.Type) -> bool:
     """Return whether a type may be the name of a class of the user's own."""
     if isinstance(node, inspect.UnionType):
         return any(is_plugin(item) for item in node.types)
-    return _mark(node) == "plugin"
+    return mark(node) == "plugin"
 
 
 def plain(node: inspect.Type) -> inspect.Type:

@@ -11,18 +11,19 @@ class Params(Settings):
     """Parameters of `stepbus_perception`; those of the other source are ignored."""
 
     source: Literal["camera", "truth"] = "camera"
-    """Whether items are found in images, or the true poses of the plant are published."""
+    """`camera`: detects items in images; `truth`: publishes the plant's true poses. Parameters of the
+    other source may stay in the scenario."""
     frame: Text = "chassis"
-    """Link that the detections are given in."""
+    """Link that the detections are given in, with z up."""
     model: Annotated[File, needed_when(source="camera")]
-    """URDF or xacro of the robot that carries the camera."""
+    """URDF or `.xacro` of the robot."""
     joints: Annotated[Names, needed_when(source="camera")]
-    """Joints that move the camera."""
+    """Joints that move the camera, in any order; all others are at 0."""
     camera: Annotated[Text, needed_when(source="camera")] = "camera"
-    """Optical frame of the camera."""
+    """Link that is the optical frame: z forward, x right, y down."""
     timeout: Annotated[Positive, needed_when(source="camera")] = 3.0
-    """Simulation time without images after which a warning is logged [s]."""
+    """Simulation time without images before a warning in the log [s]."""
     min_confidence: Annotated[Share, needed_when(source="camera")] = 0.2
-    """Detections below it are dropped [-]."""
+    """Detections below it are dropped."""
     period: Annotated[Positive, needed_when(source="truth")] = 0.1
-    """From one Detections/1 to the next [s]."""
+    """Between two messages [s]."""

@@ -20,27 +20,27 @@ class Params(Settings):
     """Parameters of `stepbus_planner`."""
 
     model: File
-    """URDF or xacro of the robot."""
+    """URDF or xacro; planning is relative to its root."""
     joints: Names
-    """Joints to plan for, in the order of the requests."""
+    """Joints to plan for; each has position limits."""
     posture: dict[str, Finite] = {}
-    """Other joint → where it stands, neutral otherwise [rad or m]."""
+    """Positions of the other joints, by name [rad or m]."""
     srdf: File | None = None
-    """Pairs of links that never or always touch. Default: neighbours, and those that touch in
-    `posture`."""
+    """Pairs of links not to check. Default: neighbours, and pairs that touch in `posture` with the
+    joints at 0."""
     frame: Text = "chassis"
-    """Link by which the robot is found among the poses; it has to be the root of the URDF."""
+    """Link that identifies the robot among the poses; the root of the model."""
     tip: Text = "grasp"
-    """Frame that held items move with."""
+    """Link that a held object moves with."""
     margin: NonNegative = 0.01
-    """How close the robot may come to anything [m]."""
+    """Minimum distance of the robot to obstacles and to itself [m]."""
     held_margin: NonNegative = 0.003
-    """How close held items may come to anything [m]."""
+    """Minimum distance of a held object to everything else [m]."""
     velocity_limit: PositivePerJoint = each(1.5)
-    """Largest velocity of each joint [rad/s]."""
+    """Largest velocity of each joint, never above the URDF's [rad/s]."""
     acceleration_limit: PositivePerJoint = each(3.0)
     """Largest acceleration of each joint [rad/s²]."""
     max_checks: Count = 20_000
-    """Positions that a search checks at most."""
+    """Limit on collision checks of a search."""
     latency_ns: Duration = 200_000_000
-    """From a request to its answer; rounded up to a multiple of the planner's period."""
+    """From a request to its answer, rounded up to the planner's period."""

@@ -43,33 +43,37 @@ class Params(Settings):
     """What `params` of the plant may say."""
 
     world: File
-    """World file: relative to the scenario, absolute, or `package://<package>/<path>`."""
+    """Relative to the scenario, absolute, or `package://<package>/<path>`."""
     joints: Names | None = None
-    """Joints that are sensed, in this order. Default: all movable ones, in the models' order.
-
-    The others are driven and commanded alike, as the world says; they are only not sensed."""
+    """Joints to sense, in this order. The others are simulated, driven and commanded all the same.
+    Default: all movable ones, in the order of the bodies and their models."""
     sense: tuple[Quantity, ...] = ("position", "velocity", "effort")
-    """Quantities that are sensed."""
+    """Quantities to sense; the others are absent from the `JointState`."""
     noise: Noise = Noise()
-    """Standard deviation of the Gaussian noise on each sensed quantity."""
+    """Standard deviation of Gaussian noise [rad, rad/s, N·m]."""
     resolution: Resolution = Resolution()
-    """Distance between two values that a sensor tells apart. Default: it tells all apart."""
+    """Resolution of the sensor [rad, rad/s, N·m]; readings are rounded to its multiples, after
+    adding noise. Default: it tells all apart."""
     actuation: Actuation = "direct"
-    """How mode torque is carried out, where the world does not say it for a joint."""
+    """How to apply torques, unless the world file says so for a joint."""
     effort: dict[str, NonNegative] = {}
-    """Joint → largest torque of its motor [N·m], over the world's and the URDF's."""
+    """Torque limit of a motor [N·m]; overrides the world file and the URDF."""
     poses: tuple[Text, ...] | None = None
-    """Links whose poses an output of type Poses/1 has, in this order. Default: all."""
+    """Links of a `Poses/1`, in this order; named as in the URDF, or `body/link` if bodies share a
+    name. Default: all."""
     poses_period_ns: Duration | None = None
-    """From one Poses/1 to the next, a multiple of the step, e.g. `40ms`. Default: each step."""
+    """Between two `Poses/1`, a multiple of the plant's step; measuring 54 links takes a quarter of
+    a millisecond. Default: each step."""
     physics_step_ns: Duration | None = None
-    """Length of a physics substep over the world's, e.g. `8ms`: larger ones are faster."""
+    """Length of a physics substep; overrides the world file. Longer ones are faster and less
+    accurate. Default: the world's."""
     cameras: bool = True
-    """Whether cameras give images; without them a run is faster."""
+    """Whether cameras render images; without them a run is much faster."""
     stock: StockParams | None = None
-    """What stands on the shelves of a world with a stock. Default: that of seed 0."""
+    """What is on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all places
+    filled."""
     script: tuple[Action, ...] = ()
-    """What happens to the world in the run."""
+    """Scripted changes of the world, see [Script](world.md#script)."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong among parameters that are fine one by one."""

@@ -55,9 +55,9 @@ class Outlet(Settings):
     yaw: Finite = math.pi / 2
     """Heading that faces it [rad]."""
     pitch: Positive = 0.12
-    """From spot to spot [m]."""
+    """Distance between spots [m]."""
     length: Positive = 0.5
-    """What the spots have to fit into [m]."""
+    """Length of the row of spots [m]."""
     link: Text = "outlet_top"
     """Its link, which the gripper may touch while it puts an item down."""
 
@@ -100,19 +100,19 @@ class Params(Settings):
     """Parameters of `stepbus_mission.store`."""
 
     orders: Annotated[tuple[Order, ...], msgspec.Meta(min_length=1)]
-    """Kinds, e.g. `cola`; also `kind: cola` or `item: juice_b2_3`."""
+    """List of item types; also `kind: cola` or `item: juice_b2_3`."""
     shelves: dict[str, Shelf]
-    """Name → shelf. An item `cola_a1_3` stands on the shelf whose name `a1` begins with."""
+    """Name → shelf. The item `cola_a1_3` is on the shelf whose name starts its slot `a1_3`."""
     outlet: Outlet
     """Where sold items are put."""
     tuck: dict[str, Finite]
-    """Joint → position of the arm while the base drives with an empty gripper [rad]."""
+    """Joint → position of the arm while the base drives without an item [rad]."""
     home: Vector3 = (0.0, 0.0, 0.0)
     """x, y, yaw of the base before the outlet [m, m, rad]."""
     stand: Positive = 0.45
     """Distance of the base from a front line [m]."""
     reverse: Positive = 0.3
-    """How far the base goes back from there before it turns [m]."""
+    """How far the base backs up from there before it turns [m]."""
     carry: tuple[Finite, Finite] = (0.45, 0.0)
     """Where an item is carried: ahead and to the left of the base [m]."""
     base_frame: Text = "chassis"
@@ -120,37 +120,38 @@ class Params(Settings):
     tip: Text = "grasp"
     """Frame of the gripper: z along the approach, y along the opening."""
     hand_yaw: Finite = 0.0
-    """Turns the gripper about the vertical, e.g. by π for the camera on the other side [rad]."""
+    """Rotation of the gripper about the vertical, e.g. π to have the camera on the other side
+    [rad]."""
     force: Positive = 15.0
-    """Of each finger [N]."""
+    """Force of each finger [N]."""
     opening: Positive = 0.09
-    """Between the open pads [m]."""
+    """Width of the open gripper [m]."""
     grasp_depth: Positive = 0.015
-    """Of the tip below the upper end of the item's body [m]."""
+    """Depth of the tip below the upper end of the body [m]."""
     grasp_reach: Positive = 0.065
-    """How far an item may stick into the gripper beyond the tip [m]."""
+    """How far an item may extend into the gripper beyond the tip [m]."""
     width_tolerance: Positive = 0.008
-    """By which a held item may be thinner than it is [m]."""
+    """How much thinner than expected a held item may be [m]."""
     down: Positive = 1.5
-    """Duration of moving down and up [s]."""
+    """Duration of the motions down and up [s]."""
     look_height: Positive = 0.2
-    """Of the tip above the item [m]."""
+    """Height of the tip above the item for detection [m]."""
     approach_height: Positive = 0.1
-    """Of the tip above where it grips, and above where it lets go [m]."""
+    """Height of the tip above the grip, and above the release [m]."""
     lift_height: Positive = 0.1
-    """Of the tip above where it grips [m]."""
+    """How far to lift an item [m]."""
     safe_height: Positive = 0.6
-    """Of the tip while the base moves with an item [m]."""
+    """Largest height of the tip while the base carries an item [m]."""
     lower_step: Positive = 0.1
-    """By which a carried item is lowered until the tip is no higher than safe [m]."""
+    """Step in which to lower an item [m]."""
     drop_height: Positive = 0.003
-    """Of the item above the outlet where it is let go of [m]."""
+    """Height of the item above the outlet at the release [m]."""
     attempts: Count = 2
-    """To grasp an item."""
+    """Attempts to grasp an item."""
     corrections: Count = 3
-    """Of one approach at most."""
+    """Corrections per approach, at most."""
     looks: Count = 3
-    """Views without the item before it is missing."""
+    """Views without the item before it counts as missing."""
     tolerances: Tolerances = Tolerances()
     """How far off is still good."""
     waits: Waits = Waits()

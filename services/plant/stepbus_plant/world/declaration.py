@@ -37,27 +37,30 @@ class JointSettings(Settings):
     """What the world says about a joint, over what its URDF says; absent: the URDF holds."""
 
     mode: OwnMode | None = None
-    """What commands mean to it: the only mode it takes. Default: torque."""
+    """The mode its commands must have; `teleport` and `brake` are always accepted. Default:
+    torque."""
     motor: bool | None = None
-    """Whether it has a motor; a joint without one swings freely. Default: true."""
+    """A joint without a motor swings freely; the plant warns about commands to it. Default:
+    true."""
     actuation: Actuation | None = None
-    """How mode torque is carried out. Default: the plant's `actuation`, or direct."""
+    """How to apply torques. Default: the plant's `actuation`, or direct."""
     position: Finite | None = None
-    """At the start [rad]. Default: the place nearest to 0 within the limits."""
+    """Position at the start [rad]. Default: the one nearest to 0 within the limits."""
     velocity: Finite | None = None
-    """At the start [rad/s]. Default: 0."""
+    """Velocity at the start [rad/s]. Default: 0."""
     lower: Finite | None = None
-    """Stop of the joint [rad]."""
+    """Lower stop [rad]; a joint without stops in its URDF needs both or none. Default: the
+    URDF's."""
     upper: Finite | None = None
-    """Stop of the joint [rad]."""
+    """Upper stop [rad]. Default: the URDF's."""
     effort: NonNegative | None = None
-    """Largest torque of its motor [N·m]; commands saturate at it."""
+    """Torque limit of its motor [N·m]. Default: the URDF's."""
     max_velocity: NonNegative | None = None
-    """Largest velocity of modes velocity and position [rad/s]; commands saturate at it."""
+    """Velocity limit in modes velocity and position [rad/s]; 0: none. Default: the URDF's."""
     damping: NonNegative | None = None
     """Viscous friction [N·m·s/rad]. Default: 0, whatever the URDF says."""
     friction: NonNegative | None = None
-    """Coulomb friction [N·m], of mode torque with direct actuation. Default: 0, likewise."""
+    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0, likewise."""
 
     def over(self, defaults: JointSettings) -> JointSettings:
         """Return these settings, with those of `defaults` where they are absent."""
@@ -80,24 +83,26 @@ class Body(Settings):
     """A body, read from a URDF."""
 
     urdf: File
-    """Beside the world file, absolute, or `package://<package>/<path>`."""
+    """Relative to the world file, absolute, or `package://<package>/<path>`: an installed Python
+    package such as `pybullet_data`, or a model package such as `example-robot-data`."""
     srdf: File | None = None
-    """File that names the pairs of links that never collide; the other pairs then do. It is found
-    like `urdf`. Absent: the links of this body pass through one another."""
+    """Names the pairs of links that never collide (`disable_collisions`); all other pairs of the
+    body then do. Without it, the links of a body do not collide with each other. Resolved like
+    `urdf`."""
     visuals: bool = True
-    """Whether to load the shapes that only cameras see."""
+    """Whether to load the shapes that only cameras see; for Baxter this takes 3.5 s."""
     position: Vector3 = (0.0, 0.0, 0.0)
     """Position of the base in the world [m]."""
     orientation_rpy: Vector3 = (0.0, 0.0, 0.0)
     """Orientation of the base in the world: roll, pitch, yaw about fixed axes [rad]."""
     fixed_base: bool = False
-    """Whether the base cannot move."""
+    """Whether the base is fixed to the world."""
     friction: Friction = Friction()
     """Contact friction of all its links."""
     joint_defaults: JointSettings = JointSettings()
-    """Holds for every joint of the body."""
+    """For every joint of the body."""
     joints: dict[str, JointSettings] = {}
-    """Joint of the URDF → settings over `joint_defaults`."""
+    """Over `joint_defaults`, joint by joint."""
 
 
 class BaseRow(Settings):
@@ -128,9 +133,11 @@ class ContactsRow(Settings):
     """A sensor of contacts."""
 
     links: tuple[str, ...] | None = None
-    """Links whose contacts it shows; `<body>/*`: all links of a body. Default: all."""
+    """Whose contacts it reports, named as in `poses`; `<body>/*` means all links of a body.
+    Default: all."""
     within: NonNegative = 0.0
-    """It also shows what is this near to `links` and does not touch them, with force 0 [m]."""
+    """It also reports links of other bodies closer to `links` than this, with force 0 [m]; needs
+    `links`."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield a distance that nothing is measured from."""
@@ -142,15 +149,15 @@ class CameraRow(Settings):
     """A camera that shows colours and depth."""
 
     link: str
-    """Its optical frame: z is the direction of view, x is right, y is down."""
+    """Its optical frame: z forward, x right, y down."""
     period_ns: Duration
-    """From one image to the next, e.g. `400ms`; a multiple of the plant's step."""
+    """Between two images; a multiple of the plant's step."""
     width: Pixels = 320
     """[pixel]"""
     height: Pixels = 240
     """[pixel]"""
     fov: Positive = 1.0
-    """Angle of view from the top to the bottom of the image [rad]."""
+    """Vertical field of view [rad]."""
     near: Positive = 0.05
     """What is nearer than this is not seen [m]."""
     far: Positive = 3.0
@@ -246,27 +253,29 @@ class WorldFile(Settings):
     """What a world file says."""
 
     bodies: dict[str, Body]
-    """Body → what it is; at least one."""
+    """At least one."""
     bases: dict[str, BaseRow] = {}
-    """Mobile base → its wheels."""
+    """Mobile bases on two wheels."""
     grippers: dict[str, GripperRow] = {}
-    """Gripper → its fingers."""
+    """Grippers with two fingers."""
     contacts: dict[str, ContactsRow] = {}
-    """Contact sensor → what it shows."""
+    """Sensors of contact and proximity."""
     cameras: dict[str, CameraRow] = {}
     """Camera → what it shows."""
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """[m/s²]"""
     physics_step_ns: Duration | None = None
-    """Length of a physics substep, e.g. `1ms`; has to divide the communication step exactly."""
+    """Length of a physics substep; divides the plant's step (`step` × `every`) exactly. Default:
+    the plant's step."""
     substeps: Count | None = None
-    """Physics substeps per communication step, instead of `physics_step`. Default: 1."""
+    """Physics substeps per plant's step; instead of `physics_step`. Default: 1."""
     solver_iterations: Count = 50
-    """Iterations of the solver of constraints in a substep."""
+    """Of PyBullet's constraint solver."""
     sleeping: bool = False
-    """Whether bodies that have come to rest are left out until something moves them: faster."""
+    """Whether the physics skips bodies without joints that have been at rest for 2 s, until
+    something moves them. 42 cans on shelves then take a third of the time."""
     stock: StockRow | None = None
-    """Goods on shelves; each becomes a body."""
+    """Goods on shelves; each becomes a body ([Stock](world.md#stock))."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong between keys."""

@@ -1,0 +1,1 @@
+"""Tables and JSON Schemas out of declared parameters."""
