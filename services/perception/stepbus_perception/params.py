@@ -11,8 +11,8 @@ class Params(Settings):
     """Parameters of `stepbus_perception`; those of the other source are ignored."""
 
     source: Literal["camera", "truth"] = "camera"
-    """`camera`: detects items in images; `truth`: publishes the plant's true poses. Parameters of the
-    other source may stay in the scenario."""
+    """`camera`: detects items in images; `truth`: publishes the plant's true poses. Parameters of
+    the other source may stay in the scenario."""
     frame: Text = "chassis"
     """Link that the detections are given in, with z up."""
     model: Annotated[File, needed_when(source="camera")]
