@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from . import testing
     from .orchestration import (
         BusFailed,
+        CheckedScenario,
         Diff,
         ExitCode,
         Interrupted,
@@ -122,6 +123,7 @@ __all__ = [
     "BusError",
     "BusFailed",
     "CallError",
+    "CheckedScenario",
     "Config",
     "Contacts",
     "ControllerStatus",

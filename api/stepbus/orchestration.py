@@ -19,7 +19,6 @@ from stepbus_orchestrator import (
     Rerun,
     Result,
     RunFailure,
-    Scenario,
     ScenarioError,
     StartFailed,
     StepTimeout,
@@ -27,12 +26,15 @@ from stepbus_orchestrator import (
     Tolerance,
     Verification,
 )
+from stepbus_orchestrator import Scenario as CheckedScenario
 
 from .recordings import diff, recover, replay, rerun
 from .runs import call, describe, load, run, verify
+from .scenarios import Scenario
 
 __all__ = [
     "BusFailed",
+    "CheckedScenario",
     "Diff",
     "ExitCode",
     "Interrupted",

@@ -14,7 +14,6 @@ from stepbus_orchestrator import (
     Recovery,
     ReplayResult,
     Rerun,
-    Result,
     Tolerance,
     parse_tolerance,
     read_tolerance,
@@ -25,7 +24,7 @@ from stepbus_orchestrator import recover as recover_recording
 
 from .overrides import Overrides, overrides
 
-Source = str | PathLike[str] | Result
+Source = str | PathLike[str]
 """A recording: its path, the folder of its run, or the `Result` of the run."""
 AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None
 """An absolute tolerance for all, or by `PORT[.FIELD]`; a YAML file; None: equal to the byte."""
@@ -33,8 +32,6 @@ AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | N
 
 def path_of(source: Source) -> Path:
     """Return the path of a recording."""
-    if isinstance(source, Result):
-        return source.recording
     path = Path(source)
     return path / "run.mcap" if path.is_dir() else path
 

@@ -16,12 +16,12 @@ from stepbus_orchestrator import (
     Pace,
     Portrait,
     Result,
-    Scenario,
     Verification,
     default_folder,
     plan,
     run_scenario,
 )
+from stepbus_orchestrator import Scenario as CheckedScenario
 from stepbus_orchestrator import call as call_run
 from stepbus_orchestrator import describe as describe_scenario
 from stepbus_orchestrator import load as load_scenario
@@ -29,9 +29,10 @@ from stepbus_orchestrator import verify as verify_trials
 from stepbus_schemas import CallReply, WiringError
 
 from .overrides import Overrides, overrides
+from .scenarios import Scenario
 
-AnyScenario = str | PathLike[str] | Scenario
-"""A scenario: a built-in name, the path of a file or folder, or one that is loaded already."""
+AnyScenario = str | PathLike[str] | Scenario | CheckedScenario
+"""A scenario: a built-in name, the path of a file or folder, one in Python, or a checked one."""
 
 
 def load(
@@ -39,16 +40,19 @@ def load(
     *,
     set: Overrides = (),  # noqa: A002  as --set on the command line
     faults: Sequence[str] = (),
-) -> Scenario:
+) -> CheckedScenario:
     """Load and check a scenario; start nothing.
 
-    scenario: a built-in name such as `two_link`, or the path of a YAML file or its folder. set:
+    scenario: a built-in name such as `two_link`, the path of a YAML file or its folder, or a
+    `Scenario`. set:
     `{"controller.params.kp": 80}` or `["controller.params.kp=80"]`. faults: texts such as
     `kill plant at 120`.
 
     Raises ScenarioError with every problem, each with file, line and path.
     """
     if isinstance(scenario, Scenario):
+        return scenario.check(set=set, faults=faults)
+    if isinstance(scenario, CheckedScenario):
         if set or faults:
             raise WiringError(
                 f"{scenario.name} is loaded already; give `set` and `faults` to stepbus.load"

@@ -31,7 +31,7 @@ from .run.progress import Observer, Progress
 from .run.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
-from .scenario import Problem, Scenario, ScenarioError, builtin_names, load
+from .scenario import Problem, Scenario, ScenarioError, builtin_names, check_data, load
 
 __all__ = [
     "BusFailed",
@@ -63,6 +63,7 @@ __all__ = [
     "Verification",
     "builtin_names",
     "call",
+    "check_data",
     "default_folder",
     "describe",
     "diff",

@@ -58,6 +58,10 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         """Return the path of run.mcap."""
         return Path(self.folder) / layout.RUN_FILE
 
+    def __fspath__(self) -> str:
+        """Return the path of run.mcap, so that a result stands wherever a recording does."""
+        return str(self.recording)
+
     @property
     def simulated_s(self) -> float:
         """Return the simulated time [s]."""

@@ -3,7 +3,7 @@
 from stepbus_participant.parameters import Problem
 
 from .faults import KINDS, MESSAGE_KINDS, PROCESS_KINDS, faults_of, format_fault
-from .load import ScenarioError, load
+from .load import ScenarioError, check_data, load
 from .model import (
     BridgeSpec,
     BusSpec,
@@ -37,6 +37,7 @@ __all__ = [
     "ScenarioError",
     "Schedule",
     "builtin_names",
+    "check_data",
     "command",
     "faults_of",
     "files",

@@ -6,10 +6,12 @@ SettingsError
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from stepbus_participant import SettingsError
+from stepbus_participant.parameters import YamlFile
 
 from .check import check
 from .model import Scenario
@@ -36,11 +38,36 @@ def load(
     """
     try:
         path = locate(path_or_name)
-        file = add_faults(override(read_extended(path), overrides), faults)
-        problems = file.problems()
-        scenario = build(file.data, path, problems)
-        check(scenario, problems)
-        problems.refuse()
+        return _checked(read_extended(path), path, overrides, faults)
     except SettingsError as exc:
         raise ScenarioError(exc.problems) from exc
+
+
+def check_data(
+    data: Mapping[str, Any],
+    folder: Path,
+    overrides: Sequence[str] = (),
+    faults: Sequence[str] = (),
+) -> Scenario:
+    """Check a scenario that is plain data, as YAML would have it; nothing is started.
+
+    folder: what relative file names are relative to. overrides, faults: as of `load`.
+
+    Raises ScenarioError that lists every problem with its path.
+    """
+    try:
+        file = YamlFile(file="scenario", data=dict(data), places={})
+        return _checked(file, folder.absolute() / "scenario", overrides, faults)
+    except SettingsError as exc:
+        raise ScenarioError(exc.problems) from exc
+
+
+def _checked(
+    file: YamlFile, path: Path, overrides: Sequence[str], faults: Sequence[str]
+) -> Scenario:
+    file = add_faults(override(file, overrides), faults)
+    problems = file.problems()
+    scenario = build(file.data, path, problems)
+    check(scenario, problems)
+    problems.refuse()
     return scenario

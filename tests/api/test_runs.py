@@ -1,0 +1,139 @@
+"""Runs, recordings and scenarios from Python."""
+
+import dataclasses
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stepbus
+import stepbus_scenarios
+
+TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
+SHORT = {"duration": "100ms"}
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return stepbus.run("two_link", set=SHORT, out=tmp_path_factory.mktemp("api") / "run")
+
+
+def as_python(duration="100ms"):
+    """Return the scenario two_link, written in Python."""
+    recorded = stepbus.load("two_link")
+    scenario = stepbus.Scenario(name="two_link", step="5ms", duration=duration, folder=TWO_LINK)
+    for spec in recorded.participants:
+        scenario.add(
+            spec.name,
+            list(spec.exec),
+            publishes=spec.publishes,
+            inputs={port: f"{item.source}.{item.port}" for port, item in spec.inputs.items()},
+            outputs={port: getattr(stepbus, item.type[:-2]) for port, item in spec.outputs.items()},
+            params=spec.params,
+        )
+    return scenario
+
+
+def test_a_run_returns_its_result(result):
+    assert (result.outcome, result.steps, result.simulated_s) == ("finished", 20, 0.1)
+
+
+def test_a_scenario_in_python_is_the_one_of_the_file():
+    from_file = stepbus.load("two_link", set=SHORT)
+    assert dataclasses.replace(as_python().check(), window=64) == from_file
+
+
+def test_a_scenario_in_python_gives_the_same_recording(result, tmp_path):
+    assert stepbus.run(as_python("10s"), set=SHORT, out=tmp_path / "run").sha256 == result.sha256
+
+
+def test_all_mistakes_of_a_scenario_in_python_are_listed():
+    scenario = stepbus.Scenario(name="arm", step="5", folder=TWO_LINK, options={"windw": 3})
+    scenario.add("plant", ["python", "-m", "stepbus_plant"], inputs={"command": "controler.x"})
+    with pytest.raises(stepbus.ScenarioError) as caught:
+        scenario.check()
+    text = str(caught.value)
+    assert "scenario: windw: unknown key 'windw'; did you mean 'window'?" in text
+    assert "scenario: participants.plant.inputs.command: no participant 'controler'" in text
+    assert "scenario: step: " in text
+
+
+def test_values_of_python_reach_the_scenario():
+    values = {
+        "controller.params.kp": np.array([80.0, 1e-9]),
+        "controller.params.limits": {"a b": (1, -2.5e20), "inf": float("inf"), "text": "yes: #1"},
+        "controller.params.path": Path("a/b"),
+    }
+    scenario = as_python()
+    scenario.participants["controller"].update(exec=["python", "-c", "pass"])
+    params = scenario.check(set=values).participant("controller").params
+    assert params["kp"] == [80.0, 1e-9]
+    assert params["limits"] == {"a b": [1, -2.5e20], "inf": float("inf"), "text": "yes: #1"}
+    assert params["path"] == "a/b"
+
+
+def test_a_loaded_scenario_takes_no_more_overrides():
+    with pytest.raises(stepbus.WiringError, match="two_link is loaded already; give `set`"):
+        stepbus.run(stepbus.load("two_link"), set=SHORT)
+
+
+def test_faults_and_the_interrupt_end_a_run(tmp_path):
+    crashed = stepbus.run("two_link", set=SHORT, out=tmp_path / "1", faults=["kill plant at 5"])
+    assert (crashed.exit_code, crashed.participant) == (stepbus.ExitCode.DIED, "plant")
+    interrupt = threading.Event()
+    interrupt.set()
+    ended = stepbus.run("two_link", out=tmp_path / "2", interrupt=interrupt)
+    assert ended.exit_code == stepbus.ExitCode.INTERRUPTED
+
+
+def test_an_observer_sees_the_run(tmp_path):
+    class Seen:
+        phases, events = [], []
+
+        def progress(self, progress: stepbus.Progress) -> None:
+            self.phases.append(progress.phase)
+
+        def event(self, level, who, step, text):
+            self.events.append((level, who, step, text))
+
+    faults = ["delay controller at 3 for 20ms"]
+    stepbus.run("two_link", set=SHORT, out=tmp_path / "run", observer=Seen(), faults=faults)
+    assert "starting" in Seen.phases
+    assert any("fault injected" in text for *_, text in Seen.events)
+
+
+@pytest.mark.parametrize("source", ["result", "folder", "file"])
+def test_a_recording_is_named_by_its_result_folder_or_file(result, source):
+    where = {"result": result, "folder": result.folder, "file": result.recording}[source]
+    recording = stepbus.Recording(where)
+    assert recording["plant.joint_state"].position.shape == (21, 2)
+    assert stepbus.diff(where, result).equal
+
+
+def test_a_replay_compares_within_a_tolerance(result):
+    override = {"controller.params.kp": 101}
+    assert stepbus.replay(result, "controller").equal
+    assert not stepbus.replay(result, "controller", set=override).equal
+    loose = {"command.values": 10, "status.error": 10}
+    assert stepbus.replay(result, "controller", set=override, tolerance=loose).equal
+    assert stepbus.replay(result, "controller", set=override, tolerance=10.0).equal
+
+
+def test_a_recording_runs_again_and_is_recovered(result, tmp_path):
+    assert stepbus.rerun(result, tmp_path / "again").equal
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(result.recording.read_bytes()[:-100])
+    stepbus.recover(cut, tmp_path / "whole.mcap")
+    assert (tmp_path / "whole.mcap").read_bytes() == result.recording.read_bytes()
+
+
+def test_describe_lists_the_ports():
+    plant = stepbus.describe("two_link")[0]
+    assert (plant.participant, plant.outputs[0].joints[0].name) == ("plant", "joint1")
+
+
+def test_verify_keeps_only_what_differs(tmp_path):
+    found = stepbus.verify("two_link", runs=2, set=SHORT, keep=tmp_path / "kept")
+    assert (found.failed, found.different) == (None, None)
+    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["1", "2"]
