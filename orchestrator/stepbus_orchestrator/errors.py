@@ -1,15 +1,15 @@
 """What can go wrong in a run, and the exit code of each cause.
 
 RunError
-└─ RunFailure                          a run ended before its time; `code` is the exit code
-   ├─ StartFailed                      a participant did not spawn, join or get ready
+└─ RunFailure                          a run failed; `code` is the exit code
+   ├─ StartFailed                      a participant did not spawn, join or become ready
    ├─ ParticipantFault                 a participant raised, or broke the protocol
    ├─ ParticipantDied                  a participant's process ended or was killed
-   ├─ StepTimeout (TimeoutError)       a participant held a step past its deadline
-   ├─ StopTimeout (TimeoutError)       a participant did not end when it was asked to
+   ├─ StepTimeout (TimeoutError)       a participant did not finish a step by its deadline
+   ├─ StopTimeout (TimeoutError)       a participant did not exit by its deadline
    ├─ BusFailed (ConnectionError)      the bus could not be opened
-   ├─ RecordingFailed (OSError)        the recording could not be written
-   └─ Interrupted                      the user ended it with Ctrl-C
+   ├─ RecordingFailed (OSError)        a recording could not be written or read
+   └─ Interrupted                      the user pressed Ctrl-C
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class ExitCode(IntEnum):
 
 
 class RunFailure(RunError):
-    """A run ended before its time.
+    """A run failed.
 
-    participant: who is to blame, if anybody. step: the step it was at; −1 before the first.
+    participant: the one that caused it, if any. step: where the run was; −1 before the first.
     """
 
     code = ExitCode.INTERNAL
@@ -52,7 +52,7 @@ class RunFailure(RunError):
 
 
 class StartFailed(RunFailure):
-    """A participant did not spawn, join or get ready."""
+    """A participant did not spawn, join or become ready."""
 
     code = ExitCode.START
 
@@ -60,7 +60,7 @@ class StartFailed(RunFailure):
 class ParticipantFault(RunFailure):
     """A participant raised, or broke the protocol.
 
-    witness: who found it, where that was another one, which has then ended too.
+    witness: the participant that detected it, if another one did; it has ended too.
     """
 
     code = ExitCode.FAULT
@@ -74,13 +74,13 @@ class ParticipantDied(RunFailure):
 
 
 class StepTimeout(RunFailure, TimeoutError):
-    """A participant held a step past its deadline."""
+    """A participant did not finish a step by its deadline."""
 
     code = ExitCode.STEP_TIMEOUT
 
 
 class StopTimeout(RunFailure, TimeoutError):
-    """A participant did not end when it was asked to."""
+    """A participant did not exit by its deadline."""
 
     code = ExitCode.STOP_TIMEOUT
 
@@ -92,12 +92,12 @@ class BusFailed(RunFailure, ConnectionError):
 
 
 class RecordingFailed(RunFailure, OSError):
-    """The recording could not be written."""
+    """A recording could not be written or read."""
 
     code = ExitCode.RECORDING
 
 
 class Interrupted(RunFailure):
-    """The user ended the run."""
+    """The user ended the run with Ctrl-C."""
 
     code = ExitCode.INTERRUPTED

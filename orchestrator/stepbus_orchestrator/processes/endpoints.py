@@ -1,4 +1,4 @@
-"""Who listens where, and who links to whom."""
+"""The endpoints of a run: where each process listens, and which ones it connects to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SOCKET_PATH_BYTES = 107
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """The endpoints of one run: each member links to the orchestrator and to those before it."""
+    """The endpoints of one run: each process connects to the orchestrator and those before it."""
 
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
@@ -39,17 +39,17 @@ def private_folder() -> Path:
 
 
 def make_mesh(scenario: Scenario, folder: Path, token: str) -> Mesh:
-    """Return the endpoints of all members of a run.
+    """Return the endpoints of the orchestrator and all participants.
 
-    Raises BusFailed when there is no room for a socket or no free port.
+    Raises BusFailed when a socket's path is too long or there is no free port.
     """
     bus = scenario.bus
-    members = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
+    names = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
     if bus.transport == "unix":
-        addresses = [_unix(folder, index) for index in range(len(members))]
+        addresses = [_unix(folder, index) for index in range(len(names))]
     else:
-        addresses = [f"tcp/127.0.0.1:{port}" for port in _ports(bus.port, len(members))]
-    users = {} if bus.transport == "unix" else dict.fromkeys(members, token)
+        addresses = [f"tcp/127.0.0.1:{port}" for port in _ports(bus.port, len(names))]
+    users = {} if bus.transport == "unix" else dict.fromkeys(names, token)
     endpoints = {
         name: Endpoint(
             listen=[addresses[index]],
@@ -59,7 +59,7 @@ def make_mesh(scenario: Scenario, folder: Path, token: str) -> Mesh:
             password=token if users else None,
             users=users,
         )
-        for index, name in enumerate(members)
+        for index, name in enumerate(names)
     }
     return Mesh(orchestrator=endpoints.pop(ORCHESTRATOR), participants=endpoints)
 
@@ -67,7 +67,7 @@ def make_mesh(scenario: Scenario, folder: Path, token: str) -> Mesh:
 def low_latency(scenario: Scenario) -> bool:
     """Return whether to use Zenoh's low-latency transport.
 
-    It silently loses what is over 64 KiB, so that it is not for scenarios with bulk ports.
+    It silently loses messages over 64 KiB, so scenarios with bulk ports do not use it.
     """
     if scenario.bus.low_latency is not None:
         return scenario.bus.low_latency

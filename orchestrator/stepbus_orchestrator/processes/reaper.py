@@ -1,8 +1,8 @@
 """Ends what a killed orchestrator leaves behind: its children, and the run's private folder.
 
-Started by the orchestrator as a process of its own, with nothing but the standard library. It
-reads `+<process group>` and `-<process group>` from its standard input; when that closes, by
-whatever death, it kills the groups that are left and removes the folder.
+The orchestrator starts it as a separate process, with nothing but the standard library. It reads
+`+<process group>` and `-<process group>` from its standard input; when that closes, however the
+orchestrator ended, it kills the remaining groups and removes the folder.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ import sys
 
 
 def watch(folder: str) -> None:
-    """Keep the list until the orchestrator has gone, then clean up."""
+    """Keep the list until the orchestrator has ended, then clean up."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     groups: list[int] = []

@@ -1,4 +1,4 @@
-"""What stands where in a recording (P13); nothing else in stepbus spells these names out."""
+"""The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _VERSIONS = "versions/"
 
 ORCHESTRATOR = "orchestrator"
 ENVIRONMENT_METADATA = _VERSIONS + ORCHESTRATOR
-"""What the orchestrator runs on; a participant's stands under its name."""
+"""What the orchestrator runs on; that of a participant is under its name."""
 
 
 def topic_of(participant: str, port: str) -> str:

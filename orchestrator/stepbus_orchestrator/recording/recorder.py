@@ -94,11 +94,11 @@ class Recorder:
         self._add(self._calls_channel, call.step, encode(call))
 
     def offer(self, name: str, outputs: Outputs) -> None:
-        """Keep the outputs of one participant until their turn comes."""
+        """Keep the outputs of one participant until their step is written."""
         self._order.offer(name, outputs)
 
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
-        """Keep the content of a bulk port until its turn comes."""
+        """Keep the content of a bulk port until its step is written."""
         self._order.offer_bulk(name, port, step, content)
 
     def bulk_complete(self) -> bool:

@@ -27,8 +27,8 @@ class Recovery:
     damage: what is wrong with the source, empty when nothing is. messages, attachments,
     metadata: how many records were kept. last_step: the newest step with a message; −1 without
     any. planned_steps: what the scenario asks for, where it is known. kept_bytes, lost_bytes: of
-    the source; what is lost includes the index, which is made anew. only_index_lost: whether all
-    messages are there.
+    the source; what is lost includes the index, which is rebuilt. only_index_lost: whether all
+    messages were kept.
     """
 
     source: Path
@@ -45,7 +45,7 @@ class Recovery:
 
     @property
     def missing_steps(self) -> int | None:
-        """Return how many steps of the scenario are not there; None where nobody knows."""
+        """Return how many steps of the scenario are missing; None where that is unknown."""
         if self.planned_steps is None:
             return None
         return 0 if self.only_index_lost else max(0, self.planned_steps - 1 - self.last_step)
@@ -112,7 +112,7 @@ class _Copy:
                 self._copy(writer, record)
             writer.finish()
             file.flush()
-            # It may take the place of the only copy there is.
+            # It may replace the only copy there is.
             os.fsync(file.fileno())
         return self._recovery()
 

@@ -10,7 +10,7 @@ _RESERVE_BYTES = 512 * 1024
 
 
 class ReservedFile:
-    """An append-only file of whole writes: one that fails leaves no half of it behind.
+    """An append-only file of complete writes: one that fails leaves nothing behind.
 
     A reserve of 512 KiB, given back by `release`, leaves room to close the file properly: a
     recording on a full disk still ends with its index. The reserve is a file without a name, so

@@ -17,7 +17,7 @@ from .records import HEAD, MAGIC, DamagedRecord, check_head, records_of
 
 @dataclass(frozen=True, kw_only=True)
 class Scanned:
-    """One record of a file: where it stands [bytes], and what it holds.
+    """One record of a file: its position [bytes], and what it holds.
 
     records: itself, or all that is in a chunk up to a damage; none where it only indexes others or
     is of a private type.
@@ -92,7 +92,7 @@ class Scanner:
                     self._check_channel(record)
                     scanned.records.append(record)
             finally:
-                # A chunk may be damaged inside: what stands before is complete.
+                # A chunk may be damaged inside: what precedes it is complete.
                 yield scanned
             self.has_end = self.has_end or opcode == Opcode.DATA_END
             self.intact_bytes = file.tell()

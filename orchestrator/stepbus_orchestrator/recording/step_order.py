@@ -60,7 +60,7 @@ class _Buffer:
 
 
 class StepOrder:
-    """Keeps outputs until the whole step is there, and gives them back in order.
+    """Keeps outputs until their step is complete, and returns them in order.
 
     ports: participant, in schedule order → its ports, in scenario order.
     """

@@ -56,7 +56,7 @@ def _panel(axis: Any, tracking: Tracking, state: Signal, joint: str) -> None:
 
 
 def _target_of(tracking: Tracking, joint: str) -> tuple[Signal | None, str]:
-    """Return where a joint's target stands: its reference, or else its position target."""
+    """Return the source of a joint's target: its reference, or else its position target."""
     if tracking.reference is not None and joint in tracking.reference.names:
         return tracking.reference, "position"
     return tracking.state, "target"

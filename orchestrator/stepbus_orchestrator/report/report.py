@@ -24,7 +24,7 @@ _MOST_LINES = 6
 def write_report(path: Path) -> list[str]:
     """Plot a recording and return what a summary should say of it.
 
-    path: the recording. The plots stand beside it as report.png. Returns nothing for a recording
+    path: the recording. The plots are beside it, in report.png. Returns nothing for a recording
     without joint states, and one line that says why for one that cannot be plotted.
     """
     try:

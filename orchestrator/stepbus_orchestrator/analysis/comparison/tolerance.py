@@ -1,4 +1,4 @@
-"""How far two messages may be apart and still count as equal: by port and field."""
+"""How far two messages may differ and still count as equal: by port and field."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ IGNORE = "ignore"
 
 @dataclass(frozen=True, kw_only=True)
 class FieldTolerance:
-    """How far two values of one field may be apart: |a − b| ≤ abs + rel · |a|, a the recorded.
+    """How far two values of one field may differ: |a − b| ≤ abs + rel · |a|, a the recorded.
 
     ignore: any two values are equal. NaN equals NaN, and an infinity only itself.
     """
