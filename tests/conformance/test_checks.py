@@ -60,14 +60,14 @@ def test_a_mistake_is_found_and_named(inputs, tmp_path, mistake):
     name = "steps" if mistake == "StepsMissing" else FOUND_BY[mistake][0]
     result = outcomes(inputs, words, tmp_path, [name])[name]
     assert result.outcome == "fail"
-    assert re.search(SAID[mistake], result.seen), result.seen
+    assert re.search(SAID[mistake], result.observed), result.observed
 
 
 def test_a_program_that_exits_with_three_fails_the_stop_and_nothing_before_it(inputs, tmp_path):
     names = ["steps", "log", "stop-at-end"]
     results = outcomes(inputs, program("wrong_controller.py", "ExitsThree"), tmp_path, names)
     assert failed(results) == ["stop-at-end"]
-    assert "exited with code 3" in results["stop-at-end"].seen
+    assert "exited with code 3" in results["stop-at-end"].observed
 
 
 def test_where_the_outputs_vary_what_compares_them_is_skipped(inputs, tmp_path):
@@ -80,14 +80,14 @@ def test_where_the_plain_run_fails_only_that_check_does(inputs, tmp_path):
     names = ["join", "steps", "log", "windows", "stop-at-end"]
     results = outcomes(inputs, program("wrong_controller.py", "StepsMissing"), tmp_path, names)
     assert failed(results) == ["steps"]
-    assert "`steps` fails" in results["windows"].seen
+    assert "`steps` fails" in results["windows"].observed
 
 
 def test_a_program_that_joins_no_run_is_killed_in_time(two_link_recording, tmp_path):
     quick = ("controller.spawn_timeout=300ms", "controller.join_timeout=300ms")
     inputs = material(two_link_recording, "controller", *quick)
     results = outcomes(inputs, ("/bin/sleep", "1000"), tmp_path, ["join"])
-    assert "a request to join did not come within 0.6 s" in results["join"].seen
+    assert "a request to join did not come within 0.6 s" in results["join"].observed
 
 
 def test_nothing_is_left_of_a_program_that_hangs(inputs, tmp_path):
@@ -123,7 +123,7 @@ def test_our_own_participants_pass(two_link_recording, tmp_path, participant, na
 def test_checks_of_inputs_are_skipped_for_a_participant_without_any(two_link_recording, tmp_path):
     inputs = material(two_link_recording, "mission")
     results = outcomes(inputs, ("/bin/false",), tmp_path, ["late-input", "joint-order"])
-    assert [result.seen for result in results.values()] == ["it has no inputs"] * 2
+    assert [result.observed for result in results.values()] == ["it has no inputs"] * 2
 
 
 def test_ctrl_c_ends_the_kit_in_the_middle_of_a_check(inputs, tmp_path):

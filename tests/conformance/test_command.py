@@ -9,7 +9,7 @@ import pytest
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.conformance import CHECKS
-from stepbus_orchestrator.conformance.feeds import repeated, reverse, shifted
+from stepbus_orchestrator.conformance.harness.feeds import repeated, reverse, shifted
 from stepbus_schemas import JointCommand, encode
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -8,8 +8,8 @@ from pathlib import Path
 from stepbus_orchestrator import load
 from stepbus_orchestrator.conformance import CHECKS, select
 from stepbus_orchestrator.conformance.check import run_checks
-from stepbus_orchestrator.conformance.kit import Kit
-from stepbus_orchestrator.conformance.material import read
+from stepbus_orchestrator.conformance.harness.kit import Kit
+from stepbus_orchestrator.conformance.harness.material import read
 
 PROGRAMS = Path(__file__).parents[1] / "programs"
 

@@ -1,4 +1,4 @@
-"""All checks, in the order they are run."""
+"""All checks, in the order they run."""
 
 from __future__ import annotations
 
@@ -7,34 +7,25 @@ from collections.abc import Sequence
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-from . import (
-    checks_faults,
-    checks_forms,
-    checks_inputs,
-    checks_join,
-    checks_noise,
-    checks_ready,
-    checks_steps,
-    checks_stop,
-)
 from .check import Check
+from .checks import encodings, faults, inputs, join, noise, ready, steps, stop
 
 CHECKS: tuple[Check, ...] = (
-    *checks_join.CHECKS,
-    *checks_ready.CHECKS,
-    *checks_steps.CHECKS,
-    *checks_inputs.CHECKS,
-    *checks_forms.CHECKS,
-    *checks_noise.CHECKS,
-    *checks_faults.CHECKS,
-    *checks_stop.CHECKS,
+    *join.CHECKS,
+    *ready.CHECKS,
+    *steps.CHECKS,
+    *inputs.CHECKS,
+    *encodings.CHECKS,
+    *noise.CHECKS,
+    *faults.CHECKS,
+    *stop.CHECKS,
 )
 
 
 def select(names: Sequence[str]) -> tuple[Check, ...]:
-    """Return the checks of these names, in their own order; all where there are none.
+    """Return the checks of these names, in the order they run; without names, all.
 
-    Raises WiringError for a name that is no check's.
+    Raises WiringError for an unknown name.
     """
     known = [check.name for check in CHECKS]
     for name in names:

@@ -1,4 +1,4 @@
-"""What a check is, and how all of them are run: one that goes wrong stops no other."""
+"""What a check is, and how checks run: an error in one stops no other."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from stepbus_orchestrator.errors import Interrupted
 
-from .kit import Kit
+from .harness.kit import Kit
 from .outcome import CheckResult, Failed, Outcome, Skipped
 
 
@@ -16,8 +16,8 @@ from .outcome import CheckResult, Failed, Outcome, Skipped
 class Check:
     """One demand of the protocol.
 
-    name: for `--only`. clause: of docs/protocol.md. summary: what it tries. run: returns what was
-    seen; raises Failed or Skipped.
+    name: for `--only`. clause: of docs/protocol.md. summary: what it tries. run: returns what it
+    observed; raises Failed or Skipped.
     """
 
     name: str
@@ -29,7 +29,7 @@ class Check:
 def run_checks(
     kit: Kit, checks: Iterable[Check], on_result: Callable[[CheckResult], None]
 ) -> tuple[CheckResult, ...]:
-    """Run checks one after the other; on_result: is told of each. Raises Interrupted."""
+    """Run checks one after the other; on_result: called with each result. Raises Interrupted."""
     results = []
     for check in checks:
         results.append(_run(kit, check))
@@ -40,13 +40,13 @@ def run_checks(
 def _run(kit: Kit, check: Check) -> CheckResult:
     kit.check = check.name
     began = time.monotonic()
-    outcome, seen = _outcome(kit, check)
+    outcome, observed = _outcome(kit, check)
     return CheckResult(
         name=check.name,
         clause=check.clause,
         summary=check.summary,
         outcome=outcome,
-        seen=seen,
+        observed=observed,
         wall_s=time.monotonic() - began,
     )
 
@@ -60,5 +60,5 @@ def _outcome(kit: Kit, check: Check) -> tuple[Outcome, str]:
         return "skipped", str(exc)
     except Interrupted:
         raise
-    except Exception as exc:  # noqa: BLE001  whatever it is, the other checks go on
-        return "fail", f"the check itself went wrong: {type(exc).__name__}: {exc}"
+    except Exception as exc:  # noqa: BLE001  (the other checks still run)
+        return "fail", f"the check itself failed: {type(exc).__name__}: {exc}"

@@ -15,8 +15,8 @@ from stepbus_schemas import RAW_TYPES
 
 from .catalogue import CHECKS
 from .check import Check, run_checks
-from .kit import Kit
-from .material import find, record
+from .harness.kit import Kit
+from .harness.material import find, record
 from .outcome import CheckResult, Report
 
 
@@ -34,8 +34,8 @@ def conformance(
     """Play orchestrator and peers to one participant, and check what it does.
 
     program: its command line, started in the current folder; none: that of the scenario. bridge:
-    the format in which `stepbus bridge` shall speak with it. logs: keeps its logs, in a folder for
-    each start. on_result: is told of each check.
+    the format that `stepbus bridge` speaks to it. logs: folder that keeps its logs, one folder for
+    each start. on_result: called with each result.
 
     Raises WiringError when there is no such participant or program, RunFailure when its inputs
     cannot be recorded or it is interrupted.
@@ -69,7 +69,7 @@ def conformance(
 def _prepared(
     scenario: Scenario, participant: str, program: Sequence[str], bridge: str | None
 ) -> Scenario:
-    """Return the scenario without faults on purpose, and with the ports that the bridge carries."""
+    """Return the scenario without injected faults, and with the ports that the bridge carries."""
     spec = find(scenario, participant)
     outputs = spec.outputs
     if _format(spec, program, bridge) == "raw":

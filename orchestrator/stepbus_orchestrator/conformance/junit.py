@@ -37,7 +37,7 @@ def _case(report: Report, check: CheckResult) -> ET.Element:
         name=f"{check.clause} {check.name}",
         time=f"{check.wall_s:.3f}",
     )
-    seen = _printable(check.seen)
+    seen = _printable(check.observed)
     if check.outcome == "fail":
         ET.SubElement(case, "failure", message=seen).text = check.summary
     elif check.outcome == "skipped":

@@ -1,4 +1,4 @@
-"""What a check came to, and what all of them did."""
+"""The result of one check, and the report on all of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Outcome = Literal["pass", "fail", "skipped"]
 
 
 class Failed(StepbusError, AssertionError):
-    """A participant did not do what the protocol demands; the text says what was seen."""
+    """A participant did not do what the protocol demands; the text says what was observed."""
 
 
 class Skipped(StepbusError):
@@ -20,21 +20,21 @@ class Skipped(StepbusError):
 
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What one check came to.
+    """The result of one check.
 
-    name, clause, summary: of the check. seen: one sentence. wall_s: how long it took [s].
+    name, clause, summary: of the check. observed: one sentence. wall_s: how long it took [s].
     """
 
     name: str
     clause: str
     summary: str
     outcome: Outcome
-    seen: str
+    observed: str
     wall_s: float
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
-    """What all checks came to.
+    """The results of all checks.
 
     scenario, participant: whose ports were played. program: its command line. steps: length of
     the recorded inputs [steps].

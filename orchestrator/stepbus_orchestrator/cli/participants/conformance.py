@@ -106,7 +106,7 @@ class _Display:
 
     def __call__(self, result: CheckResult) -> None:
         if not self._console.is_terminal:
-            say(f"{result.outcome:8} {result.name} ({result.clause}): {result.seen}")
+            say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
             return
         self._console.print(_row(result))
 
@@ -117,7 +117,9 @@ def _row(result: CheckResult) -> Table:
         row.add_column(width=width, no_wrap=True)
     row.add_column(ratio=1)
     style = _STYLES[result.outcome]
-    row.add_row(f"[{style}]{result.outcome}[/]", result.name, result.clause, _escaped(result.seen))
+    row.add_row(
+        f"[{style}]{result.outcome}[/]", result.name, result.clause, _escaped(result.observed)
+    )
     return row
 
 

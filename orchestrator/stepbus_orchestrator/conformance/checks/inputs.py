@@ -1,15 +1,15 @@
-"""Checks of the inputs: which message is due, what is held, absent, late, or written otherwise."""
+"""Checks of the inputs: which message is due, held, absent or late."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .check import Check
-from .feeds import Feed, repeated, shifted
-from .kit import Kit, Trace, step_problem
-from .outcome import Failed, Skipped
-from .setup import Setup
-from .stage import Stage
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.feeds import Feed, repeated, shifted
+from stepbus_orchestrator.conformance.harness.harness import Harness
+from stepbus_orchestrator.conformance.harness.kit import Kit, Trace, step_problem
+from stepbus_orchestrator.conformance.harness.setup import Setup
+from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 
 _SLOW_S = 0.1
 
@@ -22,35 +22,35 @@ def late_input(kit: Kit) -> str:
     if not needed:
         raise Skipped("all of its inputs are delayed")
 
-    def play(stage: Stage) -> None:
-        stage.walk(kit.material.feed, 0, held)
-        stage.release(held + 1)
-        _await_waiting(kit, stage, held, needed)
-        stage.feed(kit.material.feed, held)
-        stage.await_output(held)
-        stage.walk(kit.material.feed, held + 1, kit.steps)
+    def play(harness: Harness) -> None:
+        harness.walk(kit.material.feed, 0, held)
+        harness.release(held + 1)
+        _await_waiting(kit, harness, held, needed)
+        harness.feed(kit.material.feed, held)
+        harness.await_output(held)
+        harness.walk(kit.material.feed, held + 1, kit.steps)
 
     kit.same(kit.play(play=play), "with late inputs", reference)
     return f"waited at step {held}, said for whom, then the same outputs"
 
 
-def _await_waiting(kit: Kit, stage: Stage, step: int, sources: set[str]) -> None:
+def _await_waiting(kit: Kit, harness: Harness, step: int, sources: set[str]) -> None:
     """Wait until it says that it waits for a source; meanwhile it may not be further."""
-    seen = stage.seen
+    transcript = harness.transcript
     # One that publishes first has done so before it waits.
     allowed = step if kit.spec.publishes == "first" else step - 1
-    stage.until(
+    harness.until(
         lambda: (
-            seen.newest > allowed
-            or any(seen.waits(step, {name}) for name in sources)
-            or seen.waits(step, sources)
+            transcript.newest > allowed
+            or any(transcript.waits(step, {name}) for name in sources)
+            or transcript.waits(step, sources)
         ),
         f"a Log with waiting step {step} and a source of {sorted(sources)}",
         kit.spec.deadlines.step_s,
-        stage.repeat,
+        harness.repeat,
     )
-    if seen.newest > allowed:
-        raise Failed(f"it published step {seen.newest} without the inputs of step {step}")
+    if transcript.newest > allowed:
+        raise Failed(f"it published step {transcript.newest} without the inputs of step {step}")
 
 
 def slow_peer(kit: Kit) -> str:
@@ -58,15 +58,15 @@ def slow_peer(kit: Kit) -> str:
     kit.need_inputs()
     reference, sources = kit.reference(), list(kit.material.feed)
 
-    def play(stage: Stage) -> None:
+    def play(harness: Harness) -> None:
         for step in range(kit.steps):
-            stage.release(step + 1)
+            harness.release(step + 1)
             slow = sources[step % len(sources)] if step in {2, 3, kit.middle} else ""
-            stage.feed({k: v for k, v in kit.material.feed.items() if k != slow}, step)
+            harness.feed({k: v for k, v in kit.material.feed.items() if k != slow}, step)
             if slow:
-                stage.idle(_SLOW_S)
-                stage.feed({slow: kit.material.feed[slow]}, step)
-            stage.await_output(step)
+                harness.idle(_SLOW_S)
+                harness.feed({slow: kit.material.feed[slow]}, step)
+            harness.await_output(step)
 
     kit.same(kit.play(play=play), "with a slow peer", reference)
     return "the same outputs"
@@ -76,12 +76,12 @@ def inputs_ahead(kit: Kit) -> str:
     """Let the peers publish everything before the first trigger."""
     kit.need_inputs()
 
-    def play(stage: Stage) -> None:
+    def play(harness: Harness) -> None:
         for step in range(kit.steps):
-            stage.feed(kit.material.feed, step)
+            harness.feed(kit.material.feed, step)
         for step in range(kit.steps):
-            stage.release(step + 1)
-            stage.await_output(step)
+            harness.release(step + 1)
+            harness.await_output(step)
 
     kit.same(kit.play(play=play), "with peers far ahead")
     return f"peers {kit.steps} steps ahead: the same outputs"
@@ -98,15 +98,15 @@ def absent(kit: Kit) -> str:
 def _without(kit: Kit, name: str) -> str:
     item = kit.spec.inputs[name]
     feed = _from_step(kit.material.feed, item.source, item.port, kit.middle)
-    with kit.stage() as stage:
-        stage.meet()
-        stage.start()
+    with kit.harness() as harness:
+        harness.meet()
+        harness.start()
         try:
-            stage.walk(feed, 0, kit.steps)
+            harness.walk(feed, 0, kit.steps)
         except Failed as exc:
-            if not stage.seen.faults:
+            if not harness.transcript.faults:
                 raise Failed(f"without {name} at first: {exc}; no Fault came (P10.1)") from exc
-            return f"a fault ({stage.seen.faults[0].message[:80]})"
+            return f"a fault ({harness.transcript.faults[0].message[:80]})"
     return "goes on"
 
 
@@ -144,16 +144,16 @@ def delayed(kit: Kit) -> str:
 
 def _or_fault(kit: Kit, feed: Feed, setup: Setup) -> Trace | str:
     """Return a run, or the message of the fault that ends it."""
-    with kit.stage(setup) as stage:
-        stage.meet()
-        stage.start()
+    with kit.harness(setup) as harness:
+        harness.meet()
+        harness.start()
         try:
-            stage.walk(feed, 0, kit.steps)
+            harness.walk(feed, 0, kit.steps)
         except Failed:
-            if not stage.seen.faults:
+            if not harness.transcript.faults:
                 raise
-            return stage.seen.faults[0].message
-        return Trace(ports=stage.seen.ports(), seen=stage.seen)
+            return harness.transcript.faults[0].message
+        return Trace.of(harness.transcript)
 
 
 def _same_fault(name: str, expected: Trace | str, given: Trace | str) -> None:
@@ -199,7 +199,7 @@ def own_every(kit: Kit) -> str:
         }
     given = kit.play(between, setup=setup)
     expected = kit.play(moved, setup=setup)
-    problem = step_problem(given.seen)
+    problem = step_problem(given.transcript)
     if problem:
         raise Failed(problem)
     kit.same(given, "with messages at the steps in between", expected)

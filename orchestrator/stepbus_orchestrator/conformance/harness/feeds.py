@@ -1,4 +1,4 @@
-"""What the peers of a participant publish, and other versions of the same."""
+"""What the peers of a participant publish, and variants of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Edit = Callable[[str, str, int, bytes], bytes]
 
 
 def edited(feed: Feed, edit: Edit) -> Feed:
-    """Return a feed with every message replaced by what `edit` makes of it."""
+    """Return a feed with every message replaced by `edit`."""
     return {
         source: {
             step: {port: edit(source, port, step, data) for port, data in ports.items()}

@@ -1,4 +1,4 @@
-"""One started program with the bus around it: what it says is taken in, every wait has an end."""
+"""One started program and the bus around it: records what it sends, and every wait ends."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Self
 
+from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_orchestrator.errors import BusFailed, Interrupted
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import new_token, private_folder
@@ -25,19 +26,17 @@ from stepbus_schemas import (
 )
 
 from .material import Material
-from .outcome import Failed
-from .seen import Ear
 from .setup import Setup
+from .transcript import Recorder
 
 _TICK_S = 0.02
-# One look at the clock counts for at most this much, as in a run: a machine that slept is
-# nobody's fault.
+# A poll counts for at most this long, as in a run: a machine that slept is nobody's fault.
 _LONGEST_TICK_S = 0.25
-# What a process said last may come a little later than its end is seen.
-_LAST_WORDS_S = 0.1
+# The last messages of a process may arrive a little after its end.
+_LAST_LINES_S = 0.1
 
 
-class Wire:
+class Session:
     """One started program, and both ends of the bus; a context that ends whatever it started.
 
     material: what is played. command: the program's command line. cwd: where it is started. logs:
@@ -63,8 +62,8 @@ class Wire:
         self._command, self._cwd, self._logs = command, cwd, logs
         self._interrupt = interrupt
         self._run = new_token()
-        self._ear = Ear(self.spec, self.token, self.scenario.step_ns)
-        self.seen = self._ear.seen
+        self._recorder = Recorder(self.spec, self.token, self.scenario.step_ns)
+        self.transcript = self._recorder.transcript
         self._inbox: SimpleQueue[tuple[Callable[[Any], None], Any]] = SimpleQueue()
         self._stack = contextlib.ExitStack()
         self._bus: ZenohBus | None = None
@@ -138,7 +137,7 @@ class Wire:
         )
 
     def leave(self) -> None:
-        """Leave the bus without a word, as an orchestrator does that is killed."""
+        """Close the bus without a Stop, as a killed orchestrator does."""
         if self._bus is not None:
             with self._watchdog.watching():
                 self._bus.close()
@@ -156,19 +155,19 @@ class Wire:
 
     def _take(self, kind: str, sample: Any) -> None:
         if self._bus is not None:
-            self._ear.take(kind, self._bus.payload(sample), self._bus.encoding(sample))
+            self._recorder.add(kind, self._bus.payload(sample), self._bus.encoding(sample))
 
     def _take_alive(self, is_alive: bool) -> None:
-        self.seen.alive = is_alive
-        self.seen.was_alive |= is_alive
+        self.transcript.alive = is_alive
+        self.transcript.was_alive |= is_alive
 
     def _take_join(self, request: Any) -> None:
-        self._ear.take_hello(request.payload)
+        self._recorder.add_hello(request.payload)
         answer = self._setup.answer(self.scenario, self.spec, self.token)
         request.reply(encode(answer), encoding_of(f"{type(answer).__name__}/1"))
 
-    def pump(self, timeout_s: float = _TICK_S) -> bool:
-        """Take in what has come; return whether there was anything within a time [s]."""
+    def poll(self, timeout_s: float = _TICK_S) -> bool:
+        """Process what has arrived; return whether anything did within a time [s]."""
         try:
             take, item = self._inbox.get(timeout=timeout_s)
         except Empty:
@@ -180,10 +179,10 @@ class Wire:
         return True
 
     def idle(self, duration_s: float) -> None:
-        """Take in what comes for some time [s]."""
+        """Process what arrives for some time [s]."""
         end = time.monotonic() + duration_s
         while (left_s := end - time.monotonic()) > 0:
-            self.pump(left_s)
+            self.poll(left_s)
 
     def until(
         self,
@@ -194,11 +193,11 @@ class Wire:
         *,
         faults: bool = False,
     ) -> None:
-        """Wait for something; tick: what is repeated meanwhile. faults: whether one may come."""
+        """Wait for a condition; tick: repeated meanwhile. faults: whether it may report one."""
         waited_s, looked = 0.0, time.monotonic()
         while not condition():
             self._check(what, waited_s, timeout_s, condition, faults=faults)
-            if not self.pump() and tick is not None:
+            if not self.poll() and tick is not None:
                 tick()
             now = time.monotonic()
             waited_s += min(now - looked, _LONGEST_TICK_S)
@@ -215,11 +214,11 @@ class Wire:
     ) -> None:
         if self._interrupt.is_set():
             raise Interrupted("interrupted")
-        if self.seen.faults and not faults:
-            fault = self.seen.faults[0]
+        if self.transcript.faults and not faults:
+            fault = self.transcript.faults[0]
             raise Failed(f"it reported a fault at step {fault.step}: {fault.message}")
         if self.exit_code() is not None:
-            while self.pump(_LAST_WORDS_S):
+            while self.poll(_LAST_LINES_S):
                 continue
             if not condition():
                 ended = f"it {self.how_it_ended()}{self.last_error()}"
@@ -230,14 +229,14 @@ class Wire:
 
     def _problem(self) -> str:
         """Return what else is wrong, which may be the cause, as the end of a sentence."""
-        return next((f"; {text} ({c})" for c, text in self.seen.problems.items()), "")
+        return next((f"; {text} ({c})" for c, text in self.transcript.problems.items()), "")
 
     def _last_wait(self) -> str:
-        waiting = self.seen.logs[-1].waiting if self.seen.logs else None
+        waiting = self.transcript.logs[-1].waiting if self.transcript.logs else None
         if waiting is None:
             return self.last_error()
         who = ", ".join(waiting.sources) or "the trigger"
-        return f"; it said that it waits for {who} at step {waiting.step}"
+        return f"; it reports to wait for {who} at step {waiting.step}"
 
     # --- the program's end -------------------------------------------------------------------
 
@@ -250,9 +249,9 @@ class Wire:
         return "" if self._child is None else self._child.how_it_ended()
 
     def last_error(self) -> str:
-        """Return what it printed last, as the end of a sentence."""
-        words = "" if self._child is None else self._child.last_error()
-        return f"; its last words: {words}" if words else ""
+        """Return its last error, as the end of a sentence."""
+        error = "" if self._child is None else self._child.last_error()
+        return f"; its last error: {error}" if error else ""
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
         """Return the exit code once the program has ended; what: after which event."""
@@ -262,8 +261,8 @@ class Wire:
                 raise Interrupted("interrupted")
             if time.monotonic() - started > timeout_s:
                 raise Failed(f"it did not end within {timeout_s:g} s of {what}")
-            if not self.pump() and tick is not None:
+            if not self.poll() and tick is not None:
                 tick()
-        while self.pump(0.0):
+        while self.poll(0.0):
             continue
         return self.exit_code() or 0

@@ -1,4 +1,4 @@
-"""Checks of what a participant cannot go on with: it says so, and blames the right one."""
+"""Checks of fatal inputs: the participant reports a fault, and blames the right one."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from collections.abc import Callable
 
 import msgspec
 
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.feeds import Ports
+from stepbus_orchestrator.conformance.harness.harness import Harness
+from stepbus_orchestrator.conformance.harness.kit import Kit
+from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 from stepbus_schemas import Fault
 
-from .check import Check
-from .feeds import Ports
-from .kit import Kit
-from .outcome import Failed, Skipped
-from .stage import Stage
-
-Spoil = Callable[[Stage, str, int, Ports], None]
-"""Publishes something wrong in the name of a source at a step, where its outputs are due."""
+Spoil = Callable[[Harness, str, int, Ports], None]
+"""Publishes something wrong on behalf of a source, at a step where its outputs are due."""
 
 
 def _faults(kit: Kit, spoil: Spoil) -> str:
@@ -26,43 +25,45 @@ def _faults(kit: Kit, spoil: Spoil) -> str:
 
 
 def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
-    with kit.stage() as stage:
-        stage.meet()
-        stage.start()
+    with kit.harness() as harness:
+        harness.meet()
+        harness.start()
         try:
-            _walk_to_fault(kit, stage, source, spoil)
+            _walk_to_fault(kit, harness, source, spoil)
         except Failed:
-            if not stage.seen.faults:
+            if not harness.transcript.faults:
                 raise
-        fault = stage.seen.faults[0]
-        _check_fault(stage, fault, source)
+        fault = harness.transcript.faults[0]
+        _check_fault(harness, fault, source)
         return f"{source}: {fault.message[:100]}"
 
 
-def _walk_to_fault(kit: Kit, stage: Stage, source: str, spoil: Spoil) -> None:
+def _walk_to_fault(kit: Kit, harness: Harness, source: str, spoil: Spoil) -> None:
     at = _where(kit, source)
-    stage.walk(kit.material.feed, 0, at)
+    harness.walk(kit.material.feed, 0, at)
     # All peers go on, so that it meets what is wrong, however late it looks.
-    stage.release(kit.steps)
+    harness.release(kit.steps)
     for step in range(at, kit.steps):
         for name, rows in kit.material.feed.items():
             if step not in rows:
                 continue
             if name == source and step == at:
-                spoil(stage, name, step, rows[step])
+                spoil(harness, name, step, rows[step])
             else:
-                stage.publish(name, step, rows[step])
-    stage.until(
-        lambda: stage.seen.faults or stage.seen.newest >= kit.steps - kit.spec.every,
+                harness.publish(name, step, rows[step])
+    harness.until(
+        lambda: (
+            harness.transcript.faults or harness.transcript.newest >= kit.steps - kit.spec.every
+        ),
         "a Fault",
         kit.spec.deadlines.step_s,
-        stage.repeat,
+        harness.repeat,
         faults=True,
     )
-    if not stage.seen.faults:
+    if not harness.transcript.faults:
         # One that publishes first may take in its last inputs only now.
-        stage.idle(0.2)
-    if not stage.seen.faults:
+        harness.idle(0.2)
+    if not harness.transcript.faults:
         raise Failed(f"it did all {kit.steps} steps, and reported no fault of {source}")
 
 
@@ -75,19 +76,19 @@ def _where(kit: Kit, source: str) -> int:
     return steps[len(steps) // 2]
 
 
-def _check_fault(stage: Stage, fault: Fault, source: str) -> None:
+def _check_fault(harness: Harness, fault: Fault, source: str) -> None:
     if fault.blames != source:
         raise Failed(f"its fault blames {fault.blames or 'nobody'}, not {source}: {fault.message}")
-    stage.idle(0.05)
-    if stage.seen.logged != stage.seen.packed:
+    harness.idle(0.05)
+    if harness.transcript.logged != harness.transcript.packed:
         raise Failed(
-            f"{len(stage.seen.packed)} Outputs were published before the fault and "
-            f"{len(stage.seen.logged)} logged (P10.1)"
+            f"{len(harness.transcript.packed)} Outputs were published before the fault and "
+            f"{len(harness.transcript.logged)} logged (P10.1)"
         )
-    stage.stop(-1)
+    harness.stop(-1)
     # It may wait for the Stop, though not for long (P10.1).
-    limit_s = stage.spec.deadlines.stop_s + 1.0
-    code = stage.await_end("the Stop after its fault", limit_s, lambda: stage.stop(-1))
+    limit_s = harness.spec.deadlines.stop_s + 1.0
+    code = harness.await_end("the Stop after its fault", limit_s, lambda: harness.stop(-1))
     if code == 0:
         raise Failed("it exited with code 0 after a fault (P10.1)")
 
@@ -95,9 +96,9 @@ def _check_fault(stage: Stage, fault: Fault, source: str) -> None:
 def changed_duplicate(kit: Kit) -> str:
     """Publish a step twice, with other bytes."""
 
-    def spoil(stage: Stage, source: str, step: int, ports: Ports) -> None:
-        stage.publish(source, step, ports)
-        stage.publish(source, step, {})
+    def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
+        harness.publish(source, step, ports)
+        harness.publish(source, step, {})
 
     return _faults(kit, spoil)
 
@@ -110,10 +111,10 @@ def skipped_step(kit: Kit) -> str:
 def malformed_outputs(kit: Kit) -> str:
     """Publish what is no Outputs, but carries the token."""
 
-    def spoil(stage: Stage, source: str, step: int, ports: Ports) -> None:
-        bad = {"token": stage.token, "step": "seven", "t_ns": 0}
-        stage.publish_bytes(source, msgspec.msgpack.encode(bad))
-        stage.publish(source, step, ports)
+    def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
+        bad = {"token": harness.token, "step": "seven", "t_ns": 0}
+        harness.publish_bytes(source, msgspec.msgpack.encode(bad))
+        harness.publish(source, step, ports)
 
     return _faults(kit, spoil)
 
@@ -121,13 +122,13 @@ def malformed_outputs(kit: Kit) -> str:
 def wrong_message(kit: Kit) -> str:
     """Publish messages that are not of their port's type."""
 
-    def spoil(stage: Stage, source: str, step: int, ports: Ports) -> None:
+    def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
         # No field of any type is binary.
         bad = {
             port: msgspec.msgpack.encode(dict.fromkeys(msgspec.msgpack.decode(data), b"\x00"))
             for port, data in ports.items()
         }
-        stage.publish(source, step, bad)
+        harness.publish(source, step, bad)
 
     return _faults(kit, spoil)
 

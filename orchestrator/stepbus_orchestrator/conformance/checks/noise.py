@@ -1,4 +1,4 @@
-"""Checks of what a participant has to drop: it goes on as if it had never come."""
+"""Checks of messages that a participant must drop, as if they had never arrived."""
 
 from __future__ import annotations
 
@@ -7,62 +7,61 @@ from collections.abc import Callable
 
 import msgspec
 
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.feeds import Feed, Ports
+from stepbus_orchestrator.conformance.harness.harness import Harness
+from stepbus_orchestrator.conformance.harness.kit import Kit
+from stepbus_orchestrator.conformance.outcome import Skipped
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Outputs, Start, Stop, Trigger, encode
 
-from .check import Check
-from .feeds import Feed, Ports
-from .kit import Kit
-from .outcome import Skipped
-from .stage import Stage
-
 _OTHER_RUN = "1234567890abcdef"
 _LAST_LOG_S = 0.05
-Noise = Callable[[Stage, int], None]
+Noise = Callable[[Harness, int], None]
 
 
 def _undisturbed(kit: Kit, noise: Noise, what: str) -> str:
     """Make noise before and after the inputs of some steps; the outputs stay the same."""
     kit.reference()
 
-    def play(stage: Stage) -> None:
+    def play(harness: Harness) -> None:
         for step in range(kit.steps):
-            stage.release(step + 1)
-            noise(stage, step)
-            stage.feed(kit.material.feed, step)
-            noise(stage, step)
-            stage.await_output(step)
+            harness.release(step + 1)
+            noise(harness, step)
+            harness.feed(kit.material.feed, step)
+            noise(harness, step)
+            harness.await_output(step)
         # What it says to have dropped comes with its last log; nobody demands it.
-        stage.idle(_LAST_LOG_S)
+        harness.idle(_LAST_LOG_S)
 
     trace = kit.play(play=play)
     kit.same(trace, what)
-    counted = ", ".join(f"{cause} {count}" for cause, count in trace.seen.drops.items())
+    counted = ", ".join(f"{cause} {count}" for cause, count in trace.transcript.drops.items())
     return f"the same outputs; it counts as dropped: {counted or 'nothing'}"
 
 
-def _to_all(make: Callable[[Stage, str, int], bytes | None]) -> Noise:
+def _to_all(make: Callable[[Harness, str, int], bytes | None]) -> Noise:
     """Return noise that each source makes."""
 
-    def noise(stage: Stage, step: int) -> None:
-        for source in stage.material.feed:
-            data = make(stage, source, step)
+    def noise(harness: Harness, step: int) -> None:
+        for source in harness.material.feed:
+            data = make(harness, source, step)
             if data is not None:
-                stage.publish_bytes(source, data)
+                harness.publish_bytes(source, data)
 
     return noise
 
 
-def _outputs(stage: Stage, source: str, step: int, token: str | None = None) -> bytes | None:
+def _outputs(harness: Harness, source: str, step: int, token: str | None = None) -> bytes | None:
     """Return what a source publishes at a step, None where it does not fire."""
-    ports = stage.material.feed[source].get(step)
+    ports = harness.material.feed[source].get(step)
     if ports is None:
         return None
     return encode(
         Outputs(
-            token=token or stage.token,
+            token=token or harness.token,
             step=step,
-            t_ns=step * stage.scenario.step_ns,
+            t_ns=step * harness.scenario.step_ns,
             ports={port: msgspec.Raw(data) for port, data in ports.items()},
         )
     )
@@ -73,12 +72,12 @@ def duplicate(kit: Kit) -> str:
     kit.need_inputs()
     kit.reference()
 
-    def play(stage: Stage) -> None:
+    def play(harness: Harness) -> None:
         for step in range(kit.steps):
-            stage.release(step + 1)
-            stage.feed(kit.material.feed, step)
-            stage.feed(kit.material.feed, step)
-            stage.await_output(step)
+            harness.release(step + 1)
+            harness.feed(kit.material.feed, step)
+            harness.feed(kit.material.feed, step)
+            harness.await_output(step)
 
     kit.same(kit.play(play=play), "with duplicates")
     return "the same outputs"
@@ -89,15 +88,15 @@ def stale(kit: Kit) -> str:
     kit.need_inputs()
     kit.reference()
 
-    def play(stage: Stage) -> None:
+    def play(harness: Harness) -> None:
         for step in range(kit.steps):
-            stage.release(step + 1)
-            stage.feed(kit.material.feed, step)
+            harness.release(step + 1)
+            harness.feed(kit.material.feed, step)
             for source, rows in kit.material.feed.items():
                 older = [s for s in rows if s < step]
                 for s in older[-3:-1]:
-                    stage.publish(source, s, rows[s])
-            stage.await_output(step)
+                    harness.publish(source, s, rows[s])
+            harness.await_output(step)
 
     kit.same(kit.play(play=play), "with stale messages")
     return "the same outputs"
@@ -108,8 +107,8 @@ def garbage(kit: Kit) -> str:
     kit.need_inputs()
     pieces = _garbage()
 
-    def make(stage: Stage, source: str, step: int) -> bytes | None:
-        right = _outputs(stage, source, step) or b""
+    def make(harness: Harness, source: str, step: int) -> bytes | None:
+        right = _outputs(harness, source, step) or b""
         spoiled = [right[:-1], right + b"\x00", right + right]
         return [*spoiled, *pieces][step % (len(pieces) + len(spoiled))]
 
@@ -135,7 +134,7 @@ def _garbage() -> list[bytes]:
 def unauthenticated(kit: Kit) -> str:
     """Send right outputs with another run's token, with other content."""
     kit.need_inputs()
-    noise = _to_all(lambda stage, source, step: _outputs(stage, source, step, _OTHER_RUN))
+    noise = _to_all(lambda harness, source, step: _outputs(harness, source, step, _OTHER_RUN))
     return _undisturbed(kit, noise, "with messages of another run")
 
 
@@ -148,9 +147,9 @@ def control_noise(kit: Kit) -> str:
         *((key, data) for data in _garbage() for key in ("stop", "trigger", "start")),
     ]
 
-    def noise(stage: Stage, step: int) -> None:
+    def noise(harness: Harness, step: int) -> None:
         for kind, data in messages[step % 4 :: 4]:
-            stage.say(kind, data)
+            harness.send_control(kind, data)
 
     return _undisturbed(kit, noise, "with a stranger's Stop, Trigger and Start")
 

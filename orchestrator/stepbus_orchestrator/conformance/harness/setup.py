@@ -1,4 +1,4 @@
-"""How one check differs from a plain run: what the participant is told when it joins."""
+"""How a check differs from a plain run: what the participant learns when it joins."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from stepbus_schemas import Envelope, Refusal, Welcome
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """The circumstances of one run; by default those of the scenario.
+    """The configuration of one run; by default that of the scenario.
 
     window: steps in flight. delays: input → steps. every: source → it fires at multiples of this
-    [steps]. welcome: fields of the `Welcome` that are other than they should be. refusal: why it
-    is not let in. own_peers: the peers have a link of their own to the participant.
+    [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is
+    refused. own_peers: the peers have a link of their own to the participant.
     join_timeout_s: of its ticket [s].
     """
 
@@ -35,7 +35,7 @@ class Setup:
     join_timeout_s: float | None = None
 
     def scenario(self, scenario: Scenario, participant: str) -> Scenario:
-        """Return the scenario under these circumstances."""
+        """Return the scenario with this configuration."""
         window = self.window or scenario.window
         specs = tuple(self._spec(spec, participant) for spec in scenario.participants)
         batch = scenario.batch if self.window is None else max(1, window // 2)
@@ -54,7 +54,7 @@ class Setup:
         return dataclasses.replace(spec, inputs=inputs, deadlines=deadlines)
 
     def answer(self, scenario: Scenario, spec: ParticipantSpec, token: str) -> Envelope:
-        """Return what the participant is answered when it asks to join."""
+        """Return the answer to the participant's request to join."""
         if self.refusal is not None:
             return Refusal(reason=self.refusal)
         welcome: Welcome = welcome_of(scenario, spec, token)

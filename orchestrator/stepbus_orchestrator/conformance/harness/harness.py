@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_schemas import (
     HANDSHAKE_STEP,
@@ -18,80 +19,83 @@ from stepbus_schemas import (
 )
 
 from .feeds import Feed, Ports
-from .outcome import Failed
-from .wire import Wire
+from .session import Session
 
 
-class Stage(Wire):
-    """The run around one program, as its orchestrator and all of its peers play it.
+class Harness(Session):
+    """The run around one program: plays its orchestrator and all of its peers.
 
-    Raises Failed as `Wire` does, and when the program takes in nothing.
+    Raises Failed as `Session` does, and when the program reads nothing.
     """
 
     _start: bytes | None = None
     _step_limit = 0
 
-    # --- talking -----------------------------------------------------------------------------
+    # --- sending -----------------------------------------------------------------------------
 
     def send_handshake(self) -> None:
-        """Let every peer prove its link."""
+        """Send the handshake of every peer."""
         for put in self._peers.values():
             self._send(put, encode(Outputs(token=self.token, step=HANDSHAKE_STEP, t_ns=0)))
 
     def meet(self) -> None:
-        """Start the program and play along until it is ready."""
+        """Start the program, and play its peers until it is ready."""
         self.open_bus()
         if self._setup.own_peers:
             self.open_peers()
         self.start_program()
-        self.let_join()
-        self.let_ready()
+        self.await_join()
+        self.await_ready()
 
-    def let_join(self) -> None:
+    def await_join(self) -> None:
         """Wait until it has asked to join."""
         limits = self.spec.deadlines
-        self.until(lambda: self.seen.asked, "a request to join", limits.spawn_s + limits.join_s)
+        self.until(
+            lambda: self.transcript.asked, "a request to join", limits.spawn_s + limits.join_s
+        )
 
-    def let_ready(self) -> None:
+    def await_ready(self) -> None:
         """Exchange handshakes with it until it is ready."""
         self.send_handshake()
         limit_s = self.spec.deadlines.ready_s
-        self.until(lambda: self.seen.readies, "Ready", limit_s, self.send_handshake)
+        self.until(lambda: self.transcript.readies, "Ready", limit_s, self.send_handshake)
 
     def start(self, descriptions: Mapping[str, Description] | None = None) -> None:
-        """Say that the run starts, with the descriptions of the participant's inputs."""
+        """Send `Start`, with the descriptions of the participant's inputs."""
         own = dict(self.material.descriptions if descriptions is None else descriptions)
         self._start = encode(Start(token=self.token, inputs={self.spec.name: own}))
-        self.say("start", self._start)
+        self.send_control("start", self._start)
 
     def release(self, step_limit: int) -> None:
         """Allow all steps below `step_limit`."""
         self._step_limit = max(self._step_limit, step_limit)
-        self.say("trigger", encode(Trigger(token=self.token, step_limit=step_limit)))
+        self.send_control("trigger", encode(Trigger(token=self.token, step_limit=step_limit)))
 
     def repeat(self) -> None:
-        """Say the newest word again, in case it has not been heard."""
-        if self._start is not None and not self.seen.outputs:
-            self.say("start", self._start)
+        """Send the newest start and trigger again, in case they were lost."""
+        if self._start is not None and not self.transcript.outputs:
+            self.send_control("start", self._start)
         if self._step_limit:
             self.release(self._step_limit)
 
     def stop(self, at_step: int) -> None:
-        """Say that the run is over."""
-        self.say("stop", encode(Stop(token=self.token, reason="the check ends", at_step=at_step)))
+        """Send `Stop`."""
+        self.send_control(
+            "stop", encode(Stop(token=self.token, reason="the check ends", at_step=at_step))
+        )
 
-    def say(self, kind: str, data: bytes) -> None:
+    def send_control(self, key: str, data: bytes) -> None:
         """Publish bytes on `start`, `trigger` or `stop`."""
-        self._send(self._control[kind], data)
+        self._send(self._control[key], data)
 
     def publish(self, source: str, step: int, ports: Ports) -> bytes:
-        """Publish what a source has to say at a step; return the bytes."""
+        """Publish the outputs of a source at a step; return the bytes."""
         data = encode(envelope(self.token, step, self.scenario.step_ns, ports))
         self.publish_bytes(source, data)
         return data
 
     def publish_bytes(self, source: str, data: bytes) -> None:
-        """Publish bytes in the name of a source."""
+        """Publish bytes on behalf of a source."""
         self._send(self._peers[source], data)
 
     def _send(self, put: Callable[..., None], data: bytes) -> None:
@@ -99,10 +103,10 @@ class Stage(Wire):
             put(data)
         if self._watchdog.fired:
             limit_s = self.spec.deadlines.step_s
-            raise Failed(f"it took in nothing for {limit_s:g} s, and messages to it piled up")
+            raise Failed(f"it read nothing for {limit_s:g} s, and messages to it piled up")
 
     def feed(self, feed: Feed, step: int) -> None:
-        """Publish what all sources have to say at a step."""
+        """Publish the outputs of all sources at a step."""
         for source, rows in feed.items():
             if step in rows and step % self.scenario.participant(source).every == 0:
                 self.publish(source, step, rows[step])
@@ -112,11 +116,11 @@ class Stage(Wire):
     def await_output(self, step: int, *, repeating: bool = True) -> None:
         """Wait until it has published the newest step it fires at, up to `step`.
 
-        repeating: whether the trigger is said again meanwhile.
+        repeating: whether the trigger is repeated meanwhile.
         """
         due = due_step(step, every=self.spec.every)
         self.until(
-            lambda: self.seen.newest >= due,
+            lambda: self.transcript.newest >= due,
             f"step {due}",
             self.spec.deadlines.step_s,
             self.repeat if repeating else None,
@@ -125,8 +129,8 @@ class Stage(Wire):
     def await_logged(self) -> None:
         """Wait until all it has published has been logged."""
         self.until(
-            lambda: len(self.seen.logged) >= len(self.seen.packed),
-            f"the log of step {self.seen.newest}",
+            lambda: len(self.transcript.logged) >= len(self.transcript.packed),
+            f"the log of step {self.transcript.newest}",
             self.spec.deadlines.step_s,
             self.repeat,
         )
@@ -155,7 +159,7 @@ class Stage(Wire):
             )
 
     def _logged_steps(self) -> int:
-        return len(self.seen.logged) * self.spec.every
+        return len(self.transcript.logged) * self.spec.every
 
     def _has_logged(self, more_than: int) -> bool:
         return self._logged_steps() > more_than

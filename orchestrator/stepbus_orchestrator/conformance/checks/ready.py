@@ -5,34 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.feeds import reverse_description
+from stepbus_orchestrator.conformance.harness.harness import Harness
+from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
+from stepbus_orchestrator.conformance.harness.setup import Setup
+from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_schemas import Description, Ready
-
-from .check import Check
-from .feeds import reverse_description
-from .kit import Kit, Trace
-from .outcome import Failed
-from .setup import Setup
-from .stage import Stage
 
 
 def handshake(kit: Kit) -> str:
     """Listen to its handshakes, and to what comes before Ready."""
-    with kit.stage() as stage:
-        stage.meet()
-        seen = stage.seen
-        count, readies = seen.handshakes + 2, len(seen.readies) + 2
-        stage.until(
-            lambda: seen.handshakes >= count and len(seen.readies) >= readies,
+    with kit.harness() as harness:
+        harness.meet()
+        transcript = harness.transcript
+        count, readies = transcript.handshakes + 2, len(transcript.readies) + 2
+        harness.until(
+            lambda: transcript.handshakes >= count and len(transcript.readies) >= readies,
             "another handshake and Ready before the Start",
             kit.spec.deadlines.step_s,
-            stage.send_handshake,
+            harness.send_handshake,
         )
-        if "P4.6" in seen.problems:
-            raise Failed(seen.problems["P4.6"])
-        if not seen.log_before_ready:
+        if "P4.6" in transcript.problems:
+            raise Failed(transcript.problems["P4.6"])
+        if not transcript.log_before_ready:
             raise Failed("its first Ready came without a Log before it")
-        if seen.outputs:
-            raise Failed(f"it published step {seen.newest} before the Start")
+        if transcript.outputs:
+            raise Failed(f"it published step {transcript.newest} before the Start")
     return "empty handshakes and Ready, each repeated"
 
 
@@ -48,31 +47,31 @@ def peers_last(kit: Kit) -> str:
     """Let the peers come, on a link of their own, once it waits for them."""
     kit.need_inputs()
     reference = kit.reference()
-    with kit.stage(Setup(own_peers=True)) as stage:
-        stage.open_bus()
-        stage.start_program()
-        stage.let_join()
-        sources, seen = set(kit.material.feed), stage.seen
-        stage.until(
-            lambda: seen.waits(-1, sources) or seen.readies,
+    with kit.harness(Setup(own_peers=True)) as harness:
+        harness.open_bus()
+        harness.start_program()
+        harness.await_join()
+        sources, transcript = set(kit.material.feed), harness.transcript
+        harness.until(
+            lambda: transcript.waits(-1, sources) or transcript.readies,
             f"a Log with waiting step −1 and sources {sorted(sources)}",
             kit.spec.deadlines.ready_s,
         )
-        if seen.readies:
+        if transcript.readies:
             raise Failed(f"it got ready without a handshake of {sorted(sources)}")
-        stage.open_peers()
-        stage.let_ready()
-        stage.start()
-        stage.walk(kit.material.feed, 0, kit.steps)
-        kit.same(Trace(ports=seen.ports(), seen=seen), "with late peers", reference)
+        harness.open_peers()
+        harness.await_ready()
+        harness.start()
+        harness.walk(kit.material.feed, 0, kit.steps)
+        kit.same(Trace.of(transcript), "with late peers", reference)
     return "told whom it waits for, then the same outputs"
 
 
 def descriptions(kit: Kit) -> str:
     """Check what it says of its outputs."""
-    with kit.stage() as stage:
-        stage.meet()
-        ready = stage.seen.readies[0]
+    with kit.harness() as harness:
+        harness.meet()
+        ready = harness.transcript.readies[0]
     for port, description in ready.outputs.items():
         problem = _description_problem(kit, port, description)
         if problem:
@@ -102,17 +101,17 @@ def _names(ready: Ready, port: str) -> str:
 
 
 def start_again(kit: Kit) -> str:
-    """Say the Start again later, with the joints in another order."""
-    # One input only: with all of them turned, a program that takes them in may not be seen to.
+    """Send a second Start later, with the joints in another order."""
+    # Only one input: with all of them turned, a program that uses them might go unnoticed.
     turned = dict(kit.material.descriptions)
     for name, description in list(turned.items())[:1]:
         turned[name] = reverse_description(description)
 
-    def play(stage: Stage) -> None:
-        stage.walk(kit.material.feed, 0, kit.middle)
-        stage.start()
-        stage.start(turned)
-        stage.walk(kit.material.feed, kit.middle, kit.steps)
+    def play(harness: Harness) -> None:
+        harness.walk(kit.material.feed, 0, kit.middle)
+        harness.start()
+        harness.start(turned)
+        harness.walk(kit.material.feed, kit.middle, kit.steps)
 
     kit.same(kit.play(play=play), "after another Start")
     return "two more, one with other descriptions, changed nothing"
@@ -121,20 +120,24 @@ def start_again(kit: Kit) -> str:
 def early(kit: Kit) -> str:
     """Send trigger and outputs before the Start, and handshakes behind it."""
 
-    def play(stage: Stage) -> None:
-        stage.release(1)
-        stage.feed(kit.material.feed, 0)
-        stage.send_handshake()
-        stage.start()
-        stage.await_output(0)
-        stage.send_handshake()
-        stage.walk(kit.material.feed, 1, kit.steps)
+    def play(harness: Harness) -> None:
+        harness.release(1)
+        harness.feed(kit.material.feed, 0)
+        harness.send_handshake()
+        harness.start()
+        harness.await_output(0)
+        harness.send_handshake()
+        harness.walk(kit.material.feed, 1, kit.steps)
 
     reference = kit.reference()
-    with kit.stage() as stage:
-        stage.meet()
-        play(stage)
-        kit.same(Trace(ports=stage.seen.ports(), seen=stage.seen), "in this order", reference)
+    with kit.harness() as harness:
+        harness.meet()
+        play(harness)
+        kit.same(
+            Trace.of(harness.transcript),
+            "in this order",
+            reference,
+        )
     return "kept the trigger and step 0, ignored the handshakes"
 
 

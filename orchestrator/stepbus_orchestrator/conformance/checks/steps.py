@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.harness import Harness
+from stepbus_orchestrator.conformance.harness.kit import Kit, step_problem
+from stepbus_orchestrator.conformance.harness.setup import Setup
+from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_schemas import encoding_of
-
-from .check import Check
-from .kit import Kit, step_problem
-from .outcome import Failed, Skipped
-from .setup import Setup
-from .stage import Stage
 
 WINDOWS = (1, 2, 7, 64)
 _TYPES = {"out": "Outputs/1", "log": "Log/1", "ready": "Ready/1"}
@@ -21,7 +20,7 @@ _TYPES = {"out": "Outputs/1", "log": "Log/1", "ready": "Ready/1"}
 def steps(kit: Kit) -> str:
     """Do all steps in lockstep."""
     trace = kit.plain()
-    problem = step_problem(trace.seen)
+    problem = step_problem(trace.transcript)
     if problem:
         raise Failed(problem)
     return f"{len(trace.ports)} Outputs, one for each step it fires at"
@@ -31,8 +30,8 @@ def content(kit: Kit) -> str:
     """Look at what it published in the plain run."""
     trace = kit.reference()
     for clause in ("P3.4", "P7.2", "P7.3"):
-        if clause in trace.seen.problems:
-            raise Failed(trace.seen.problems[clause])
+        if clause in trace.transcript.problems:
+            raise Failed(trace.transcript.problems[clause])
     silent = [port for port in kit.spec.outputs if not any(port in p for p in trace.ports.values())]
     note = f"; nothing on {', '.join(silent)}" if silent else ""
     return f"all messages are of their port's type{note}"
@@ -40,9 +39,9 @@ def content(kit: Kit) -> str:
 
 def encodings(kit: Kit) -> str:
     """Look at the Zenoh encodings of the plain run."""
-    seen = kit.reference().seen
+    transcript = kit.reference().transcript
     for kind, type_name in _TYPES.items():
-        wrong = seen.encodings.get(kind, set()) - {encoding_of(type_name)}
+        wrong = transcript.encodings.get(kind, set()) - {encoding_of(type_name)}
         if wrong:
             raise Failed(f"on {kind}/: {min(wrong)!r}, not {encoding_of(type_name)!r}")
     return "each names its type"
@@ -50,15 +49,20 @@ def encodings(kit: Kit) -> str:
 
 def log(kit: Kit) -> str:
     """Compare log and outputs of the plain run."""
-    seen = kit.reference().seen
-    if seen.logged == seen.packed:
-        return f"{len(seen.logged)} entries in {len(seen.logs)} logs, byte for byte"
-    if "P9.3" in seen.problems:
-        raise Failed(seen.problems["P9.3"])
-    if len(seen.logged) > len(seen.packed):
-        raise Failed(f"{len(seen.logged)} entries were logged of {len(seen.packed)} Outputs")
-    pairs = zip(seen.packed, seen.logged, strict=False)
-    place = next((i for i, (one, other) in enumerate(pairs) if one != other), len(seen.logged))
+    transcript = kit.reference().transcript
+    logged, published = transcript.logged, transcript.packed
+    if logged == published:
+        return f"{len(logged)} entries in {len(transcript.logs)} logs, byte for byte"
+    if "P9.3" in transcript.problems:
+        raise Failed(transcript.problems["P9.3"])
+    if len(transcript.logged) > len(transcript.packed):
+        raise Failed(
+            f"{len(transcript.logged)} entries were logged of {len(transcript.packed)} Outputs"
+        )
+    pairs = zip(transcript.packed, transcript.logged, strict=False)
+    place = next(
+        (i for i, (one, other) in enumerate(pairs) if one != other), len(transcript.logged)
+    )
     raise Failed(f"entry {place} of its log is not the Outputs number {place}, byte for byte")
 
 
@@ -67,12 +71,12 @@ def batch(kit: Kit) -> str:
     size = 4
     windows = Setup(window=2 * size * kit.spec.every)
 
-    def play(stage: Stage) -> None:
-        stage.follow(kit.material.feed)
-        stage.await_logged()
+    def play(harness: Harness) -> None:
+        harness.follow(kit.material.feed)
+        harness.await_logged()
 
-    seen = kit.play(setup=windows, play=play).seen
-    largest = max((len(item.outputs) for item in seen.logs), default=0)
+    transcript = kit.play(setup=windows, play=play).transcript
+    largest = max((len(item.outputs) for item in transcript.logs), default=0)
     if largest > size:
         raise Failed(f"a Log has {largest} entries, the Welcome allows {size} (batch)")
     return f"at most {largest} entries in a Log, {size} allowed; none stayed behind"
@@ -93,20 +97,20 @@ def waits_for_trigger(kit: Kit) -> str:
     """Give it the inputs of a step that is not released."""
     held = kit.middle
 
-    def play(stage: Stage) -> None:
-        stage.walk(kit.material.feed, 0, held)
-        stage.feed(kit.material.feed, held)
-        seen = stage.seen
-        stage.until(
-            lambda: seen.newest >= held or seen.waits(held, set()),
+    def play(harness: Harness) -> None:
+        harness.walk(kit.material.feed, 0, held)
+        harness.feed(kit.material.feed, held)
+        transcript = harness.transcript
+        harness.until(
+            lambda: transcript.newest >= held or transcript.waits(held, set()),
             f"a Log with waiting step {held} and no sources",
             kit.spec.deadlines.step_s,
         )
-        if seen.newest >= held:
+        if transcript.newest >= held:
             raise Failed(f"it published step {held} before a Trigger with step_limit > {held}")
-        stage.release(held + 1)
-        stage.await_output(held)
-        stage.walk(kit.material.feed, held + 1, kit.steps)
+        harness.release(held + 1)
+        harness.await_output(held)
+        harness.walk(kit.material.feed, held + 1, kit.steps)
 
     kit.same(kit.play(play=play), "after waiting")
     return f"waited for the trigger of step {held}, and said so"
@@ -115,15 +119,15 @@ def waits_for_trigger(kit: Kit) -> str:
 def triggers(kit: Kit) -> str:
     """Repeat triggers, send old ones late, skip numbers."""
 
-    def play(stage: Stage) -> None:
+    def play(harness: Harness) -> None:
         for step in range(kit.steps):
             if step % 3 == 0:
-                stage.release(min(kit.steps, step + 3))
-                stage.release(min(kit.steps, step + 3))
-            stage.release(step // 2)
-            stage.release(0)
-            stage.feed(kit.material.feed, step)
-            stage.await_output(step, repeating=False)
+                harness.release(min(kit.steps, step + 3))
+                harness.release(min(kit.steps, step + 3))
+            harness.release(step // 2)
+            harness.release(0)
+            harness.feed(kit.material.feed, step)
+            harness.await_output(step, repeating=False)
 
     kit.same(kit.play(play=play), "with repeated and late triggers")
     return "the same outputs"
@@ -134,7 +138,7 @@ def windows(kit: Kit) -> str:
     kit.reference()
     for window in WINDOWS:
         trace = kit.play(
-            setup=Setup(window=window), play=lambda stage: stage.follow(kit.material.feed)
+            setup=Setup(window=window), play=lambda harness: harness.follow(kit.material.feed)
         )
         kit.same(trace, f"with window {window}")
     return f"{', '.join(map(str, WINDOWS))}: the same outputs"

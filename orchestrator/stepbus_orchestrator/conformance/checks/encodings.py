@@ -1,4 +1,4 @@
-"""Checks of the form of what a participant is given: unknown fields, numbers, joints by name."""
+"""Checks of how inputs are encoded: unknown fields, numbers, the order of joints."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.analysis.comparison import FieldTolerance, differences
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.feeds import (
+    edited,
+    plain,
+    reverse,
+    reverse_description,
+    vectors_of,
+)
+from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
+from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 from stepbus_schemas import Description, encode, message_class
-
-from .check import Check
-from .feeds import edited, plain, reverse, reverse_description, vectors_of
-from .kit import Kit, Trace
-from .outcome import Failed, Skipped
 
 _BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)
 
@@ -85,7 +90,7 @@ def joint_order(kit: Kit) -> str:
     """Give the joints of each input, then of all, in the reverse order."""
     kit.need_inputs()
     reference = kit.reference()
-    if "P7.2" in reference.seen.problems:
+    if "P7.2" in reference.transcript.problems:
         raise Skipped("its outputs are not of their types; see `content`")
     items = {
         name: (item.source, item.port)
@@ -134,7 +139,7 @@ def _turned(kit: Kit, reference: Trace, pairs: set[tuple[str, str]]) -> None:
 
 def _by_name(kit: Kit, trace: Trace, inputs: Mapping[str, Description]) -> dict[str, Any]:
     """Return all outputs as step → port → field → name → value."""
-    described = trace.seen.readies[0].outputs
+    described = trace.transcript.readies[0].outputs
     found: dict[str, Any] = {}
     for step, ports in trace.ports.items():
         for port, data in ports.items():

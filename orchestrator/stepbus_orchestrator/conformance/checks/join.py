@@ -1,4 +1,4 @@
-"""Checks of the time before the start: ticket, joining, handshakes, descriptions."""
+"""Checks of the admission: ticket, `Hello`, refusals."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import os
 import time
 from typing import Any
 
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.harness.kit import Kit
+from stepbus_orchestrator.conformance.harness.setup import Setup
+from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
-
-from .check import Check
-from .kit import Kit
-from .outcome import Failed, Skipped
-from .setup import Setup
 
 _LATE_S = 0.5
 
@@ -39,18 +38,18 @@ def _refused(code: int, when: str) -> str:
 
 def join(kit: Kit) -> str:
     """Let it join."""
-    with kit.stage() as stage:
-        stage.open_bus()
-        stage.start_program()
-        stage.let_join()
-        seen, name = stage.seen, kit.spec.name
-        if "P4.2" in seen.problems or seen.hello is None:
-            raise Failed(seen.problems.get("P4.2", "no Hello"))
-        if not seen.alive_before_hello:
+    with kit.harness() as harness:
+        harness.open_bus()
+        harness.start_program()
+        harness.await_join()
+        transcript, name = harness.transcript, kit.spec.name
+        if "P4.2" in transcript.problems or transcript.hello is None:
+            raise Failed(transcript.problems.get("P4.2", "no Hello"))
+        if not transcript.alive_before_hello:
             raise Failed(f"it asked to join before its liveliness token alive/{name} was there")
-        hello = seen.hello
-        if (hello.name, hello.token, hello.protocol) != (name, stage.token, 1):
-            right = "right" if hello.token == stage.token else "wrong"
+        hello = transcript.hello
+        if (hello.name, hello.token, hello.protocol) != (name, harness.token, 1):
+            right = "right" if hello.token == harness.token else "wrong"
             raise Failed(
                 f"its Hello is of {hello.name!r}, protocol {hello.protocol}, with a {right} "
                 f"token; due are {name!r}, 1, right"
@@ -60,11 +59,11 @@ def join(kit: Kit) -> str:
 
 def port_types(kit: Kit) -> str:
     """Compare the ports it says it has with those of the scenario."""
-    with kit.stage() as stage:
-        stage.open_bus()
-        stage.start_program()
-        stage.let_join()
-        hello = stage.seen.hello
+    with kit.harness() as harness:
+        harness.open_bus()
+        harness.start_program()
+        harness.await_join()
+        hello = harness.transcript.hello
     welcome: Any = Setup().answer(kit.material.scenario, kit.spec, "")
     if hello is None or (hello.inputs is None and hello.outputs is None):
         raise Skipped("its Hello names no ports, so that it takes those of the scenario")
@@ -80,32 +79,32 @@ def port_types(kit: Kit) -> str:
 
 def orchestrator_late(kit: Kit) -> str:
     """Open the bus half a second after the program has started."""
-    with kit.stage() as stage:
-        stage.start_program()
+    with kit.harness() as harness:
+        harness.start_program()
         time.sleep(_LATE_S)
-        stage.open_bus()
-        stage.let_join()
-        stage.let_ready()
+        harness.open_bus()
+        harness.await_join()
+        harness.await_ready()
     return "joined and got ready"
 
 
 def nobody_answers(kit: Kit) -> str:
     """Give it a ticket to a run in which nobody answers."""
-    with kit.stage(Setup(join_timeout_s=1.0)) as stage:
-        stage.start_program()
+    with kit.harness(Setup(join_timeout_s=1.0)) as harness:
+        harness.start_program()
         # Starting takes its time, and the last query may begin just before the time is over.
         limit_s = kit.spec.deadlines.spawn_s + 2.0
-        code = stage.await_end("its start; nobody answers, join_timeout_s is 1", limit_s)
+        code = harness.await_end("its start; nobody answers, join_timeout_s is 1", limit_s)
     return _refused(code, "when nobody answered for 1 s")
 
 
 def _not_let_in(kit: Kit, setup: Setup, when: str) -> str:
-    with kit.stage(setup) as stage:
-        stage.open_bus()
-        stage.start_program()
-        stage.let_join()
-        code = stage.await_end(when, kit.spec.deadlines.join_s, stage.send_handshake)
-        if stage.seen.readies:
+    with kit.harness(setup) as harness:
+        harness.open_bus()
+        harness.start_program()
+        harness.await_join()
+        code = harness.await_end(when, kit.spec.deadlines.join_s, harness.send_handshake)
+        if harness.transcript.readies:
             raise Failed(f"it got ready {when}")
     return _refused(code, f"after {when}")
 

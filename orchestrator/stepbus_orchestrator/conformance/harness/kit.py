@@ -1,4 +1,4 @@
-"""What checks share: stages to play on, and a plain run to compare with."""
+"""What checks share: a harness for each start, and a plain run to compare with."""
 
 from __future__ import annotations
 
@@ -9,33 +9,38 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
+from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 from stepbus_schemas import Description
 
 from .feeds import Feed
+from .harness import Harness
 from .material import Material
-from .outcome import Failed, Skipped
-from .seen import Seen
 from .setup import Setup
-from .stage import Stage
+from .transcript import Transcript
 
-Play = Callable[[Stage], None]
+Play = Callable[[Harness], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """What one run came to: step → port → bytes, and all else that was seen."""
+    """The result of one run: step → port → bytes, and the transcript."""
 
     ports: Mapping[int, Mapping[str, bytes]]
-    seen: Seen
+    transcript: Transcript
+
+    @classmethod
+    def of(cls, transcript: Transcript) -> Trace:
+        """Return the trace of a finished run."""
+        return cls(ports=transcript.ports(), transcript=transcript)
 
 
 class Kit:
     """One participant under test.
 
-    material: what is played to it. command: its command line. cwd: where it is started. logs:
+    material: what the kit plays to it. command: its command line. cwd: where it is started. logs:
     gets a folder for each start of it. interrupt: ends everything when it is set. is_scenarios:
-    whether it is the scenario's own program. knows_names: whether it is told the names of its
-    inputs; the raw bridge cannot.
+    whether it is the scenario's own program. knows_names: whether it learns the names of its
+    inputs; not through the raw bridge.
     """
 
     def __init__(
@@ -74,9 +79,9 @@ class Kit:
         ]
         return common[len(common) // 2]
 
-    def stage(self, setup: Setup | None = None) -> Stage:
-        """Return a stage; nothing is started yet."""
-        return Stage(
+    def harness(self, setup: Setup | None = None) -> Harness:
+        """Return a harness, which starts nothing yet."""
+        return Harness(
             material=self.material,
             setup=setup or Setup(),
             command=self.command,
@@ -86,7 +91,7 @@ class Kit:
         )
 
     def log_folder(self) -> Path:
-        """Make and return the folder of the next start's log."""
+        """Create and return the folder for the log of the next start."""
         self._count += 1
         folder = self._logs / f"{self._count:03d}-{self.check}"
         folder.mkdir(parents=True)
@@ -100,13 +105,13 @@ class Kit:
         descriptions: Mapping[str, Description] | None = None,
         play: Play | None = None,
     ) -> Trace:
-        """Do all steps in lockstep, or what `play` does, and return what was published.
+        """Run all steps in lockstep, or `play` instead, and return what was published.
 
         Raises Skipped where even a plain run fails.
         """
         self.reference()
         steps = self.material.feed if feed is None else feed
-        walk = play or (lambda stage: stage.walk(steps, 0, self.steps))
+        walk = play or (lambda harness: harness.walk(steps, 0, self.steps))
         return self._play(walk, setup, descriptions)
 
     def _play(
@@ -115,15 +120,15 @@ class Kit:
         setup: Setup | None = None,
         descriptions: Mapping[str, Description] | None = None,
     ) -> Trace:
-        with self.stage(setup) as stage:
-            stage.meet()
-            stage.start(descriptions)
-            play(stage)
-            stage.await_output(self.steps - 1)
-            return Trace(ports=stage.seen.ports(), seen=stage.seen)
+        with self.harness(setup) as harness:
+            harness.meet()
+            harness.start(descriptions)
+            play(harness)
+            harness.await_output(self.steps - 1)
+            return Trace.of(harness.transcript)
 
     def plain(self, which: str = "plain run") -> Trace:
-        """Return a run in which nothing special happens; done once for each `which`.
+        """Return an undisturbed run, made once for each `which`.
 
         Raises Failed when the participant cannot do it.
         """
@@ -137,11 +142,11 @@ class Kit:
             raise Failed(str(found))
         return found
 
-    def _walk_and_log(self, stage: Stage) -> None:
-        stage.walk(self.material.feed, 0, self.steps)
-        # What is not logged is found by `log`, and is no reason to try nothing else.
+    def _walk_and_log(self, harness: Harness) -> None:
+        harness.walk(self.material.feed, 0, self.steps)
+        # The check `log` reports what is not logged; the other checks still run.
         with contextlib.suppress(Failed):
-            stage.await_logged()
+            harness.await_logged()
 
     def reference(self) -> Trace:
         """Return the plain run; raises Skipped where there is none to compare with."""
@@ -149,8 +154,8 @@ class Kit:
             trace = self.plain()
         except Failed as exc:
             raise Skipped(f"needs a plain run, and `steps` fails: {exc}") from exc
-        if step_problem(trace.seen):
-            raise Skipped(f"needs a plain run, and `steps` fails: {step_problem(trace.seen)}")
+        if step_problem(trace.transcript):
+            raise Skipped(f"needs a plain run, and `steps` fails: {step_problem(trace.transcript)}")
         return trace
 
     def need_inputs(self) -> None:
@@ -159,7 +164,7 @@ class Kit:
             raise Skipped("it has no inputs")
 
     def same(self, trace: Trace, what: str, reference: Trace | None = None) -> None:
-        """Compare with the plain run, or another; what: this run, in the sentence of a failure.
+        """Compare with the plain run, or another; what: this run, for the failure's sentence.
 
         Raises Failed where they differ, Skipped where any two runs do.
         """
@@ -194,6 +199,8 @@ class Kit:
         return None
 
 
-def step_problem(seen: Seen) -> str | None:
-    """Return what is wrong with the numbers, names or tokens of what was published, if anything."""
-    return next((seen.problems[c] for c in ("P7.1", "P3.5", "P3.1") if c in seen.problems), None)
+def step_problem(transcript: Transcript) -> str | None:
+    """Return what is wrong with the steps, names or tokens of the outputs; None: nothing."""
+    return next(
+        (transcript.problems[c] for c in ("P7.1", "P3.5", "P3.1") if c in transcript.problems), None
+    )

@@ -1,4 +1,4 @@
-"""The inputs a participant is fed with: what its peers published in a short run of the scenario."""
+"""The inputs that the kit plays: what the peers published in a short run of the scenario."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _LEAST_FIRINGS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """All that is played to one participant.
+    """Everything the kit plays to one participant.
 
-    scenario: as many steps long as there is material. feed: by source. descriptions: of each
+    scenario: as many steps as there is material for. feed: by source. descriptions: of each
     input, with names. recording: the run's `run.mcap`, where it was kept.
     """
 
@@ -39,14 +39,14 @@ class Material:
 
     @property
     def steps(self) -> int:
-        """Return for how many steps there is material."""
+        """Return the number of steps that there is material for."""
         return self.scenario.steps or 0
 
 
 def record(scenario: Scenario, participant: str, folder: Path) -> Material:
     """Run a scenario for some steps and return what the sources of a participant published.
 
-    folder: gets the run's files. Raises WiringError when it has no such participant, RunFailure
+    folder: for the run's files. Raises WiringError when it has no such participant, RunFailure
     when the run fails.
     """
     spec = find(scenario, participant)
@@ -55,7 +55,7 @@ def record(scenario: Scenario, participant: str, folder: Path) -> Material:
     result = run(short, Options(out=folder))
     if result.exit_code:
         failure = RunFailure(
-            f"no inputs for {participant}: the run of {scenario.file} that shall record them "
+            f"no inputs for {participant}: the run of {scenario.file} that should record them "
             f"failed: {result.reason}",
             participant=result.participant,
             step=result.at_step,
@@ -63,7 +63,7 @@ def record(scenario: Scenario, participant: str, folder: Path) -> Material:
         failure.code = type(failure.code)(result.exit_code)
         raise failure
     if not result.steps:
-        raise WiringError(f"{scenario.file} has no steps, so that there is nothing to play")
+        raise WiringError(f"{scenario.file} has no steps, so there is nothing to play")
     return read(dataclasses.replace(short, steps=result.steps), participant, result.recording)
 
 
@@ -86,7 +86,7 @@ def find(scenario: Scenario, participant: str) -> ParticipantSpec:
 
 
 def read(scenario: Scenario, participant: str, path: Path) -> Material:
-    """Return what a recording of a scenario, at least as long, says a participant is fed with.
+    """Return the material from a recording of a scenario that is at least as long.
 
     Raises WiringError as `find`, RecordingFailed when it cannot be read.
     """

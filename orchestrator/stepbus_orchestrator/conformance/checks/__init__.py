@@ -1,0 +1,1 @@
+"""The checks, by the part of docs/protocol.md that they check."""
