@@ -67,7 +67,7 @@ class Log:
     """A recording, asked by topic and step."""
 
     def __init__(self, path: Path) -> None:
-        self.recording = Recording.open(path)
+        self.recording = Recording(path)
         self._read: dict[str, list[tuple[int, Message]]] = {}
 
     def all(self, topic: str) -> list[tuple[int, Message]]:

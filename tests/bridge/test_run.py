@@ -23,9 +23,7 @@ def nothing_is_left(tmp_path, own_temp):
 
 
 def commands(result):
-    return [
-        entry.data for entry in Recording.open(result.recording)["controller/command"].entries()
-    ]
+    return [entry.data for entry in Recording(result.recording)["controller/command"].entries()]
 
 
 LOGGED = {

@@ -51,7 +51,7 @@ def test_every_fault_is_survived_or_blamed(tmp_path, own_temp, reference, kind):
         out = tmp_path / str(number)
         result = run(load("two_link", OVERRIDES, [text]), Options(out=out))
         recorded = messages(result.recording)
-        assert Recording.open(result.recording).damage == "", text
+        assert Recording(result.recording).damage == "", text
         if result.exit_code == 0:
             assert recorded == reference, text
         else:

@@ -47,5 +47,5 @@ def test_the_edit_of_the_page_takes_the_sag_away(language, tool, file, edit, tmp
     path = tmp_path / "my_arm" / file
     path.write_text(edit(path.read_text()))
     result = run(load(tmp_path / "my_arm"), Options(out=tmp_path / "out"))
-    rmse = tracking_rmse(read_tracking(Recording.open(result.recording)))
+    rmse = tracking_rmse(read_tracking(Recording(result.recording)))
     assert [f"{error:.3g}" for error in rmse.values()] == ["0.00785", "0.00264"]

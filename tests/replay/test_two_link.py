@@ -42,13 +42,13 @@ def test_another_gain_is_found_at_the_first_step_it_changes(other_gain, two_link
     found = other_gain.divergence
     # At step 0 the arm stands on its reference, so that kp has nothing to multiply.
     assert (found.step, found.topic, found.field) == (1, "controller/command", "values[0]")
-    recorded = dict(Recording.open(two_link_recording).messages("controller/command"))
+    recorded = dict(Recording(two_link_recording).messages("controller/command"))
     assert found.first == recorded[1].values[0]
     assert found.second != found.first
 
 
 def test_the_inputs_of_the_divergent_step_are_shown(other_gain, two_link_recording):
-    recorded = dict(Recording.open(two_link_recording).messages("plant/joint_state"))
+    recorded = dict(Recording(two_link_recording).messages("plant/joint_state"))
     held = other_gain.inputs["joint_state"]
     assert (held.topic, held.step) == ("plant/joint_state", 1)
     assert held.value["position"] == recorded[1].position

@@ -33,7 +33,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 @pytest.fixture
 def record(tmp_path):
     """Return a function that records ports: name → type, names, messages."""
-    return lambda **ports: Recording.open(write(tmp_path / "run.mcap", **ports))
+    return lambda **ports: Recording(write(tmp_path / "run.mcap", **ports))
 
 
 def arm(mode="position", **state):

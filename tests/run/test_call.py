@@ -65,7 +65,7 @@ def test_what_a_call_changes_is_recorded_with_its_step(tmp_path):
     result, answers = asked(tmp_path, ["plant", "put", 0, 0.75])
     assert (result.exit_code, answers[0].step) == (0, 20)
     assert positions(result, 0)[20] == 0.75
-    (recorded,) = recorded_calls(Recording.open(result.recording))
+    (recorded,) = recorded_calls(Recording(result.recording))
     assert (recorded.step, recorded.participant, recorded.method, recorded.args) == (
         20,
         "plant",

@@ -86,7 +86,7 @@ def test_a_mistake_is_shown_summed_up_and_recorded(tmp_path, capsys, change, mor
     assert shown.count(sentence) == 2
     result = json.loads((out / "result.json").read_text())
     assert any(sentence in warned["text"] for warned in result["warnings"])
-    events = [event for _, event in Recording.open(out / "run.mcap").messages("plant/events")]
+    events = [event for _, event in Recording(out / "run.mcap").messages("plant/events")]
     assert any(sentence in event.text for event in events)
 
 
@@ -121,7 +121,7 @@ def test_the_order_of_the_joints_in_the_model_changes_nothing(tmp_path):
         source = scenario(tmp_path / names[0], urdf=urdf)
         changes = [f"plant.params.joints=[{', '.join(names)}]"]
         result = run(load(source, changes), Options(out=tmp_path / f"run_{names[0]}"))
-        states.append(read_tracking(Recording.open(result.recording)).state)
+        states.append(read_tracking(Recording(result.recording)).state)
     assert [state.names for state in states] == [["joint1", "joint2"], ["joint2", "joint1"]]
     for name in ("joint1", "joint2"):
         first, second = (state.of("position", name) for state in states)

@@ -62,7 +62,7 @@ def test_ctrl_c_ends_the_run_cleanly_with_its_own_code(tmp_path, start):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert (process.returncode, "interrupted by the user" in errors) == (ExitCode.INTERRUPTED, True)
-    recording = Recording.open(tmp_path / "out" / "run.mcap")
+    recording = Recording(tmp_path / "out" / "run.mcap")
     assert (recording.damage, len(recording["plant/joint_state"]) > 100) == ("", True)
 
 
@@ -73,7 +73,7 @@ def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_tem
     process.wait()
     assert wait_until(lambda: leftovers(tmp_path) == [])
     assert wait_until(lambda: list(own_temp.iterdir()) == [])
-    recording = Recording.open(tmp_path / "out" / "run.mcap")
+    recording = Recording(tmp_path / "out" / "run.mcap")
     assert len(recording["plant/joint_state"]) > 100
 
 
@@ -83,7 +83,7 @@ def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_pa
     assert process.returncode == ExitCode.RECORDING
     assert "cannot be written: File too large; free some disk space" in errors
     assert "Traceback" not in errors
-    recording = Recording.open(tmp_path / "out" / "run.mcap")
+    recording = Recording(tmp_path / "out" / "run.mcap")
     assert len(recording["plant/joint_state"]) > 1000
 
 
@@ -99,6 +99,6 @@ def test_a_small_disk_that_fills_up_leaves_a_whole_recording(tmp_path, start):
         _, errors = process.communicate(timeout=60)
         assert process.returncode == ExitCode.RECORDING
         assert "No space left on device" in errors
-        assert Recording.open(disk / "run" / "run.mcap").damage == ""
+        assert Recording(disk / "run" / "run.mcap").damage == ""
     finally:
         subprocess.run(["umount", disk], check=True)

@@ -38,7 +38,7 @@ def result(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def tracking(result):
-    return read_tracking(Recording.open(result.recording))
+    return read_tracking(Recording(result.recording))
 
 
 def test_both_joints_follow_within_two_percent_and_five_milliseconds(result, tracking):
@@ -81,7 +81,7 @@ def test_the_order_of_joints_of_one_participant_changes_nothing(tracking, tmp_pa
     backwards = f"[{', '.join(reversed(ARMS))}]"
     for name in ("plant", "controller"):
         result = run_baxter(tmp_path / name, f"{name}.params.joints={backwards}", "duration=2s")
-        state = read_tracking(Recording.open(result.recording)).state
+        state = read_tracking(Recording(result.recording)).state
         for joint in ARMS:
             first = tracking.state.of("position", joint)[: len(state.t)]
             assert (state.of("position", joint) == first).all()
@@ -96,7 +96,7 @@ def test_it_is_the_same_to_the_byte_in_whatever_window(tmp_path):
 
 
 def test_what_the_mission_begins_is_recorded_as_an_event(result):
-    ((step, event),) = Recording.open(result.recording).messages("mission/events")
+    ((step, event),) = Recording(result.recording).messages("mission/events")
     assert (step, event.level, event.text.split(" of ")[0]) == (0, "info", "sine")
 
 
@@ -159,5 +159,5 @@ def test_a_warning_is_shown_counted_and_recorded(tmp_path, capsys):
     assert (shown.count(effort), shown.count(degrees)) == (2, 2)
     assert "warnings 2" in shown
     assert json.loads((out / "result.json").read_text())["warning_count"] == 2
-    ((step, event),) = Recording.open(out / "run.mcap").messages("plant/events")
+    ((step, event),) = Recording(out / "run.mcap").messages("plant/events")
     assert (step, event.level, len(event.text.splitlines())) == (1, "warning", 2)

@@ -105,7 +105,7 @@ FAILURES = {
 def test_a_failure_has_its_sentence_and_everything_comes_to_rest(name, tmp_path):
     failure = FAILURES[name]
     result = store(tmp_path, *failure.overrides, scenario=failure.scenario)
-    recording = Recording.open(result.recording)
+    recording = Recording(result.recording)
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission"), result.reason
     assert all(part in result.reason for part in failure.told), result.reason
     assert_at_rest(recording)
@@ -128,13 +128,13 @@ def test_without_a_planner_the_mission_says_so_and_everything_comes_to_rest(
     assert (result.exit_code, result.participant) == (ExitCode.DIED, "planner")
     assert "was killed by SIGKILL" in result.reason
     assert f"{FAILED}{doing}: no plan, the planner has failed{STILL}" in result.reason
-    assert_at_rest(Recording.open(result.recording))
+    assert_at_rest(Recording(result.recording))
 
 
 @pytest.mark.parametrize("seconds", [4.8, 8.6])
 def test_without_a_controller_base_and_arm_are_braked(seconds, tmp_path):
     result = store(tmp_path, f"faults=[kill controller at {at(seconds)}]")
-    recording = Recording.open(result.recording)
+    recording = Recording(result.recording)
     assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
     assert "its commands were held" in result.reason
     assert "brought to rest" in result.reason
@@ -164,7 +164,7 @@ def assert_nothing_was_touched(recording, link):
 
 def test_around_what_blocks_the_first_way_another_one_is_taken(tmp_path):
     result = store(tmp_path, script(f"at: 3s, {POST_ASIDE}", POST_AWAY))
-    recording = Recording.open(result.recording)
+    recording = Recording(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
     assert texts(recording, "planner/events")[0].startswith("plan 1: detour of ")
     assert_nothing_was_touched(recording, "pillar_post")
@@ -172,7 +172,7 @@ def test_around_what_blocks_the_first_way_another_one_is_taken(tmp_path):
 
 def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
     result = store(tmp_path, script(f"at: 8.6s, {POST_ASIDE}", POST_AWAY))
-    recording = Recording.open(result.recording)
+    recording = Recording(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
     plans = texts(recording, "planner/events")
     assert plans[0].startswith("plan 1: straight path of ")
@@ -186,7 +186,7 @@ def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
 
 def test_where_there_is_no_way_the_run_fails_with_everything_at_rest(tmp_path):
     result = store(tmp_path, script(f"at: 8.6s, {POST_ON_ITEM}"))
-    recording = Recording.open(result.recording)
+    recording = Recording(result.recording)
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission"), result.reason
     assert f"{FAILED}moving above its position: no way, " in result.reason
     assert "pillar_post" in result.reason

@@ -32,7 +32,7 @@ def sale(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recording(sale):
-    return Recording.open(Path(sale.folder) / "run.mcap")
+    return Recording(Path(sale.folder) / "run.mcap")
 
 
 @pytest.mark.timeout(600)
@@ -89,5 +89,5 @@ def test_several_orders_are_sold_in_a_row(tmp_path):
     result = store(tmp_path, "mission.params.orders=[{item: water_b3_3}, juice]")
     assert result.exit_code == 0, result.reason
     assert "2 of 2 sales" in "\n".join(
-        texts(Recording.open(Path(result.folder) / "run.mcap"), "mission/summary")
+        texts(Recording(Path(result.folder) / "run.mcap"), "mission/summary")
     )

@@ -33,7 +33,7 @@ def results(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def tracking(results):
-    return {name: read_tracking(Recording.open(r.recording)) for name, r in results.items()}
+    return {name: read_tracking(Recording(r.recording)) for name, r in results.items()}
 
 
 @pytest.mark.parametrize("name", FIGURES)

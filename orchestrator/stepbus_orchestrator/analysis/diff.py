@@ -70,7 +70,7 @@ def diff(first: Path, second: Path, tolerance: Tolerance | None = None) -> Diff:
     Raises RecordingFailed when one cannot be read, WiringError when the tolerance names a port or
     field that neither has.
     """
-    one, other = Recording.open(first), Recording.open(second)
+    one, other = Recording(first), Recording(second)
     tolerance = tolerance or Tolerance()
     known = {topic: fields_of(port.type) for r in (one, other) for topic, port in r.ports.items()}
     tolerance.check(known)

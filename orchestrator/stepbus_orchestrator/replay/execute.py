@@ -75,7 +75,7 @@ def replay(
     RunFailure when the participant fails; then its log is kept.
     """
     task = Task(
-        recording=Recording.open(recording),
+        recording=Recording(recording),
         participant=participant,
         program=program,
         overrides=overrides,

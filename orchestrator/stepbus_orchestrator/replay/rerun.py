@@ -48,7 +48,7 @@ def read_origin(recording: Path) -> Origin:
 
     Raises RecordingFailed when the file is none, or as `origin_of` does.
     """
-    return origin_of(Recording.open(recording))
+    return origin_of(Recording(recording))
 
 
 def origin_of(recording: Recording) -> Origin:

@@ -28,7 +28,7 @@ def write_report(path: Path) -> list[str]:
     without joint states, and one line that says why for one that cannot be plotted.
     """
     try:
-        with Recording.open(path) as recording:
+        with Recording(path) as recording:
             tracking = read_tracking(recording)
             if tracking.state is None:
                 return []

@@ -164,7 +164,7 @@ def _test_scenario(
 def _judged(
     result: Result, plant: ParticipantSpec, port: str, angle: float, only: Sequence[str]
 ) -> SelfTest:
-    recording = Recording.open(result.recording)
+    recording = Recording(result.recording)
     topic: Port = recording[f"{plant.name}.{port}"]
     state = read_signal(topic, _QUANTITIES)
     if state is None or "position" not in state.fields:

@@ -91,7 +91,7 @@ def read(scenario: Scenario, participant: str, path: Path) -> Material:
     Raises WiringError as `find`, RecordingFailed when it cannot be read.
     """
     spec = find(scenario, participant)
-    recording = Recording.open(path)
+    recording = Recording(path)
     sources = dict.fromkeys(item.source for item in spec.inputs.values())
     described = recorded_descriptions(recording)
     return Material(
