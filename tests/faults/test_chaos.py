@@ -1,4 +1,4 @@
-"""`make chaos`: two hundred faults of every kind, and an orchestrator that is killed."""
+"""`make chaos`: faults of every type, each survived or blamed, and a killed orchestrator."""
 
 import random
 import re
@@ -14,14 +14,13 @@ from run_support import leftovers
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import KINDS, MESSAGE_KINDS
+from stepbus_orchestrator.scenario import KINDS
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 SEED = 20261121
 EACH = 20
 STEPS = 200
-DEADLINE_S = 1.5
 NAMES = ("plant", "controller", "mission")
 OVERRIDES = ["duration=1s", *(f"{name}.step_timeout=1500ms" for name in NAMES)]
 
@@ -45,29 +44,34 @@ def draw(kind):
         yield f"{kind} {name} at {step}" + (f" for {lasts_ms}ms" if lasting else ""), name, step
 
 
+def costs_only_time(kind, text):
+    """Return whether a fault changes no message, so that the run survives it (docs/faults.md)."""
+    return kind in {"delay", "duplicate", "slow"} or (kind == "freeze" and " for " in text)
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_fault_is_survived_or_blamed(tmp_path, own_temp, reference, kind):
+def test_a_fault_that_costs_only_time_is_survived_and_any_other_is_blamed(
+    tmp_path, own_temp, reference, kind
+):
     for number, (text, name, step) in enumerate(draw(kind)):
         out = tmp_path / str(number)
         result = run(load("two_link", OVERRIDES, [text]), Options(out=out))
         recorded = messages(result.recording)
         assert Recording(result.recording).damage == "", text
-        if result.exit_code == 0:
-            assert recorded == reference, text
+        if costs_only_time(kind, text):
+            assert (result.exit_code, recorded == reference) == (0, True), (text, result.reason)
         else:
-            assert kind not in {"delay", "duplicate", "slow"}, (text, result.reason)
+            assert result.exit_code != 0, text
             assert name in result.reason, (text, result.reason)
             assert re.search(rf"\bstep {step}\b", result.reason), (text, result.reason)
             assert len(recorded) >= 4 * step, text
-        assert result.wall_s < DEADLINE_S + 2, (text, result.reason)
         assert leftovers(own_temp) == [], text
         assert list(own_temp.iterdir()) == [], text
 
 
-@pytest.mark.parametrize("kind", MESSAGE_KINDS[:1])
-def test_the_faults_are_of_every_participant(kind):
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_faults_of_each_type_hit_every_participant(kind):
     assert {name for _, name, _ in draw(kind)} == set(NAMES)
-    assert len(KINDS) * EACH == 200
 
 
 def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_temp, reference):
