@@ -33,8 +33,8 @@ def test_the_steps_before_the_stop_are_finished_in_whatever_order_messages_come(
 
 
 def test_a_stop_at_a_step_that_is_behind_ends_at_once():
-    assert published(command(0), command(1), command(2), stop(2))[:3] == [0, 1, 2]
+    assert published(command(0), command(1), command(2), stop(2)) == [0, 1, 2]
 
 
 def test_a_negative_step_ends_at_once():
-    assert published(stop(-1)) in ([], [0])
+    assert published(stop(-1)) == []

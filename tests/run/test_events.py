@@ -18,21 +18,24 @@ class Watcher:
 
 
 def test_each_line_of_a_warning_is_shown_and_counted():
-    events = Events(Watcher())
+    watcher = Watcher()
+    events = Events(watcher)
     events.take("plant", "events", 3, Event(level="warning", text="no motor\nno effort"))
-    assert events._observer.lines == ["warning plant@3 no motor", "warning plant@3 no effort"]
+    assert watcher.lines == ["warning plant@3 no motor", "warning plant@3 no effort"]
     assert (events.count, [w.text for w in events.warnings]) == (2, ["no motor", "no effort"])
 
 
 def test_an_info_is_shown_and_no_warning():
-    events = Events(Watcher())
+    watcher = Watcher()
+    events = Events(watcher)
     events.take("mission", "events", 0, Event(level="info", text="begins"))
-    assert (events._observer.lines, events.count) == (["info mission@0 begins"], 0)
+    assert (watcher.lines, events.count) == (["info mission@0 begins"], 0)
 
 
 def test_a_flood_is_cut_and_counted():
-    events = Events(Watcher())
+    watcher = Watcher()
+    events = Events(watcher)
     for step in range(200):
         events.take("plant", "events", step, Event(level="error", text=f"hot {step}"))
-    assert (len(events._observer.lines), len(events.warnings), events.count) == (51, 50, 200)
-    assert events._observer.lines[-1].endswith("the further events of plant.events are recorded")
+    assert (len(watcher.lines), len(events.warnings), events.count) == (51, 50, 200)
+    assert watcher.lines[-1].endswith("the further events of plant.events are recorded")
