@@ -23,9 +23,8 @@ from mcap.reader import make_reader
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.recording import StepTiming
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Options, StepTiming, load
+from stepbus_orchestrator import run_scenario as run
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples/controllers"

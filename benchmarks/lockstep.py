@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stepbus_orchestrator import Options, Result, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import run_scenario as run
 
 HERE = Path(__file__).parent
 STEPS = 4000

@@ -19,7 +19,7 @@ import msgspec
 from mcap.reader import make_reader
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import run_scenario as run
 
 KINDS = ("cola", "juice", "water", "soup")
 _ROW = re.compile(

@@ -21,6 +21,7 @@ from .errors import (
 )
 from .recording.reader import Recording
 from .recording.recover import Recovery, recover
+from .recording.timing import StepTiming
 from .replay import ReplayResult
 from .replay import replay as replay_participant
 from .replay.rerun import Preparation, Rerun
@@ -58,6 +59,7 @@ __all__ = [
     "ScenarioError",
     "StartFailed",
     "StepTimeout",
+    "StepTiming",
     "StopTimeout",
     "Tolerance",
     "Verification",

@@ -63,6 +63,7 @@ from .parameters import (
     when,
 )
 from .participant import Participant, PortType
+from .plugins import construct, load_class, make_plugin, read_class
 from .ports import Ports
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
@@ -134,6 +135,7 @@ __all__ = [
     "Whole",
     "WiringError",
     "ZenohBus",
+    "construct",
     "each",
     "extra_hint",
     "find_file",
@@ -141,12 +143,15 @@ __all__ = [
     "import_error_hint",
     "install_command",
     "last_error",
+    "load_class",
     "load_ticket",
     "main",
+    "make_plugin",
     "need",
     "needed_when",
     "package_path",
     "parse_duration",
+    "read_class",
     "read_stamp",
     "read_urdf_text",
     "stamp",

@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 from run_support import write_scenario
@@ -25,6 +26,13 @@ def test_every_help_shows_its_examples(command, capsys):
         main([command.name, "--help"])
     said = capsys.readouterr().out
     assert all(example in said for example in command.examples)
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"stepbus {version('stepbus')}\n"
 
 
 def test_validate_shows_the_schedule(capsys):

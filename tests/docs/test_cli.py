@@ -20,7 +20,11 @@ def options(command):
     """Return the options of a command."""
     parser = argparse.ArgumentParser(add_help=False)
     command.add_arguments(parser)
-    return {name for action in parser._actions for name in action.option_strings}
+    return set(
+        re.findall(
+            r"(?<![\w-])--?\w[\w-]*", parser.format_usage()
+        )
+    )
 
 
 def test_every_command_has_its_section_in_the_order_of_the_help():

@@ -6,6 +6,7 @@ import argparse
 import sys
 import textwrap
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_schemas import StepbusError
@@ -55,6 +56,7 @@ def make_parser() -> argparse.ArgumentParser:
         "processes in lockstep over Zenoh, recorded to MCAP.",
         epilog="example: stepbus run two_link",
     )
+    parser.add_argument("--version", action="version", version=f"stepbus {_version()}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
         sub = commands.add_parser(
@@ -67,6 +69,13 @@ def make_parser() -> argparse.ArgumentParser:
         command.add_arguments(sub)
         sub.set_defaults(execute=command.execute)
     return parser
+
+
+def _version() -> str:
+    try:
+        return version("stepbus")
+    except PackageNotFoundError:
+        return "(not installed, only found)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stepbus_schemas.protocol import CHAIN_EVERY
+from stepbus_schemas import CHAIN_EVERY
 
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"

@@ -11,7 +11,7 @@ from typing import Any
 from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_schemas.schema import json_schema
+from stepbus_schemas import json_schema
 
 from . import layout
 from .message_writer import MessageWriter

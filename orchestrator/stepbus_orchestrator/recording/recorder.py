@@ -11,6 +11,7 @@ from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
     CallRecord,
+    Chain,
     Decoder,
     Description,
     Event,
@@ -20,7 +21,6 @@ from stepbus_schemas import (
     encode,
     message_class,
 )
-from stepbus_schemas.protocol import Chain
 
 from . import layout
 from .hash_chain import HashChain

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_participant.plugins import construct, read_class
+from stepbus_participant import construct, read_class
 from stepbus_participant.settings import Settings
 
 from .robot import Robot, read_robot

@@ -15,8 +15,7 @@ from rich.table import Table
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.run.control.live_file import call
-from stepbus_participant.parameters import parse_yaml
-from stepbus_participant.settings import nearest
+from stepbus_participant.parameters import parse_yaml, suggest
 from stepbus_schemas import WiringError
 
 
@@ -48,8 +47,8 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json: bool) -> None:
     if participant and participant not in offered:
-        who = nearest(participant, offered) if offered else "no participant of this run does"
-        raise WiringError(f"{participant!r} answers no calls; {who}")
+        who = suggest(participant, offered) or "; no participant of this run does"
+        raise WiringError(f"{participant!r} answers no calls{who}")
     rows = {name: methods for name, methods in offered.items() if participant in {"", name}}
     if as_json:
         say_json(rows)

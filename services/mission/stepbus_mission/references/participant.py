@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping
 from itertools import chain
 
-from stepbus_participant import Config, Participant, Ports, Step
-from stepbus_participant.plugins import make_plugin
+from stepbus_participant import Config, Participant, Ports, Step, make_plugin
 from stepbus_schemas import Description, Event, JointReference, Message, RunError
 
 from .generators import Generator, Sine, StepChange

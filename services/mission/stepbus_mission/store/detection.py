@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from stepbus_participant import suggest
-from stepbus_schemas import Detections, RunError
-from stepbus_schemas.messages import Point
+from stepbus_schemas import Detections, Point, RunError
 
 from .geometry import Spot, spot_of, yaw_of
 from .goals import ODOMETRY

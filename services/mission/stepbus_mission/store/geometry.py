@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stepbus_schemas import BaseState
-from stepbus_schemas.messages import Point, Quaternion
+from stepbus_schemas import BaseState, Point, Quaternion
 
 _QUARTER = math.pi / 2
 

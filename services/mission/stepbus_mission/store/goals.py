@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from stepbus_schemas import Goal
-from stepbus_schemas.messages import Point
+from stepbus_schemas import Goal, Point
 
 from .geometry import Spot, gripper_down, spot_of
 from .state import StoreState

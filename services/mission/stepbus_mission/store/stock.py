@@ -6,8 +6,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from stepbus_schemas import Description, Poses, RunError, Shape, WiringError, parse_shapes
-from stepbus_schemas.messages import Point, Quaternion
+from stepbus_schemas import (
+    Description,
+    Point,
+    Poses,
+    Quaternion,
+    RunError,
+    Shape,
+    WiringError,
+    parse_shapes,
+)
 
 from .geometry import distance, extents, nearest_quarter, yaw_of
 

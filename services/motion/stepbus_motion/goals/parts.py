@@ -11,8 +11,7 @@ from stepbus_motion.collisions.monitor import Moves
 from stepbus_motion.gripper.gripper import Gripper
 from stepbus_motion.manipulator.manipulator import Manipulator
 from stepbus_motion.outcome import Outcome, Refused
-from stepbus_schemas import Goal, RunError
-from stepbus_schemas.messages import GoalType
+from stepbus_schemas import Goal, GoalType, RunError
 
 from .measured import Measured
 from .stow import StowCondition

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from stepbus_schemas import GoalStatus
-from stepbus_schemas.messages import GoalState
+from stepbus_schemas import GoalState, GoalStatus
 
 
 class Reports:

@@ -10,8 +10,7 @@ import pybullet as bullet
 from stepbus_participant import suggest
 from stepbus_plant.world.file import World
 from stepbus_plant.world.shapes import Appearance, read_appearances
-from stepbus_schemas import Description, Poses, WiringError
-from stepbus_schemas.messages import Point, Quaternion
+from stepbus_schemas import Description, Point, Poses, Quaternion, WiringError
 
 _BASE = -1
 """PyBullet's number of a body's root link."""

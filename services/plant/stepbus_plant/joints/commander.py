@@ -10,8 +10,7 @@ from stepbus_participant import suggest
 from stepbus_plant.errors import CommandError
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
-from stepbus_schemas import JointCommand, WiringError
-from stepbus_schemas.messages import JointMode
+from stepbus_schemas import JointCommand, JointMode, WiringError
 
 from .drives import Drive, locate_joints
 from .warnings import Warnings, degrees_hint

@@ -1,0 +1,57 @@
+"""Packages import from each other only what these export."""
+
+import ast
+import importlib
+import subprocess
+from pathlib import Path
+
+CHECKOUT = Path(__file__).parents[2]
+EXPORTING = {"stepbus_participant.parameters"}
+"""Sub-packages that other packages may import from, beside the packages themselves."""
+LEAVING = {"stepbus_participant.settings"}
+"""Modules that nobody may start to import from: they go."""
+ONE = {"stepbus_pytest": "stepbus"}
+"""Packages that are part of another one."""
+
+
+def imports():
+    """Yield (file, module, names) of each import of ours from another package of ours."""
+    listed = subprocess.run(
+        ["git", "ls-files", "*.py"], cwd=CHECKOUT, capture_output=True, text=True, check=True
+    )
+    for name in listed.stdout.split():
+        package = next((part for part in Path(name).parts if part.startswith("stepbus")), "")
+        if name.startswith(("tests/", "scripts/")) or "/templates/" in name:
+            continue
+        for node in ast.walk(ast.parse((CHECKOUT / name).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                rows = [(node.module, tuple(alias.name for alias in node.names))]
+            elif isinstance(node, ast.Import):
+                rows = [(alias.name, ()) for alias in node.names]
+            else:
+                continue
+            for module, names in rows:
+                top = module.partition(".")[0]
+                if top.startswith("stepbus") and top not in {package, ONE.get(package)}:
+                    yield name, module, names
+
+
+def test_packages_import_only_from_the_top_of_others():
+    deep = {
+        f"{file}: {module}"
+        for file, module, _ in imports()
+        if "." in module and module not in EXPORTING | LEAVING
+    }
+    assert deep == set()
+
+
+def test_what_packages_import_is_exported():
+    hidden = {
+        f"{file}: {module}.{name}"
+        for file, module, names in imports()
+        if module not in LEAVING
+        for name in names
+        if f"{module}.{name}" not in EXPORTING
+        and name not in importlib.import_module(module).__all__
+    }
+    assert hidden == set()
