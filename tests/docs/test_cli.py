@@ -20,11 +20,7 @@ def options(command):
     """Return the options of a command."""
     parser = argparse.ArgumentParser(add_help=False)
     command.add_arguments(parser)
-    return set(
-        re.findall(
-            r"(?<![\w-])--?\w[\w-]*", parser.format_usage()
-        )
-    )
+    return set(re.findall(r"(?<![\w-])--?\w[\w-]*", parser.format_usage()))
 
 
 def test_every_command_has_its_section_in_the_order_of_the_help():
