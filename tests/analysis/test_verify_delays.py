@@ -6,8 +6,7 @@ import time
 import psutil
 import pytest
 
-from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.delays import Delays
+from stepbus_orchestrator.processes import Child, Delays
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes import Child
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from contextlib import closing
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
-from stepbus_orchestrator.processes.endpoints import new_token
+from stepbus_orchestrator.processes import new_token
 from stepbus_participant import BusError, Endpoint, ZenohBus
 
 from .finding import Finding

@@ -1,1 +1,27 @@
 """The processes of a run: started, watched, ended."""
+
+from .child import Child
+from .delays import Delays
+from .endpoints import (
+    ORCHESTRATOR,
+    Mesh,
+    low_latency,
+    make_mesh,
+    new_token,
+    private_folder,
+)
+from .launcher import Launcher
+from .watchdog import Watchdog
+
+__all__ = [
+    "ORCHESTRATOR",
+    "Child",
+    "Delays",
+    "Launcher",
+    "Mesh",
+    "Watchdog",
+    "low_latency",
+    "make_mesh",
+    "new_token",
+    "private_folder",
+]

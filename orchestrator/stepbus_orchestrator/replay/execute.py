@@ -13,8 +13,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
 from stepbus_orchestrator.errors import BusFailed
-from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
-from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes import Launcher, Mesh, make_mesh, new_token, private_folder
 from stepbus_orchestrator.recording import Recording, TimingRecorder, layout
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.control.calls import recorded_calls

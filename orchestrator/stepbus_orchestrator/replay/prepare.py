@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.processes.endpoints import low_latency
+from stepbus_orchestrator.processes import low_latency
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.scenario import Scenario, load

@@ -8,8 +8,6 @@ from stepbus_schemas import Event
 
 from .progress import Observer
 
-EVENT_TYPE = "Event/1"
-
 # More than that from one output tells nobody anything new; the recording has them all.
 _MOST_SHOWN = 50
 

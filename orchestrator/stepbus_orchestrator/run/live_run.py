@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from stepbus_orchestrator.processes.endpoints import Mesh
-from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes import Launcher, Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.scenario import MESSAGE_KINDS, Scenario, start_command
 from stepbus_participant import MessageFault

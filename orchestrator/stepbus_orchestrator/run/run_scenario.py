@@ -8,8 +8,7 @@ import time
 from collections.abc import Callable
 
 from stepbus_orchestrator.errors import BusFailed, RunFailure
-from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
-from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes import Launcher, Mesh, make_mesh, new_token, private_folder
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
 from stepbus_orchestrator.scenario import FaultSpec, Scenario, Schedule, format_fault
 from stepbus_participant import BusError, ZenohBus

@@ -10,7 +10,7 @@ from stepbus_orchestrator.conformance.check import Check
 from stepbus_orchestrator.conformance.harness.kit import Kit
 from stepbus_orchestrator.conformance.harness.setup import Setup
 from stepbus_orchestrator.conformance.outcome import Failed, Skipped
-from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes import Child
 from stepbus_participant import TICKET_VARIABLE
 
 _LATE_S = 0.5

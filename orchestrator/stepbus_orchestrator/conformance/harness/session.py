@@ -15,10 +15,7 @@ from typing import Any, Self
 
 from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_orchestrator.errors import BusFailed, Interrupted
-from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.endpoints import new_token, private_folder
-from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.processes.watchdog import Watchdog
+from stepbus_orchestrator.processes import Child, Launcher, Watchdog, new_token, private_folder
 from stepbus_participant import BusError, ZenohBus
 from stepbus_schemas import (
     encode,

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import BusFailed
-from stepbus_orchestrator.processes.endpoints import ORCHESTRATOR
+from stepbus_orchestrator.processes import ORCHESTRATOR
 from stepbus_participant import BusError, Endpoint, ZenohBus
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 

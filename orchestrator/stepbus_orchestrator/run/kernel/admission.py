@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from stepbus_orchestrator.processes.endpoints import low_latency
+from stepbus_orchestrator.processes import low_latency
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import PROTOCOL_VERSION, Hello, InputConfig, OutputConfig, Refusal, Welcome
 
