@@ -37,7 +37,7 @@ def test_the_item_stands_in_the_outlet_in_the_end():
 
 def test_several_orders_stand_in_a_row():
     store = FakeStore(shelf_a(*GOODS))
-    result = sell(store, orders=["water", {"kind": "cola"}, {"item": "juice_a1_5"}])
+    result = sell(store, orders=["water", {"type": "cola"}, {"item": "juice_a1_5"}])
     assert result.end == "mission: 3 of 3 sales are done"
     xs = [store.things[name].x for name in ("water_a1_4", "cola_a1_2", "juice_a1_5")]
     assert xs == pytest.approx([0.03, 0.15, 0.27])
@@ -160,14 +160,14 @@ def test_a_second_run_is_the_same_to_the_byte():
 
 def test_every_problem_of_the_parameters_is_listed_at_once():
     wrong = {
-        "orders": ["cola", {"kin": "cola"}, 3, {"kind": "x", "item": "x_a1_1"}],
+        "orders": ["cola", {"typ": "cola"}, 3, {"type": "x", "item": "x_a1_1"}],
         "shelves": {"a": {"fron": [1, 2]}, "b": 3},
         "outlet": {"position": [1, 2], "pitch": 0.2, "link": ""},
         "tuck": [],
         "tip": 3,
         "base_frame": ["chassis"],
         "attempts": 0,
-        "looks": 1.5,
+        "views": 1.5,
         "waits": {"stil": 1, "camera": -1},
         "speed": 3,
     }
@@ -175,9 +175,9 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
         StoreMission(config(**wrong))
     text = str(caught.value)
     for part in (
-        "params.orders[1].kin: unknown key 'kin'; did you mean 'kind'?",
+        "params.orders[1].typ: unknown key 'typ'; did you mean 'type'?",
         "params.orders[2]: must be text or a map, not 3",
-        "params.orders[3]: needs a kind, `kind: cola`, or an item, `item: cola_a1_3`",
+        "params.orders[3]: needs an item type, `type: cola`, or an item, `item: cola_a1_3`",
         "params.shelves.a.fron: unknown key 'fron'; did you mean 'front'?",
         "params.shelves.a: the key 'front' is missing",
         "params.shelves.b: must be a map, not 3",
@@ -186,7 +186,7 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
         "params.tip: must be text, not 3",
         "params.base_frame: must be text, not a list",
         "params.tuck: must be a map, not a list",
-        "params.looks: must be an integer, not 1.5",
+        "params.views: must be an integer, not 1.5",
         "params.attempts: must be at least 1, not 0",
         "params.waits.stil: unknown key 'stil'; did you mean 'still'?",
         "params.waits.camera: must be above 0, not -1",

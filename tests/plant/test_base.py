@@ -6,7 +6,7 @@ import pytest
 from devices_support import make_stand, write_base
 
 from stepbus_plant.errors import CommandError
-from stepbus_plant.world.declaration import BaseRow, ContactsRow, GripperRow
+from stepbus_plant.world.declaration import BaseSettings, ContactSensorSettings, GripperSettings
 from stepbus_schemas import BaseCommand, JointCommand, WiringError
 
 WORLD = """
@@ -131,7 +131,7 @@ def test_a_port_without_a_device_is_refused(tmp_path):
         make_stand(tmp_path, WORLD, {"hand": "GripperState/1"}, {})
 
 
-@pytest.mark.parametrize("rows", [BaseRow, ContactsRow, GripperRow])
+@pytest.mark.parametrize("rows", [BaseSettings, ContactSensorSettings, GripperSettings])
 def test_every_key_of_a_device_is_documented(rows):
     text = (Path(__file__).parents[2] / "docs" / "world.md").read_text(encoding="utf-8")
     assert [key for key in rows.__struct_fields__ if f"`{key}`" not in text] == []

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from devices_support import joint, link, make_stand, write_urdf
@@ -23,14 +25,15 @@ SHAPES = {
 }
 
 
-def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=None, kinds=None):
+def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=None, types=None):
     """Return what a plant with two bodies of a base and an arm tells of its links."""
     base = link("base", 1.0, shape, at, more)
     arm = joint("turn", "revolute", "base", "arm", "0 0 1", "0 0 1", "1 1 -1 1")
     write_urdf(folder, "thing", RED, base, f'<link name="arm">{VISUAL}</link>', arm)
     (folder / "world.yaml").write_text(WORLD)
     world = load_world(folder / "world.yaml")
-    world.kinds.update(kinds or {})
+    items = {body: SimpleNamespace(type=name, make=None) for body, name in (types or {}).items()}
+    world.items.update(items)
     plant = Plant(world, Params(world="world.yaml"), 1_000_000, 0)
     try:
         return plant.describe_poses(plant.pose_sensor(links))
@@ -59,7 +62,7 @@ def test_several_shapes_of_a_link_are_told_with_how_they_are_turned(tmp_path):
 
 
 def test_every_link_tells_its_body_kind_and_color(tmp_path):
-    said = describe(tmp_path, kinds={"two": "cola"})
+    said = describe(tmp_path, types={"two": "cola"})
     assert said.names == ["one/base", "one/arm", "two/base", "two/arm"]
     assert said.details["body"] == ["one", "one", "two", "two"]
     assert said.details["type"] == ["", "", "cola", "cola"]

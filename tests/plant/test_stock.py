@@ -16,10 +16,10 @@ sleeping: true
 bodies:
   shelf: {urdf: shelf.urdf, fixed_base: true, position: [0, 0, 0.5]}
 stock:
-  kinds:
+  types:
     can: {urdf: can.urdf, mass: 0.35}
     carton: {urdf: carton.urdf, mass: 0.4, friction: 0.5}
-  places:
+  rows:
     a: {position: [0.0, 0, 0.5], yaw: 0, count: 6, pitch: 0.1}
     b: {position: [0.2, 0, 0.5], yaw: 1.5707963267948966, count: 2, pitch: 0.1}
 """
@@ -43,15 +43,15 @@ def refusal(folder, stock=None, text=STOCK):
     return str(caught.value)
 
 
-def test_every_place_has_an_item_and_all_kinds_are_as_frequent(tmp_path):
+def test_every_slot_has_an_item_and_all_types_are_equally_frequent(tmp_path):
     world = load(tmp_path)
-    assert [name.split("_", 1)[1] for name in world.kinds] == [
+    assert [name.split("_", 1)[1] for name in world.items] == [
         *(f"a_{n}" for n in range(1, 7)), "b_1", "b_2",
     ]  # fmt: skip
-    assert sorted(world.kinds.values()) == ["can"] * 4 + ["carton"] * 4
+    assert sorted(item.type for item in world.items.values()) == ["can"] * 4 + ["carton"] * 4
 
 
-def test_places_are_counted_from_left_to_right_for_who_faces_them(tmp_path):
+def test_slots_are_counted_from_left_to_right_as_seen_from_the_front(tmp_path):
     text = STOCK + "  spread: {position: 0, yaw: 0, mass: 0, friction: 0}\n"
     found = load(tmp_path, text=text).items.values()
     at = {item.name.split("_", 1)[1]: item.position for item in found}
@@ -66,7 +66,7 @@ def test_the_same_seed_gives_the_same_items_and_another_one_others(tmp_path):
 
 def test_what_is_missing_leaves_all_else_as_it_is(tmp_path):
     every = items(tmp_path)
-    can = next(name for name, item in every.items() if item.kind == "can")
+    can = next(name for name, item in every.items() if item.type == "can")
     some = items(tmp_path, missing=[can, "a_5", "b"])
     gone = every.keys() - some.keys()
     assert gone == {can, *(n for n in every if n.endswith(("_a_5", "_b_1", "_b_2")))}
@@ -74,20 +74,20 @@ def test_what_is_missing_leaves_all_else_as_it_is(tmp_path):
 
 
 def test_a_kind_can_be_missing_and_shelves_half_full(tmp_path):
-    assert {item.kind for item in items(tmp_path, missing=["can"]).values()} == {"carton"}
+    assert {item.type for item in items(tmp_path, missing=["can"]).values()} == {"carton"}
     assert len(items(tmp_path, fill=0.5)) == 4
     assert items(tmp_path, fill=0.0) == {}
 
 
-def test_params_change_mass_and_friction_of_a_kind(tmp_path):
-    stock = {"seed": 1, "kinds": {"can": {"mass": 9, "friction": 0.05}}}
+def test_params_change_mass_and_friction_of_a_type(tmp_path):
+    stock = {"seed": 1, "types": {"can": {"mass": 9, "friction": 0.05}}}
     params = Params.of({"world": "world.yaml", "stock": stock})
     plant = Plant(load(tmp_path, params.stock), params, 4_000_000, 0)
     world = plant.world
     number, item = next(
         (n, world.items[name])
         for n, name in enumerate(world.bodies)
-        if world.kinds.get(name) == "can"
+        if name in world.items and world.items[name].type == "can"
     )
     mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant.physics.client)[:3]
     assert (mass, friction) == pytest.approx((item.mass, item.friction))
@@ -96,17 +96,17 @@ def test_params_change_mass_and_friction_of_a_kind(tmp_path):
     assert inertia[0] == pytest.approx(0.001 * mass)  # as in the URDF of devices_support
 
 
-def test_a_body_its_link_and_its_kind_are_named_after_the_item(tmp_path):
+def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
     plant = Plant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
     said = plant.describe_poses(plant.pose_sensor(None))
-    assert said.names == ["board", *plant.world.kinds]
-    assert said.details["type"] == ["", *plant.world.kinds.values()]
+    assert said.names == ["board", *plant.world.items]
+    assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
 
 
 def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):
-    given = Params.of({"world": "w", "stock": {"kinds": {"cann": {"mass": 1}}, "missing": ["a_7"]}})
+    given = Params.of({"world": "w", "stock": {"types": {"cann": {"mass": 1}}, "missing": ["a_7"]}})
     assert refusal(tmp_path, given.stock).splitlines() == [
-        "params.stock.kinds.cann: unknown; did you mean 'can'?",
+        "params.stock.types.cann: unknown; did you mean 'can'?",
         "params.stock.missing: 'a_7' is unknown; did you mean 'a_6'?",
     ]
 
@@ -119,8 +119,8 @@ def test_params_for_a_world_without_a_stock_are_refused(tmp_path):
 def test_mistakes_of_a_stock_are_listed_with_their_lines(tmp_path):
     text = STOCK.replace("mass: 0.35", "mas: 0.35").replace("carton.urdf", "gone.urdf")
     told = refusal(tmp_path, text=text)
-    assert "world.yaml:7: stock.kinds.can.mas: unknown key 'mas'; did you mean 'mass'?" in told
-    assert "world.yaml:8: stock.kinds.carton.urdf: no file 'gone.urdf'" in told
+    assert "world.yaml:7: stock.types.can.mas: unknown key 'mas'; did you mean 'mass'?" in told
+    assert "world.yaml:8: stock.types.carton.urdf: no file 'gone.urdf'" in told
 
 
 def test_an_item_that_is_called_like_another_body_is_refused(tmp_path):
@@ -130,10 +130,10 @@ def test_an_item_that_is_called_like_another_body_is_refused(tmp_path):
 
 
 def test_a_kind_or_a_row_is_needed(tmp_path):
-    text = STOCK[: STOCK.index("stock:")] + "stock: {kinds: {}, places: {}}"
+    text = STOCK[: STOCK.index("stock:")] + "stock: {types: {}, rows: {}}"
     told = refusal(tmp_path, text=text)
-    assert "stock.kinds: is empty" in told
-    assert "stock.places: is empty" in told
+    assert "stock.types: is empty" in told
+    assert "stock.rows: is empty" in told
 
 
 @pytest.mark.parametrize("mass", ["0", "-1", "nan", "heavy", ""])

@@ -41,7 +41,7 @@ def test_a_stale_page_is_named(tmp_path):
     page.parent.mkdir()
     page.write_text("<!-- parameters: stepbus_planner:Params -->\nold\n<!-- /parameters -->\n")
     text = generated_files(tmp_path)[page]
-    assert "| `latency` | duration | 200ms | From a request to its answer;" in text
+    assert "| `latency` | duration | 200ms | From a request to its answer, " in text
     assert "old" not in text
 
 

@@ -56,11 +56,11 @@ class Failure:
 
 FAILURES = {
     "too heavy": Failure(
-        overrides=("plant.params.stock.kinds.cola.mass=9", ONCE),
+        overrides=("plant.params.stock.types.cola.mass=9", ONCE),
         told=(f"{FAILED}lifting: slipped, what was held at 66.", "after 1 attempt", STILL),
     ),
     "too slippery": Failure(
-        overrides=("plant.params.stock.kinds.cola.friction=0.05",),
+        overrides=("plant.params.stock.types.cola.friction=0.05",),
         told=(f"{FAILED}lifting: slipped, what was held at 66.", "after 2 attempts", STILL),
     ),
     "missing": Failure(

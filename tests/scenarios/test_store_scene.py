@@ -108,10 +108,10 @@ def test_a_sleeping_body_that_the_script_lifts_falls():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_kind_is_on_every_shelf(seed):
+def test_every_type_is_on_every_shelf(seed):
     world = load_world(STORE / "world.yaml", StockParams(seed=seed))
     for shelf in ("a", "b"):
-        on_it = {kind for name, kind in world.kinds.items() if f"_{shelf}" in name}
+        on_it = {item.type for item in world.items.values() if f"_{shelf}" in item.name}
         assert on_it == {"cola", "juice", "water", "soup"}
 
 
@@ -119,7 +119,7 @@ def test_every_kind_is_on_every_shelf(seed):
 @pytest.mark.parametrize("above", [0.0, 0.1, 0.22])
 @pytest.mark.parametrize("height", [0.1, 0.15])
 def test_the_arm_reaches_an_item_in_front_of_the_base(kinematics, tier, above, height):
-    row = load_world(STORE / "world.yaml").stock.places[f"a{tier}"]
+    row = load_world(STORE / "world.yaml").stock.rows[f"a{tier}"]
     x, _, z = row.position
     q = branch(kinematics, [x - 1.5, 0.0, z + 0.6 * height + above])
     assert smallest(kinematics, q) > 0.08

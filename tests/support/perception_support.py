@@ -13,7 +13,7 @@ import pybullet as bullet
 
 from stepbus_perception.geometry import Pose, rotation
 from stepbus_plant.devices.camera import Camera
-from stepbus_plant.world.declaration import CameraRow
+from stepbus_plant.world.declaration import CameraSettings
 from stepbus_schemas import Description, Image, Poses
 
 UPRIGHT = "0 0 0 0 0 0 1"
@@ -68,7 +68,9 @@ class Store:
         path = self.folder / "camera.urdf"
         path.write_text(_URDF.format(name="camera", parts=""), encoding="utf-8")
         self._camera = bullet.loadURDF(str(path), physicsClientId=self.client, useFixedBase=True)
-        row = CameraRow(link="camera", period_ns=8_000_000, width=self.width, height=self.height)
+        row = CameraSettings(
+            link="camera", period_ns=8_000_000, width=self.width, height=self.height
+        )
         self._sensor = Camera(row, self.client, ["camera"])
 
     def add(self, item: Item) -> None:

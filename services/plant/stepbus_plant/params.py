@@ -70,7 +70,7 @@ class Params(Settings):
     cameras: bool = True
     """Whether cameras render images; without them a run is much faster."""
     stock: StockParams | None = None
-    """What is on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all places
+    """What is on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all slots
     filled."""
     script: tuple[Action, ...] = ()
     """Scripted changes of the world, see [Script](world.md#script)."""

@@ -51,7 +51,7 @@ def _next_item(store: StoreState, sale: Sale) -> Item | None:
         for item in store.stock.items.values()
         if item.name not in unavailable and item.shelf and sale.order.item in {"", item.name}
     )
-    item_type = sale.order.kind
+    item_type = sale.order.type
     return next((item for item in candidates if item_type in {"", item.type}), None)
 
 
@@ -60,8 +60,8 @@ def _sold_out(store: StoreState, sale: Sale) -> str:
     if sale.order.item:
         return f"shelf empty, {sale.order.item} is not there; {counts}"
     types = store.stock.types
-    hint = "" if sale.order.kind in types else suggest(sale.order.kind, types)
-    return f"shelf empty, no {sale.order.kind} is left; {counts}{hint}"
+    hint = "" if sale.order.type in types else suggest(sale.order.type, types)
+    return f"shelf empty, no {sale.order.type} is left; {counts}{hint}"
 
 
 def _fits(store: StoreState, item: Item) -> Outcome:

@@ -65,7 +65,7 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
         return Outcome(name="blind", cause="blind", text=text)
     visit.views += 1
     spot = _nearest(store, store.inputs.detections)
-    if spot is None and visit.views == store.settings.looks:
+    if spot is None and visit.views == store.settings.views:
         return Outcome(
             name="missing", cause="missing", text=_missing(store, store.inputs.detections)
         )

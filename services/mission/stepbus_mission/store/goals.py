@@ -38,7 +38,7 @@ def open_gripper(store: StoreState) -> Goal:
 def look(store: StoreState) -> Goal:
     """Move the open gripper above the item's expected position."""
     _, item = store.now
-    return _above(store, item.top + store.settings.look_height)
+    return _above(store, item.top + store.settings.view_height)
 
 
 def approach(store: StoreState) -> Goal:
@@ -214,7 +214,7 @@ def _spot(store: StoreState) -> Spot:
 
 def _aligned(store: StoreState, spot: Spot) -> Spot:
     """Return a spot with the heading of the gripper."""
-    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + store.settings.hand_yaw)
+    return Spot(x=spot.x, y=spot.y, yaw=spot.yaw + store.settings.gripper_yaw)
 
 
 def _placed_height(store: StoreState) -> float:

@@ -15,22 +15,22 @@ from .geometry import Spot
 
 
 class Order(Settings):
-    """What a customer wants: any item of a kind, or exactly one item; the other one is empty."""
+    """An order: any item of a type, or one specific item; the other field is empty."""
 
-    short = "kind"
+    short = "type"
 
-    kind: str = ""
-    """Kind of the item, e.g. `cola`."""
+    type: str = ""
+    """Item type, e.g. `cola`."""
     item: str = ""
-    """Exactly this item, e.g. `cola_a1_3`."""
+    """Name of an item, e.g. `cola_a1_3`."""
 
     def __str__(self) -> str:
-        return self.item or self.kind
+        return self.item or self.type
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield an order of nothing, or of two things."""
-        if bool(self.kind) == bool(self.item):
-            yield (), "needs a kind, `kind: cola`, or an item, `item: cola_a1_3`"
+        """Yield an order without content, or with both."""
+        if bool(self.type) == bool(self.item):
+            yield (), "needs an item type, `type: cola`, or an item, `item: cola_a1_3`"
 
 
 class Shelf(Settings):
@@ -48,7 +48,7 @@ class Shelf(Settings):
 
 
 class Outlet(Settings):
-    """Where sold items are put: one spot per order, in a row from left to right as one faces it."""
+    """Where the robot puts sold items: one spot per order, from left to right for the robot."""
 
     position: Vector3
     """Middle of the row, on top of the outlet [m]."""
@@ -63,48 +63,48 @@ class Outlet(Settings):
 
 
 class Tolerances(Settings):
-    """How far off is still good."""
+    """Largest errors."""
 
     found: Positive = 0.06
-    """A detection from the expected position [m]."""
+    """Of a detection from the expected position [m]."""
     steady: Positive = 0.002
-    """Two detections from one another [m]."""
+    """Between two detections in a row [m]."""
     placed: Positive = 0.01
-    """An item from its spot [m]."""
+    """Of an item from its spot [m]."""
     moved: Positive = 0.002
-    """Any other item from where it stood [m]."""
+    """Displacement of any other item [m]."""
     tilt: Positive = 0.1
-    """A placed item from upright [rad]."""
+    """Of a placed item from the vertical [rad]."""
 
 
 class Waits(Settings):
-    """How long the mission waits."""
+    """Durations and timeouts."""
 
     answer: Positive = 2.0
     """For the controller to answer a goal [s]."""
     motion: Positive = 60.0
     """For a motion to end [s]."""
     camera: Positive = 3.0
-    """For the camera to show something [s]."""
+    """For the first detections [s]."""
     still: Positive = 0.2
     """After a motion, before detections count [s]."""
     rest: Positive = 0.5
-    """All is at rest for this long: before a position is measured, and in an emergency stop [s]."""
+    """Everything is at rest for this long, before a measurement and in an emergency stop [s]."""
     halt: Positive = 10.0
     """For everything to come to rest [s]."""
     lost: Positive = 0.1
-    """An item may seem not to be held for this long [s]."""
+    """Without a grip, until a carried item counts as dropped [s]."""
 
 
 class Params(Settings):
     """Parameters of `stepbus_mission.store`."""
 
     orders: Annotated[tuple[Order, ...], msgspec.Meta(min_length=1)]
-    """List of item types; also `kind: cola` or `item: juice_b2_3`."""
+    """List of item types; also `type: cola` or `item: juice_b2_3`."""
     shelves: dict[str, Shelf]
     """Name → shelf. The item `cola_a1_3` is on the shelf whose name starts its slot `a1_3`."""
     outlet: Outlet
-    """Where sold items are put."""
+    """Where the robot puts sold items."""
     tuck: dict[str, Finite]
     """Joint → position of the arm while the base drives without an item [rad]."""
     home: Vector3 = (0.0, 0.0, 0.0)
@@ -119,7 +119,7 @@ class Params(Settings):
     """Link that detections are given in."""
     tip: Text = "grasp"
     """Frame of the gripper: z along the approach, y along the opening."""
-    hand_yaw: Finite = 0.0
+    gripper_yaw: Finite = 0.0
     """Rotation of the gripper about the vertical, e.g. π to have the camera on the other side
     [rad]."""
     force: Positive = 15.0
@@ -134,7 +134,7 @@ class Params(Settings):
     """How much thinner than expected a held item may be [m]."""
     down: Positive = 1.5
     """Duration of the motions down and up [s]."""
-    look_height: Positive = 0.2
+    view_height: Positive = 0.2
     """Height of the tip above the item for detection [m]."""
     approach_height: Positive = 0.1
     """Height of the tip above the grip, and above the release [m]."""
@@ -150,12 +150,12 @@ class Params(Settings):
     """Attempts to grasp an item."""
     corrections: Count = 3
     """Corrections per approach, at most."""
-    looks: Count = 3
+    views: Count = 3
     """Views without the item before it counts as missing."""
     tolerances: Tolerances = Tolerances()
-    """How far off is still good."""
+    """Largest errors."""
     waits: Waits = Waits()
-    """How long the mission waits."""
+    """Durations and timeouts."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong between orders, shelves and outlet."""

@@ -170,7 +170,7 @@ class StoreState:
         It points into the shelf, between the item's neighbours; a box is gripped at its sides.
         """
         _, item = self.now
-        along = self.shelf(item).yaw + self.settings.hand_yaw
+        along = self.shelf(item).yaw + self.settings.gripper_yaw
         return nearest_quarter(yaw, along) if item.measures.is_box else along
 
     def grip_height(self) -> float:

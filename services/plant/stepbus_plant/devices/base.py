@@ -8,7 +8,7 @@ from stepbus_plant.errors import CommandError
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
-from stepbus_plant.world.declaration import BaseRow
+from stepbus_plant.world.declaration import BaseSettings
 from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
 
 
@@ -20,7 +20,7 @@ class Base:
     Nourbakhsh: Introduction to Autonomous Mobile Robots, 2004, section 5.2.4).
     """
 
-    def __init__(self, row: BaseRow, left: Joint, right: Joint, physics: Physics) -> None:
+    def __init__(self, row: BaseSettings, left: Joint, right: Joint, physics: Physics) -> None:
         self.joints = (left, right)
         self._row = row
         self._physics = physics

@@ -11,7 +11,7 @@ import pybullet as bullet
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.world.declaration import CameraRow
+from stepbus_plant.world.declaration import CameraSettings
 from stepbus_plant.world.file import World
 from stepbus_schemas import Description, Image, WiringError
 
@@ -42,7 +42,7 @@ class Camera:
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
     """
 
-    def __init__(self, row: CameraRow, client: int, bodies: Sequence[str]) -> None:
+    def __init__(self, row: CameraSettings, client: int, bodies: Sequence[str]) -> None:
         self.row = row
         self.period_ns = row.period_ns
         self._client = client
@@ -213,7 +213,7 @@ class Views:
 
 
 def _problems(
-    name: str, row: CameraRow, links: Iterable[str], period_ns: int
+    name: str, row: CameraSettings, links: Iterable[str], period_ns: int
 ) -> Iterable[tuple[Keys, str]]:
     """Yield the mistakes about a camera; period_ns: length of the plant's step [ns]."""
     if row.link not in links:

@@ -15,7 +15,7 @@ from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
-from stepbus_plant.world.declaration import GripperRow
+from stepbus_plant.world.declaration import GripperSettings
 from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
 
 from .poses import LinkIndex
@@ -41,7 +41,7 @@ class Gripper:
     width: sum of both positions [m].
     """
 
-    def __init__(self, row: GripperRow, left: Joint, right: Joint, physics: Physics) -> None:
+    def __init__(self, row: GripperSettings, left: Joint, right: Joint, physics: Physics) -> None:
         self.joints = (left, right)
         self.speed = row.speed
         self.max_force = min(left.effort, right.effort)

@@ -81,7 +81,7 @@ class PoseSensor:
             details={
                 "shape": [link.shape for link in shown],
                 "body": bodies,
-                "type": [world.kinds.get(body, "") for body in bodies],
+                "type": [world.items[body].type if body in world.items else "" for body in bodies],
                 "color": [
                     link.color if world.bodies[body].visuals else ""
                     for body, link in zip(bodies, shown, strict=True)

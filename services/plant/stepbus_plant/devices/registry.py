@@ -11,7 +11,7 @@ from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
-from stepbus_plant.world.declaration import BaseRow, GripperRow
+from stepbus_plant.world.declaration import BaseSettings, GripperSettings
 from stepbus_plant.world.file import World
 from stepbus_schemas import Description, Message, WiringError
 
@@ -149,7 +149,7 @@ def _choose(port: str, port_type: str, names: Sequence[str]) -> str:
 
 def _pair_problems(
     key: str,
-    rows: Mapping[str, BaseRow] | Mapping[str, GripperRow],
+    rows: Mapping[str, BaseSettings] | Mapping[str, GripperSettings],
     joints: Mapping[str, Joint],
     *,
     rotary: bool,

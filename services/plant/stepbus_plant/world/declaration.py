@@ -1,4 +1,4 @@
-"""What a world file may say: every key, declared once.
+"""The world file: every key, declared once.
 
 Relative file names are relative to the world file. Lengths [m], angles [rad], torques [N·m]; for
 prismatic joints read [m] and [N] where an angle and a torque are named.
@@ -34,7 +34,7 @@ Pixels = Annotated[int, msgspec.Meta(ge=1, le=4096)]
 
 
 class JointSettings(Settings):
-    """What the world says about a joint, over what its URDF says; absent: the URDF holds."""
+    """Settings of a joint that override its URDF; absent: the URDF's."""
 
     mode: OwnMode | None = None
     """The mode its commands must have; `teleport` and `brake` are always accepted. Default:
@@ -105,7 +105,7 @@ class Body(Settings):
     """Over `joint_defaults`, joint by joint."""
 
 
-class BaseRow(Settings):
+class BaseSettings(Settings):
     """A mobile base with two driven wheels on one axle."""
 
     left: str
@@ -118,7 +118,7 @@ class BaseRow(Settings):
     """Distance between the wheels [m]."""
 
 
-class GripperRow(Settings):
+class GripperSettings(Settings):
     """A gripper with two prismatic fingers, which are coupled."""
 
     left: str
@@ -129,7 +129,7 @@ class GripperRow(Settings):
     """Largest velocity of each finger [m/s]."""
 
 
-class ContactsRow(Settings):
+class ContactSensorSettings(Settings):
     """A sensor of contacts."""
 
     links: tuple[str, ...] | None = None
@@ -145,8 +145,8 @@ class ContactsRow(Settings):
             yield ("within",), "needs 'links', the ones to measure the distance from"
 
 
-class CameraRow(Settings):
-    """A camera that shows colours and depth."""
+class CameraSettings(Settings):
+    """An RGB-D camera."""
 
     link: str
     """Its optical frame: z forward, x right, y down."""
@@ -159,9 +159,9 @@ class CameraRow(Settings):
     fov: Positive = 1.0
     """Vertical field of view [rad]."""
     near: Positive = 0.05
-    """What is nearer than this is not seen [m]."""
+    """Near clipping distance [m]."""
     far: Positive = 3.0
-    """What is farther than this is not seen [m]."""
+    """Far clipping distance [m]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no camera can have."""
@@ -172,64 +172,64 @@ class CameraRow(Settings):
             yield ("near",), f"{self.near:g} m is not less than 'far', {self.far:g} m"
 
 
-class KindRow(Settings):
-    """A kind of goods."""
+class ItemTypeSettings(Settings):
+    """A type of item."""
 
     urdf: File
-    """Found like that of a body; one link, whose origin is in the middle of the bottom."""
+    """Resolved like that of a body; one link, with its origin in the middle of the bottom."""
     mass: Positive
-    """[kg]; the inertia of the URDF scales with it."""
+    """[kg]; scales the inertia of the URDF."""
     friction: NonNegative = 0.8
-    """Lateral friction [-]; it multiplies with that of what touches the item."""
+    """Lateral friction [-]; multiplied by that of whatever touches the item."""
     spinning_friction: NonNegative = 0.002
     """[-]"""
 
 
-class PlacesRow(Settings):
-    """A row of places, counted from 1, from left to right for who faces it."""
+class RowSettings(Settings):
+    """A row of slots, counted from 1, from left to right as seen from the front."""
 
     position: Vector3
-    """The middle of the row, where items stand, in the world [m]."""
+    """Middle of the row, at the bottom of the items, in the world [m]."""
     count: Annotated[int, msgspec.Meta(ge=1, le=1000)]
-    """How many places."""
+    """Number of slots."""
     pitch: Positive
-    """From one place to the next [m]."""
+    """Between two slots [m]."""
     yaw: Finite = 0.0
-    """Direction in which somebody in front of the row looks; items are turned alike [rad]."""
+    """Heading that faces the row from the front; also the yaw of the items [rad]."""
 
 
-class SpreadRow(Settings):
-    """How much items differ from one another: half of the width of each uniform distribution."""
+class SpreadSettings(Settings):
+    """Variation among items: half the width of each uniform distribution."""
 
     position: NonNegative = 0.003
-    """Along the row and across it [m]."""
+    """Along and across the row [m]."""
     yaw: NonNegative = 0.05
     """[rad]"""
     mass: Share = 0.03
-    """Relative to the kind's [-]."""
+    """Relative to the type's [-]."""
     friction: Share = 0.05
-    """Relative to the kind's [-]."""
+    """Relative to the type's [-]."""
 
 
-class StockRow(Settings):
+class StockSettings(Settings):
     """The stock of a world."""
 
-    kinds: dict[str, KindRow]
-    """Kind → what it is."""
-    places: dict[str, PlacesRow]
-    """Row → its places."""
-    spread: SpreadRow = SpreadRow()
-    """How much items differ from one another."""
+    types: dict[str, ItemTypeSettings]
+    """Item types."""
+    rows: dict[str, RowSettings]
+    """Rows of slots."""
+    spread: SpreadSettings = SpreadSettings()
+    """Variation among items."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what a stock cannot be without."""
-        for key, rows in (("kinds", self.kinds), ("places", self.places)):
-            if not rows:
+        """Yield an empty section."""
+        for key, section in (("types", self.types), ("rows", self.rows)):
+            if not section:
                 yield (key,), "is empty; leave out the stock instead"
 
 
-class KindChange(Settings):
-    """What the plant's `params.stock` says about a kind, over the world file; absent: nothing."""
+class ItemTypeChange(Settings):
+    """Changes of an item type in the plant's `params.stock`; absent: as in the world file."""
 
     mass: Positive | None = None
     friction: NonNegative | None = None
@@ -240,28 +240,28 @@ class StockParams(Settings):
     """`params.stock` of the plant."""
 
     seed: Whole = 0
-    """Of the kind on each place, and of how items differ from one another."""
-    kinds: dict[str, KindChange] = {}
-    """Kind → what is different about it in this run."""
+    """Of the type in each slot, and of the variation among items."""
+    types: dict[str, ItemTypeChange] = {}
+    """Item type → its changes in this run."""
     fill: Share = 1.0
-    """Share of the places that have an item [-]."""
+    """Share of the slots that have an item [-]."""
     missing: tuple[str, ...] = ()
-    """Items (`cola_a1_3`), places (`a1_3`), rows (`a1`) and kinds (`cola`) that are not there."""
+    """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to leave out."""
 
 
 class WorldFile(Settings):
-    """What a world file says."""
+    """The content of a world file."""
 
     bodies: dict[str, Body]
     """At least one."""
-    bases: dict[str, BaseRow] = {}
+    bases: dict[str, BaseSettings] = {}
     """Mobile bases on two wheels."""
-    grippers: dict[str, GripperRow] = {}
+    grippers: dict[str, GripperSettings] = {}
     """Grippers with two fingers."""
-    contacts: dict[str, ContactsRow] = {}
+    contacts: dict[str, ContactSensorSettings] = {}
     """Sensors of contact and proximity."""
-    cameras: dict[str, CameraRow] = {}
-    """Camera → what it shows."""
+    cameras: dict[str, CameraSettings] = {}
+    """Cameras."""
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """[m/s²]"""
     physics_step_ns: Duration | None = None
@@ -274,7 +274,7 @@ class WorldFile(Settings):
     sleeping: bool = False
     """Whether the physics skips bodies without joints that have been at rest for 2 s, until
     something moves them. 42 cans on shelves then take a third of the time."""
-    stock: StockRow | None = None
+    stock: StockSettings | None = None
     """Goods on shelves; each becomes a body ([Stock](world.md#stock))."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
@@ -286,7 +286,7 @@ class WorldFile(Settings):
 
 
 def read_world(path: Path) -> tuple[parameters.YamlFile, WorldFile, Problems]:
-    """Return a world file, what it says, and what is wrong with that.
+    """Return a world file, its content, and its problems.
 
     Raises SettingsError when it is no YAML map.
     """

@@ -1,4 +1,4 @@
-"""The world that a file describes: its models found, its stock drawn."""
+"""Reads a world file: resolves its models, and draws its stock."""
 
 from __future__ import annotations
 
@@ -15,20 +15,18 @@ from .stock import Item, draw_items, params_problems, stock_problems
 class World(WorldFile):
     """Everything that is simulated; `urdf` and `srdf` of each body are absolute paths.
 
-    source: the file it was read from, which knows the line of each mistake. items: body of the
-    stock → what makes it different from its URDF. kinds: body of the stock → what it is.
+    source: the file, which knows the line of each key. items: by the name of their body.
     """
 
     source: YamlFile
     items: dict[str, Item] = {}  # noqa: RUF012  Settings copy their defaults
-    kinds: dict[str, str] = {}  # noqa: RUF012
 
     def physics_ns(self, period_ns: int, instead_ns: int | None = None) -> int:
         """Return the length of a physics substep [ns].
 
         period_ns: length of a communication step [ns]. instead_ns: the params' `physics_step`,
-        which goes over that of the file. Raises WiringError when the substep does not divide the
-        step exactly.
+        which overrides that of the file. Raises WiringError unless the substep divides the step
+        exactly.
         """
         if instead_ns is not None:
             if period_ns % instead_ns:
@@ -51,23 +49,22 @@ class World(WorldFile):
 def load_world(path: Path, stock: StockParams | None = None) -> World:
     """Read a world file.
 
-    stock: what the plant's params say about the stock; None: nothing.
-    Raises WiringError that lists all mistakes, each with file and line; those that only the URDFs
-    can show come when the world is simulated.
+    stock: `params.stock` of the plant.
+    Raises WiringError that lists all mistakes, each with file and line. Loading the world reports
+    those that only the URDFs reveal.
     """
     source, content, problems = read_world(path)
     problems.refuse()
     items = _items(content, source, stock)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
     fields["bodies"] = {**content.bodies, **{item.name: _body_of(item) for item in items}}
-    kinds = {item.name: item.kind for item in items}
-    return World(**fields, source=source, items={item.name: item for item in items}, kinds=kinds)
+    return World(**fields, source=source, items={item.name: item for item in items})
 
 
 def _items(content: WorldFile, source: YamlFile, params: StockParams | None) -> list[Item]:
-    """Return what is on the shelves.
+    """Return the items on the shelves.
 
-    Raises WiringError for what the stock, or what the params say about it, gets wrong.
+    Raises WiringError for mistakes in the stock and in `params.stock`.
     """
     stock, given = content.stock, params or StockParams()
     if stock is not None:

@@ -1,4 +1,4 @@
-"""The stock of a store: items of several kinds that stand on places, drawn from a seed."""
+"""The stock of a store: items of several types in slots, drawn from a seed."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from stepbus_participant import suggest
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
-from .declaration import KindChange, PlacesRow, StockParams, StockRow
+from .declaration import ItemTypeChange, RowSettings, StockParams, StockSettings
 
 
 @dataclass(frozen=True, kw_only=True)
 class Item:
-    """One piece of goods.
+    """One item.
 
-    name: `<kind>_<row>_<number>`, which its body and its link bear. position: of the middle of its
+    name: `<type>_<row>_<number>`, also of its body and its link. position: of the middle of its
     bottom in the world [m]. yaw: [rad]. mass: [kg]. friction, spinning_friction: [-].
     """
 
     name: str
-    kind: str
+    type: str
     urdf: Path
     position: tuple[float, float, float]
     yaw: float
@@ -37,7 +37,7 @@ class Item:
     spinning_friction: float
 
     def make(self, root: ET.Element) -> None:
-        """Turn the URDF of its kind into its own: name of the link, mass and inertia.
+        """Edit the URDF of its type: name of the link, mass and inertia.
 
         Raises WiringError for a mass or an inertia that cannot be scaled.
         """
@@ -48,7 +48,7 @@ class Item:
                 continue
             factor = self.mass / self._number(mass, "value", positive=True)
             mass.set("value", repr(self.mass))
-            for key in inertia.keys():  # noqa: SIM118  an element, no mapping
+            for key in inertia.keys():  # noqa: SIM118  an element, not a mapping
                 inertia.set(key, repr(self._number(inertia, key) * factor))
 
     def _number(self, element: ET.Element, key: str, *, positive: bool = False) -> float:
@@ -60,15 +60,15 @@ class Item:
         if not math.isfinite(number) or (positive and number <= 0):
             wanted = "a number above 0" if positive else "a number"
             raise WiringError(
-                f"{self.urdf}: {key}={text!r} of <{element.tag}> is not {wanted}, which a kind of "
-                "the stock needs"
+                f"{self.urdf}: {key}={text!r} of <{element.tag}> is not {wanted}; an item type "
+                "needs one"
             )
         return number
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A place on a shelf, before anything stands on it; yaw: of who faces it [rad]."""
+class _Slot:
+    """A slot on a shelf; yaw: heading that faces it [rad]."""
 
     row: str
     number: int
@@ -76,31 +76,31 @@ class _Place:
     yaw: float
 
 
-def draw_items(stock: StockRow, params: StockParams) -> list[Item]:
+def draw_items(stock: StockSettings, params: StockParams) -> list[Item]:
     """Return the items of a world, in the order of its rows.
 
-    Every kind is on as many places as every other one, as far as that goes. What one parameter
-    takes away or changes leaves all else as it is: numbers are drawn for every place.
+    The types share the slots as equally as possible. The random numbers are drawn for every slot,
+    so that missing and changed items do not affect the others.
     """
     rng = np.random.Generator(np.random.PCG64(params.seed))
-    places = list(_places(stock.places))
-    names = list(stock.kinds)
-    kinds = [names[n % len(names)] for n in rng.permutation(len(places))]
-    is_filled = rng.permutation(len(places)) < round(params.fill * len(places))
-    spreads = rng.uniform(-1.0, 1.0, (len(places), 5)).tolist()
+    slots = list(_slots(stock.rows))
+    names = list(stock.types)
+    types = [names[n % len(names)] for n in rng.permutation(len(slots))]
+    is_filled = rng.permutation(len(slots)) < round(params.fill * len(slots))
+    spreads = rng.uniform(-1.0, 1.0, (len(slots), 5)).tolist()
     return [
         item
-        for place, kind, filled, spread in zip(places, kinds, is_filled, spreads, strict=True)
-        if filled and not _bears(item := _item(stock, params, place, kind, spread), params.missing)
+        for slot, name, filled, draws in zip(slots, types, is_filled, spreads, strict=True)
+        if filled and not _is_named(item := _item(stock, params, slot, name, draws), params.missing)
     ]
 
 
-def _places(rows: Mapping[str, PlacesRow]) -> Iterator[_Place]:
+def _slots(rows: Mapping[str, RowSettings]) -> Iterator[_Slot]:
     for name, row in rows.items():
         for number in range(1, row.count + 1):
             right = (number - (row.count + 1) / 2) * row.pitch
             position = _moved(row.position, row.yaw, 0.0, -right)
-            yield _Place(name, number, position, row.yaw)
+            yield _Slot(name, number, position, row.yaw)
 
 
 def _moved(
@@ -112,35 +112,35 @@ def _moved(
 
 
 def _item(
-    stock: StockRow, params: StockParams, place: _Place, name: str, draws: Sequence[float]
+    stock: StockSettings, params: StockParams, slot: _Slot, name: str, draws: Sequence[float]
 ) -> Item:
-    """Return what stands on a place. draws: five numbers in [-1, 1]."""
-    change, spread = params.kinds.get(name, KindChange()), stock.spread
-    said = {k: v for k, v in msgspec.structs.asdict(change).items() if v is not None}
-    kind = msgspec.structs.replace(stock.kinds[name], **said)
+    """Return the item in a slot; draws: five numbers in [-1, 1]."""
+    change, spread = params.types.get(name, ItemTypeChange()), stock.spread
+    changed = {k: v for k, v in msgspec.structs.asdict(change).items() if v is not None}
+    item_type = msgspec.structs.replace(stock.types[name], **changed)
     ahead, left, yaw, mass, friction = draws
     return Item(
-        name=f"{name}_{place.row}_{place.number}",
-        kind=name,
-        urdf=kind.urdf,
-        position=_moved(place.position, place.yaw, ahead * spread.position, left * spread.position),
-        yaw=place.yaw + yaw * spread.yaw,
-        mass=kind.mass * (1.0 + mass * spread.mass),
-        friction=kind.friction * (1.0 + friction * spread.friction),
-        spinning_friction=kind.spinning_friction,
+        name=f"{name}_{slot.row}_{slot.number}",
+        type=name,
+        urdf=item_type.urdf,
+        position=_moved(slot.position, slot.yaw, ahead * spread.position, left * spread.position),
+        yaw=slot.yaw + yaw * spread.yaw,
+        mass=item_type.mass * (1.0 + mass * spread.mass),
+        friction=item_type.friction * (1.0 + friction * spread.friction),
+        spinning_friction=item_type.spinning_friction,
     )
 
 
-def _bears(item: Item, names: Sequence[str]) -> bool:
-    """Return whether one of the names means an item."""
-    place = item.name.removeprefix(f"{item.kind}_")
-    return any(name in (item.name, item.kind, place, place.rpartition("_")[0]) for name in names)
+def _is_named(item: Item, names: Sequence[str]) -> bool:
+    """Return whether one of the names is that of an item, its type, slot or row."""
+    slot = item.name.removeprefix(f"{item.type}_")
+    return any(name in (item.name, item.type, slot, slot.rpartition("_")[0]) for name in names)
 
 
 def stock_problems(
-    stock: StockRow, params: StockParams, bodies: Sequence[str]
+    stock: StockSettings, params: StockParams, bodies: Sequence[str]
 ) -> list[tuple[Keys, str]]:
-    """Return what is wrong with a stock of a world; bodies: the other ones."""
+    """Return the mistakes in the stock of a world; bodies: the other ones."""
     items = draw_items(stock, msgspec.structs.replace(params, fill=1.0, missing=()))
     counts = Counter([*(item.name for item in items), *bodies])
     return [
@@ -150,19 +150,18 @@ def stock_problems(
     ]
 
 
-def params_problems(stock: StockRow | None, params: StockParams) -> list[str]:
-    """Return what is wrong with `params.stock`, as whole sentences; None: there is no stock."""
+def params_problems(stock: StockSettings | None, params: StockParams) -> list[str]:
+    """Return the mistakes in `params.stock`, as sentences; stock None: the world has none."""
     if stock is None:
         return ["params.stock: this world has no stock"]
     items = draw_items(stock, StockParams(seed=params.seed))
-    places = [f"{place.row}_{place.number}" for place in _places(stock.places)]
-    known = [*(item.name for item in items), *places, *stock.places, *stock.kinds]
-    kinds = list(stock.kinds)
+    slots = [f"{slot.row}_{slot.number}" for slot in _slots(stock.rows)]
+    known = [*(item.name for item in items), *slots, *stock.rows, *stock.types]
     return [
         *(
-            f"params.stock.kinds.{name}: unknown{suggest(name, kinds)}"
-            for name in params.kinds
-            if name not in kinds
+            f"params.stock.types.{name}: unknown{suggest(name, stock.types)}"
+            for name in params.types
+            if name not in stock.types
         ),
         *(
             f"params.stock.missing: {name!r} is unknown{suggest(name, known)}"
