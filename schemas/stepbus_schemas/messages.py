@@ -1,4 +1,4 @@
-"""Version 1 of the messages that travel between ports.
+"""Version 1 of the port messages.
 
 SI units throughout. Every vector is in the order of `names` in the port's description. A field may
 be added with a default; any other change is a new major version and a new row in `MESSAGE_TYPES`.
@@ -18,43 +18,43 @@ def _vector(text: str, unit: str) -> Any:
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
-    """What every port message is: an immutable, typed MessagePack map."""
+    """Base of every port message: an immutable, typed MessagePack map."""
 
 
 class JointState(Message, frozen=True):
-    """What the joints do now, each quantity optional as sensed."""
+    """Joint states; a quantity that is not sensed is absent."""
 
     position: Annotated[list[float] | None, _vector("measured positions", "rad")] = None
     velocity: Annotated[list[float] | None, _vector("measured velocities", "rad/s")] = None
-    effort: Annotated[list[float] | None, _vector("torques the motors applied", "N·m")] = None
-    target: Annotated[list[float] | None, _vector("newest position targets", "rad")] = None
+    effort: Annotated[list[float] | None, _vector("torques applied by the motors", "N·m")] = None
+    target: Annotated[list[float] | None, _vector("current position targets", "rad")] = None
 
 
 JointMode = Literal["torque", "velocity", "position", "teleport", "brake"]
 
 
 class JointCommand(Message, frozen=True):
-    """What the joints shall do from this step on."""
+    """Joint commands, valid from this step on."""
 
-    mode: Annotated[JointMode, msgspec.Meta(description="what `values` mean")]
+    mode: Annotated[JointMode, msgspec.Meta(description="meaning of `values`")]
     values: Annotated[
         list[float],
         _vector(
-            "torque, velocity, position, position to jump to; mode brake does not read them",
+            "torque, velocity, position, or position to teleport to; unused in mode brake",
             "N·m, rad/s, rad, rad, -",
         ),
     ]
     velocity: Annotated[
         list[float] | None,
-        _vector("feed-forward of mode position; start velocity of mode teleport", "rad/s"),
+        _vector("feed-forward in mode position; initial velocity in mode teleport", "rad/s"),
     ] = None
     effort_limit: Annotated[
-        list[float] | None, _vector("largest torque of modes velocity and position", "N·m")
+        list[float] | None, _vector("maximum torque in modes velocity and position", "N·m")
     ] = None
 
 
 class JointReference(Message, frozen=True):
-    """Where the joints should be, with exact derivatives."""
+    """Reference trajectory of the joints, with exact derivatives."""
 
     position: Annotated[list[float], _vector("desired positions", "rad")]
     velocity: Annotated[list[float], _vector("desired velocities", "rad/s")]
@@ -62,21 +62,19 @@ class JointReference(Message, frozen=True):
 
 
 class ControllerStatus(Message, frozen=True):
-    """How well the controller does."""
+    """Tracking status of a controller."""
 
     error: Annotated[list[float], _vector("reference minus measured position", "rad")]
-    saturated: Annotated[list[bool], _vector("whether the command was cut at its limit", "-")]
-    warnings: Annotated[list[str], msgspec.Meta(description="what the controller complains of")] = (
+    saturated: Annotated[list[bool], _vector("whether the command is saturated at its limit", "-")]
+    warnings: Annotated[list[str], msgspec.Meta(description="warnings of the controller")] = (
         msgspec.field(default_factory=list)
     )
 
 
 class Event(Message, frozen=True):
-    """A sentence for whoever watches the run."""
+    """A sentence for the user, shown during the run."""
 
-    level: Annotated[
-        Literal["info", "warning", "error"], msgspec.Meta(description="how much it matters")
-    ]
+    level: Annotated[Literal["info", "warning", "error"], msgspec.Meta(description="severity")]
     text: Annotated[str, msgspec.Meta(description="one sentence")]
 
 
@@ -96,113 +94,113 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Spiral(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
-    """A way around a vertical axis, narrowing while it rises."""
+    """A spiral path around a vertical axis, which may narrow and rise."""
 
     centre: Annotated[
         Point,
         msgspec.Meta(
-            description="x, y, z of the axis at the height of the beginning",
+            description="point of the axis at the starting height: x, y, z",
             extra_json_schema={"unit": "m"},
         ),
     ]
     radius: Annotated[
         tuple[float, float],
         msgspec.Meta(
-            description="at the beginning and at the end",
+            description="radius at the start and at the end",
             extra_json_schema={"unit": "m", "shape": ["2"]},
         ),
     ]
-    turns: Annotated[float, msgspec.Meta(description="how many, counter-clockwise")]
+    turns: Annotated[float, msgspec.Meta(description="number of turns, counter-clockwise")]
     rise: Annotated[
         float,
-        msgspec.Meta(description="height gained on the way", extra_json_schema={"unit": "m"}),
+        msgspec.Meta(description="total rise along the path", extra_json_schema={"unit": "m"}),
     ] = 0.0
 
 
 class Goal(Message, frozen=True):
-    """What the mission wants a controller to bring about; it may take many steps."""
+    """A goal for a controller; it may take many steps."""
 
     id: Annotated[
-        int, msgspec.Meta(ge=0, description="of the goal; another one ends the goal before it")
+        int, msgspec.Meta(ge=0, description="id of the goal; a new id replaces the current goal")
     ]
     type: Annotated[
         GoalType,
-        msgspec.Meta(description="what shall happen; `stop`: come to rest, end the goal before it"),
+        msgspec.Meta(description="what to do; `stop`: come to rest and cancel the current goal"),
     ]
-    joints: Annotated[list[str], msgspec.Meta(description="of type move_joints: those to move")] = (
-        msgspec.field(default_factory=list)
-    )
+    joints: Annotated[
+        list[str], msgspec.Meta(description="move_joints: names of the joints to move")
+    ] = msgspec.field(default_factory=list)
     values: Annotated[
         list[float],
         msgspec.Meta(
-            description="of type move_joints: where to, in the order of `joints`",
+            description="move_joints: target positions, in the order of `joints`",
             extra_json_schema={"unit": "rad", "shape": ["joints"]},
         ),
     ] = msgspec.field(default_factory=list)
     tip: Annotated[
         str,
-        msgspec.Meta(
-            description="of types move_to_pose, move_linear, spiral: frame of the robot that goes"
-        ),
+        msgspec.Meta(description="move_to_pose, move_linear, spiral: frame of the robot to move"),
     ] = ""
     position: Annotated[
         Point | None,
         msgspec.Meta(
-            description="of these types: x, y, z where the tip shall be in the end",
+            description="move_to_pose, move_linear, spiral: target position of the tip: x, y, z",
             extra_json_schema={"unit": "m"},
         ),
     ] = None
     orientation: Annotated[
         Quaternion | None,
         msgspec.Meta(
-            description="of these types: quaternion x, y, z, w of the tip in the end",
+            description="the same: target orientation of the tip, quaternion x, y, z, w",
             extra_json_schema={"unit": "-"},
         ),
     ] = None
     frame: Annotated[
         str,
         msgspec.Meta(
-            description="that the pose is given in: a link, `odometry`; empty: the robot's base"
+            description="reference frame of the pose: a link or `odometry`; empty: the robot's base"
         ),
     ] = ""
     duration: Annotated[
         float,
         msgspec.Meta(
-            description="of the motion, where the limits allow it; 0: as fast as they allow",
+            description="duration of the motion, if the limits allow it; 0: as fast as they allow",
             extra_json_schema={"unit": "s"},
         ),
     ] = 0.0
     touches: Annotated[
         list[str],
-        msgspec.Meta(description="links of the world that the robot may touch on the way"),
+        msgspec.Meta(description="links of the world that the robot may touch during the motion"),
     ] = msgspec.field(default_factory=list)
     by: Annotated[
         float,
         msgspec.Meta(
-            description="of type drive: how far ahead; of type turn: angle, counter-clockwise",
+            description="drive: distance ahead; turn: angle, counter-clockwise",
             extra_json_schema={"unit": "m, rad"},
         ),
     ] = 0.0
     base: Annotated[
         Point | None,
         msgspec.Meta(
-            description="of type go_to: x, y, yaw of the base in the frame of odometry",
+            description="go_to: target x, y, yaw of the base in the odometry frame",
             extra_json_schema={"unit": "m, m, rad"},
         ),
     ] = None
     width: Annotated[
         float,
-        msgspec.Meta(description="of type grip: between the pads", extra_json_schema={"unit": "m"}),
+        msgspec.Meta(
+            description="grip: target distance between the pads", extra_json_schema={"unit": "m"}
+        ),
     ] = 0.0
     force: Annotated[
         float,
         msgspec.Meta(
-            description="of type grip: largest one of each finger", extra_json_schema={"unit": "N"}
+            description="grip: maximum force of each finger", extra_json_schema={"unit": "N"}
         ),
     ] = 0.0
     spiral: Annotated[
         Spiral | None,
-        msgspec.Meta(description="of type spiral: the way to position and orientation"),
+        msgspec.Meta(description="spiral: path to `position` and `orientation`"),
     ] = None
 
 
@@ -210,17 +208,17 @@ GoalState = Literal["accepted", "running", "succeeded", "failed", "cancelled"]
 
 
 class GoalStatus(Message, frozen=True):
-    """What has become of a goal; published when it changes."""
+    """Status of a goal, published when it changes."""
 
-    id: Annotated[int, msgspec.Meta(ge=0, description="of the goal")]
-    state: Annotated[GoalState, msgspec.Meta(description="where it stands")]
+    id: Annotated[int, msgspec.Meta(ge=0, description="id of the goal")]
+    state: Annotated[GoalState, msgspec.Meta(description="state of the goal")]
     cause: Annotated[
         str,
         msgspec.Meta(
-            description="one word for programs: why it failed, or why it may; empty: all is well"
+            description="one word for programs: why it failed or is at risk; empty: no problem"
         ),
     ] = ""
-    text: Annotated[str, msgspec.Meta(description="one sentence for people, with numbers")] = ""
+    text: Annotated[str, msgspec.Meta(description="one sentence for the user, with numbers")] = ""
 
 
 def _scalar(text: str, unit: str) -> Any:
@@ -229,23 +227,25 @@ def _scalar(text: str, unit: str) -> Any:
 
 
 class BaseState(Message, frozen=True):
-    """Where a mobile base believes to be, from the turning of its wheels alone.
+    """Pose and velocity of a mobile base by wheel odometry.
 
-    The frame of odometry is where the base stood and looked at the start: x ahead, y to the left.
+    The odometry frame is the base frame at the start: x points ahead, y to the left.
     """
 
-    x: Annotated[float, _scalar("in the frame of odometry", "m")]
-    y: Annotated[float, _scalar("in the frame of odometry", "m")]
-    yaw: Annotated[float, _scalar("turned since the start, counter-clockwise, not wrapped", "rad")]
+    x: Annotated[float, _scalar("position in the odometry frame", "m")]
+    y: Annotated[float, _scalar("position in the odometry frame", "m")]
+    yaw: Annotated[
+        float, _scalar("heading in the odometry frame, counter-clockwise, not wrapped", "rad")
+    ]
     vx: Annotated[float, _scalar("forward velocity, in the base frame", "m/s")]
-    wz: Annotated[float, _scalar("turning velocity, counter-clockwise", "rad/s")]
+    wz: Annotated[float, _scalar("angular velocity, counter-clockwise", "rad/s")]
 
 
 class BaseCommand(Message, frozen=True):
-    """How a mobile base shall move from this step on; without any field it shall stand."""
+    """Velocity command of a mobile base, valid from this step on; without any field: stop."""
 
     vx: Annotated[float, _scalar("forward velocity, in the base frame", "m/s")] = 0.0
-    wz: Annotated[float, _scalar("turning velocity, counter-clockwise", "rad/s")] = 0.0
+    wz: Annotated[float, _scalar("angular velocity, counter-clockwise", "rad/s")] = 0.0
     wheels: Annotated[
         tuple[float, float] | None,
         msgspec.Meta(
@@ -256,25 +256,25 @@ class BaseCommand(Message, frozen=True):
 
 
 class GripperState(Message, frozen=True):
-    """What a gripper with two fingers does now."""
+    """State of a gripper with two fingers."""
 
-    width: Annotated[float, _scalar("between the pads", "m")]
-    force: Annotated[float, _scalar("with which the weaker finger presses on things", "N")]
+    width: Annotated[float, _scalar("distance between the pads", "m")]
+    force: Annotated[float, _scalar("contact force of the weaker finger", "N")]
     holding: Annotated[
         bool,
-        msgspec.Meta(description="whether both fingers press on the same thing from two sides"),
+        msgspec.Meta(description="whether both fingers press on the same object from two sides"),
     ]
 
 
 class GripperCommand(Message, frozen=True):
-    """How wide a gripper shall be, and how hard it may press to get there."""
+    """Width command of a gripper, valid from this step on."""
 
-    width: Annotated[float, _scalar("to reach between the pads", "m")]
-    force: Annotated[float, _scalar("largest one of each finger, ≥ 0", "N")]
+    width: Annotated[float, _scalar("target distance between the pads", "m")]
+    force: Annotated[float, _scalar("maximum force of each finger, ≥ 0", "N")]
 
 
 class Contacts(Message, frozen=True):
-    """Which links touch; one entry per pair of links, in the order of their names."""
+    """Pairs of links in contact, in the order of their names."""
 
     pairs: Annotated[
         list[tuple[str, str]],
@@ -283,53 +283,54 @@ class Contacts(Message, frozen=True):
     force: Annotated[
         list[float],
         msgspec.Meta(
-            description="normal force between them, over all their points",
+            description="normal force of each pair, summed over its contact points",
             extra_json_schema={"unit": "N", "shape": ["k"]},
         ),
     ]
     distance: Annotated[
         list[float],
         msgspec.Meta(
-            description="smallest gap between them; below 0: how deep they are in one another",
+            description="smallest distance of each pair; negative: penetration depth",
             extra_json_schema={"unit": "m", "shape": ["k"]},
         ),
     ]
     position: Annotated[
         list[Point],
         msgspec.Meta(
-            description="where that gap is: x, y, z on the second link, in the frame of the world",
+            description="point of that distance on the second link, in the world frame: x, y, z",
             extra_json_schema={"unit": "m", "shape": ["k", "3"]},
         ),
     ]
 
 
 class Poses(Message, frozen=True):
-    """Where named links truly are, in the frame of the world."""
+    """True poses of named links in the world frame."""
 
     position: Annotated[
         list[Point],
         msgspec.Meta(
-            description="x, y, z of each", extra_json_schema={"unit": "m", "shape": ["n", "3"]}
+            description="position of each link: x, y, z",
+            extra_json_schema={"unit": "m", "shape": ["n", "3"]},
         ),
     ]
     orientation: Annotated[
         list[Quaternion],
         msgspec.Meta(
-            description="quaternion x, y, z, w of each",
+            description="orientation of each link: quaternion x, y, z, w",
             extra_json_schema={"unit": "-", "shape": ["n", "4"]},
         ),
     ]
 
 
 class Image(Message, frozen=True):
-    """A camera frame; the optical frame looks along z, x to the right, y down."""
+    """A camera image; in the optical frame, z points ahead, x to the right, y down."""
 
     width: Annotated[int, msgspec.Meta(ge=0, description="pixels in a row")]
     height: Annotated[int, msgspec.Meta(ge=0, description="rows")]
     encoding: Annotated[
         Literal["rgb8", "32FC1"],
         msgspec.Meta(
-            description="of a pixel: red, green, blue bytes; or depth along z, float32 LE [m]"
+            description="of a pixel: bytes red, green, blue; or depth along z, float32 LE [m]"
         ),
     ]
     data: Annotated[bytes, msgspec.Meta(description="the pixels, row by row from the top left")]
@@ -343,83 +344,88 @@ class Image(Message, frozen=True):
     centre: Annotated[
         tuple[float, float],
         msgspec.Meta(
-            description="where the optical axis meets the image: x, y",
+            description="principal point: x, y",
             extra_json_schema={"unit": "pixel", "shape": ["2"]},
         ),
     ]
 
 
 class Detections(Message, frozen=True):
-    """What was found in a camera frame, one entry per item."""
+    """Items detected in a camera image, one entry per item."""
 
-    frame: Annotated[str, msgspec.Meta(description="link that the poses are given in")]
+    frame: Annotated[str, msgspec.Meta(description="reference link of the poses")]
     types: Annotated[
         list[str],
-        msgspec.Meta(description="what each item is", extra_json_schema={"shape": ["k"]}),
+        msgspec.Meta(description="type of each item", extra_json_schema={"shape": ["k"]}),
     ]
     position: Annotated[
         list[Point],
         msgspec.Meta(
-            description="x, y, z of the centre of each",
+            description="centre of each item: x, y, z",
             extra_json_schema={"unit": "m", "shape": ["k", "3"]},
         ),
     ]
     orientation: Annotated[
         list[Quaternion],
         msgspec.Meta(
-            description="quaternion x, y, z, w of each; what cannot be seen of it is left at 0",
+            description="orientation of each item: quaternion x, y, z, w; angles not seen are 0",
             extra_json_schema={"unit": "-", "shape": ["k", "4"]},
         ),
     ]
     confidence: Annotated[
         list[float],
         msgspec.Meta(
-            description="0 to 1: how much of what should be visible was seen",
+            description="share of the expected surface that was seen, 0 to 1",
             extra_json_schema={"unit": "-", "shape": ["k"]},
         ),
     ]
 
 
 class PlanRequest(Message, frozen=True):
-    """Asks a planner for a way of the joints that touches nothing."""
+    """Request for a collision-free joint path."""
 
-    id: Annotated[int, msgspec.Meta(ge=0, description="of the request; published when it changes")]
-    start: Annotated[list[float], _vector("where the joints are", "rad")]
-    goal: Annotated[list[float], _vector("where they shall come to rest", "rad")]
+    id: Annotated[
+        int, msgspec.Meta(ge=0, description="id of the request; a new id is a new request")
+    ]
+    start: Annotated[list[float], _vector("initial joint positions", "rad")]
+    goal: Annotated[list[float], _vector("target joint positions, at rest", "rad")]
     held: Annotated[
-        str, msgspec.Meta(description="link of the world in the gripper; empty: none")
+        str, msgspec.Meta(description="link of the world held by the gripper; empty: none")
     ] = ""
     touches: Annotated[
-        list[str], msgspec.Meta(description="links of the world that may be touched on the way")
+        list[str], msgspec.Meta(description="links of the world that the robot may touch")
     ] = msgspec.field(default_factory=list)
 
 
 class Plan(Message, frozen=True):
-    """A planner's answer: a timed motion from rest to rest, or why there is none."""
+    """A planner's answer: a timed trajectory from rest to rest, or why there is none."""
 
-    id: Annotated[int, msgspec.Meta(ge=0, description="of the request")]
+    id: Annotated[int, msgspec.Meta(ge=0, description="id of the request")]
     cause: Annotated[
-        str, msgspec.Meta(description="one word for programs: why there is none; empty: found")
+        str,
+        msgspec.Meta(
+            description="one word for programs: why there is no plan; empty: there is one"
+        ),
     ] = ""
-    text: Annotated[str, msgspec.Meta(description="one sentence for people, with numbers")] = ""
+    text: Annotated[str, msgspec.Meta(description="one sentence for the user, with numbers")] = ""
     times: Annotated[
         list[float],
         msgspec.Meta(
-            description="since the beginning, from 0, increasing",
+            description="time of each point since the start, from 0, increasing",
             extra_json_schema={"unit": "s", "shape": ["k"]},
         ),
     ] = msgspec.field(default_factory=list)
     position: Annotated[
         list[list[float]],
         msgspec.Meta(
-            description="of the joints at each time",
+            description="joint positions at each time",
             extra_json_schema={"unit": "rad", "shape": ["k", "n"]},
         ),
     ] = msgspec.field(default_factory=list)
     velocity: Annotated[
         list[list[float]],
         msgspec.Meta(
-            description="of the joints at each time",
+            description="joint velocities at each time",
             extra_json_schema={"unit": "rad/s", "shape": ["k", "n"]},
         ),
     ] = msgspec.field(default_factory=list)

@@ -1,7 +1,7 @@
 """Protocol 1: the envelopes between participants and the orchestrator (docs/protocol.md).
 
-Each envelope is a MessagePack map. Unknown fields are ignored, missing or mistyped ones are
-refused. `token` is the run's secret: an envelope without the right one changes nothing.
+Each envelope is a MessagePack map. Unknown fields are ignored; missing or mistyped ones make it
+malformed. `token` is the run's secret: an envelope without it changes nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import msgspec
 
 PROTOCOL_VERSION = 1
 HANDSHAKE_STEP = -1
-"""The step of an `Outputs` that proves a connection and carries no data."""
+"""The step of an `Outputs` that proves a link and carries no data."""
 
 NonNegative = Annotated[int, msgspec.Meta(ge=0)]
 Positive = Annotated[int, msgspec.Meta(ge=1)]
@@ -20,45 +20,45 @@ Publishes = Literal["first", "last"]
 
 
 class Envelope(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What every protocol message is."""
+    """Base of every protocol message."""
 
 
 class Description(Envelope, frozen=True):
-    """What one output carries: who its vectors belong to, in which order, within which limits."""
+    """Description of one output: names, order and limits of its vectors."""
 
     names: list[str] = []
     """Names of joints, wheels or cameras, in the order of every vector of the port."""
     like: str | None = None
-    """Name of an input of the same participant whose `names` hold for this output too."""
+    """Input of the same participant whose `names` apply to this output too."""
     units: dict[str, str] = {}
-    """Unit of each field, where it differs from the message type's."""
+    """Field → unit, where it differs from the message type's."""
     limits: dict[str, list[float]] = {}
     """`lower`, `upper` [rad], `velocity` [rad/s], `effort` [N·m]; each in the order of `names`."""
     shape: list[int] = []
     """Shape of bulk data, e.g. [height, width, channels]."""
     details: dict[str, list[str]] = {}
-    """Anything else worth telling per name, e.g. `type` and `mode` of each joint."""
+    """Further properties per name, e.g. `type` and `mode` of each joint."""
 
 
 class InputConfig(Envelope, frozen=True):
-    """Where one input comes from and when."""
+    """Source and timing of one input."""
 
     source: str
-    """Name of the participant it comes from."""
+    """Name of the source."""
     port: str
-    """Name of that participant's output."""
+    """Name of the source's output."""
     type: str
     """Message type, `Name/major`."""
     delay: NonNegative = 0
-    """How many steps old the source's output has to be at least [steps]."""
+    """Minimum age of the source's output [steps]."""
     every: Positive = 1
-    """At which steps the source fires: multiples of this [steps]."""
+    """The source fires at multiples of this [steps]."""
     bulk: bool = False
     """Whether the content travels on `bulk/<source>/<port>`."""
 
 
 class OutputConfig(Envelope, frozen=True):
-    """What one output publishes."""
+    """Type and transport of one output."""
 
     type: str
     """Message type, `Name/major`."""
@@ -67,31 +67,31 @@ class OutputConfig(Envelope, frozen=True):
 
 
 class Hello(Envelope, frozen=True):
-    """A participant asks to join."""
+    """A participant's request to join."""
 
     protocol: int
-    """Version of the protocol the program speaks."""
+    """Protocol version of the program."""
     name: str
     """Name of the participant, from its ticket."""
     token: str
     """The run's secret, from the ticket."""
     pid: int
-    """Process id, for messages to people."""
+    """Process id, for messages to the user."""
     language: str = ""
-    """What the program is written in, e.g. `python`."""
+    """Programming language, e.g. `python`."""
     sdk: str = ""
-    """Library it takes part with, and its version."""
+    """Client library and its version."""
     inputs: dict[str, str] | None = None
-    """Input ports the program knows, with their types; none: it takes what the scenario says."""
+    """Input ports that the program requires, with their types; absent: any."""
     outputs: dict[str, str] | None = None
-    """Output ports the program knows, with their types; none: as above."""
+    """Output ports that the program requires, with their types; absent: any."""
 
 
 class Welcome(Envelope, frozen=True):
-    """The orchestrator takes a participant in and tells it all it has to know."""
+    """The orchestrator admits a participant, and configures it."""
 
     protocol: int
-    """Version of the protocol the orchestrator speaks."""
+    """Protocol version of the orchestrator."""
     name: str
     """Name of the participant."""
     token: str
@@ -101,43 +101,43 @@ class Welcome(Envelope, frozen=True):
     every: Positive
     """The participant fires at multiples of this [steps]."""
     publishes: Publishes
-    """Whether its outputs of a step come before or after it reads its inputs."""
+    """Whether it publishes its outputs before or after it reads its inputs."""
     window: Positive
-    """How many steps may be in flight [steps]."""
+    """Maximum number of steps in flight [steps]."""
     batch: Positive
-    """How many `Outputs` at most go into one `Log`."""
+    """Maximum number of `Outputs` in one `Log`."""
     seed: NonNegative
-    """Seed of the participant's own, derived from the run's seed and its name."""
+    """The participant's own seed, derived from the run's seed and its name."""
     inputs: dict[str, InputConfig]
-    """Input → where it comes from."""
+    """Input → its source."""
     outputs: dict[str, OutputConfig]
-    """Output → what it publishes."""
+    """Output → its type."""
     params: dict[str, Any]
     """The participant's `params`, as written in the scenario."""
     folder: str
-    """Absolute path of the folder that relative file names in `params` are relative to."""
+    """Absolute path of the folder for relative file names in `params`."""
     max_outputs_bytes: Positive = 60_000
-    """Largest `Outputs` the bus carries; larger content belongs on a bulk port [bytes]."""
+    """Maximum size of an `Outputs`; larger content belongs on a bulk port [bytes]."""
 
 
 class Refusal(Envelope, frozen=True):
-    """The orchestrator does not take a participant in."""
+    """The orchestrator refuses a participant."""
 
     reason: str
     """One sentence for the user."""
 
 
 class CallDescription(Envelope, frozen=True):
-    """Something a participant can be asked between two steps."""
+    """A method of a participant that can be called between two steps."""
 
     help: str
     """Arguments and answer in one line, e.g. `NAME: position of a joint [rad]`."""
     changes: bool = False
-    """Whether it changes the result; such calls are recorded with their step."""
+    """Whether it may change the result; such calls are recorded with their step."""
 
 
 class Ready(Envelope, frozen=True):
-    """The model is loaded and every source has been heard."""
+    """The model is loaded, and every source is connected."""
 
     name: str
     """Name of the participant."""
@@ -146,74 +146,74 @@ class Ready(Envelope, frozen=True):
     outputs: dict[str, Description] = {}
     """Output → its description."""
     versions: dict[str, str] = {}
-    """Versions of the libraries that shape the result, e.g. {"pybullet": "3.2.7"}."""
+    """Library → version, of those that shape the result, e.g. {"pybullet": "3.2.7"}."""
     calls: dict[str, CallDescription] = {}
-    """Name → what the participant can be asked."""
+    """Name → method that can be called."""
 
 
 class Start(Envelope, frozen=True):
-    """All are ready; the descriptions of each participant's inputs. The clock stands at zero."""
+    """All participants are ready: the run starts at step 0."""
 
     token: str
     """The run's secret."""
     inputs: dict[str, dict[str, Description]]
-    """Participant → its input → description."""
+    """Participant → input → description."""
 
 
 class Trigger(Envelope, frozen=True):
-    """Permission to work on every step below `step_limit`."""
+    """Permission to work on all steps below `step_limit`."""
 
     token: str
     """The run's secret."""
     step_limit: NonNegative
-    """First step that is not yet allowed; it never shrinks."""
+    """First step that is not released yet; it never decreases."""
 
 
 class Outputs(Envelope, frozen=True):
-    """All a participant publishes at one step."""
+    """All outputs of a participant at one step."""
 
     token: str
     """The run's secret."""
     step: int
-    """Number of the step; -1: a handshake that carries no data."""
+    """Number of the step; -1: a handshake, which carries no data."""
     t_ns: int
     """Simulation time, step · step_ns [ns]."""
     ports: dict[str, msgspec.Raw] = {}
     """Output → its message, a MessagePack map."""
     bulk: dict[str, NonNegative] = {}
-    """Bulk ports published at this step, with the length of their content [bytes]."""
+    """Bulk port published at this step → length of its content [bytes]."""
     end: str | None = None
-    """Why the run shall end after this step; absent in all others."""
+    """Why the run should end after this step; absent in all others."""
 
 
 class Waiting(Envelope, frozen=True):
-    """What a participant has been waiting for when it flushed its log."""
+    """What a participant waits for."""
 
     step: int
-    """The step it waits to do."""
+    """The step it waits for."""
     sources: list[str]
-    """Participants whose outputs have not arrived; empty: it waits for the trigger."""
+    """Sources whose outputs are missing; empty: it waits for the trigger."""
 
 
 class Log(Envelope, frozen=True):
-    """Outputs of one participant on their way to the recording."""
+    """A batch of outputs of one participant, for the recording."""
 
     name: str
     """Name of the participant."""
     token: str
     """The run's secret."""
     outputs: list[msgspec.Raw] = []
-    """The `Outputs`, byte for byte as they were published, in the order of their steps."""
+    """The `Outputs`, byte for byte as published, in the order of their steps."""
     timing: list[tuple[int, int, int]] = []
     """(step, waited [ns], computed [ns]) of each finished step."""
     waiting: Waiting | None = None
-    """What it waits for; absent while it works."""
+    """What it waits for; absent while it computes."""
     drops: dict[str, int] = {}
-    """Messages dropped so far, by cause: `duplicate`, `stale`, `unauthenticated`, `malformed`."""
+    """Cause → messages dropped so far: `duplicate`, `malformed`, `stale`, `unauthenticated`."""
 
 
 class Fault(Envelope, frozen=True):
-    """A participant cannot go on."""
+    """A participant cannot continue."""
 
     name: str
     """Name of the participant."""
@@ -222,35 +222,35 @@ class Fault(Envelope, frozen=True):
     step: int
     """The step it was at; negative: before the first."""
     type: str
-    """`raised`, `message`, `wiring` or `bus`."""
+    """Type of the fault: `raised`, `message`, `wiring` or `bus`."""
     message: str
     """One sentence for the user."""
     traceback: str = ""
-    """Where in the program it happened, for its author."""
+    """Stack trace, for the program's author."""
     blames: str | None = None
-    """Whose fault it is, when it is not the sender's own."""
+    """Participant that caused it, where that is not the sender."""
 
 
 class Stop(Envelope, frozen=True):
-    """The run ends. `at_step`: publish what is due first at it, then end; negative: end now."""
+    """The run ends."""
 
     token: str
     """The run's secret."""
     reason: str
     """Why the run ends, one sentence."""
     at_step: int
-    """The step to publish what is due first at, then end; negative: end now."""
+    """Number of steps of the run, after which to end (P11); negative: end now."""
 
 
 class Call(Envelope, frozen=True):
-    """The orchestrator asks a participant something, before it lets it begin a step."""
+    """The orchestrator calls a method of a participant, between two steps."""
 
     token: str
     """The run's secret."""
     id: NonNegative
-    """Number of the call; it grows. One that is repeated is answered again, not done again."""
+    """Number of the call, increasing; a repeated call is answered again, but not executed."""
     method: str
-    """What is asked, one of `Ready.calls`."""
+    """Name of the method, one of `Ready.calls`."""
     args: list[Any] = []
     """Arguments."""
 
@@ -265,20 +265,20 @@ class Called(Envelope, frozen=True):
     id: NonNegative
     """Number of the call."""
     value: Any = None
-    """The answer; anything MessagePack has."""
+    """Return value; anything MessagePack has."""
     error: str | None = None
-    """Why there is no answer, one sentence; then nothing was done."""
+    """Why the call failed, one sentence; then it changed nothing."""
 
 
 class CallRequest(Envelope, frozen=True):
-    """Somebody outside of the run asks the orchestrator to call a participant."""
+    """A request from outside the run to call a participant."""
 
     token: str
     """The run's secret."""
     participant: str = ""
-    """Whom to call; empty: the answer lists what everybody can be asked."""
+    """Participant to call; empty: the reply lists all methods."""
     method: str = ""
-    """What to ask."""
+    """Name of the method."""
     args: list[Any] = []
     """Arguments."""
 
@@ -287,28 +287,28 @@ class CallReply(Envelope, frozen=True):
     """The orchestrator's answer to a `CallRequest`."""
 
     step: int = -1
-    """The step before which the call was answered; negative: it was not made."""
+    """The step before which the call was answered; negative: it was not executed."""
     value: Any = None
-    """The answer."""
+    """Return value."""
     error: str | None = None
-    """Why there is none, one sentence."""
+    """Why the call failed, one sentence."""
 
 
 class CallRecord(Envelope, frozen=True):
-    """A call that changed the result, as it is recorded on the channel `stepbus/calls`."""
+    """A call that may change the result, as recorded on the channel `stepbus/calls`."""
 
     step: NonNegative
-    """The step before which it was done."""
+    """The step before which it was executed."""
     participant: str
-    """Who was called."""
+    """Participant that was called."""
     method: str
-    """What was asked."""
+    """Name of the method."""
     args: list[Any] = []
     """Arguments."""
     value: Any = None
-    """The answer."""
+    """Return value."""
     error: str | None = None
-    """Why there was none."""
+    """Why the call failed."""
 
 
 CHAIN_EVERY = 64
@@ -316,7 +316,7 @@ CHAIN_EVERY = 64
 
 
 class Chain(Envelope, frozen=True):
-    """Where the hash chain of each participant stands; the orchestrator records it.
+    """The hash chain of each participant, recorded by the orchestrator.
 
     The chain is SHA-256 over its previous value (32 zero bytes at first), the step (int64,
     little-endian) and, for each port in the order of the scenario, its name and the recorded
@@ -324,7 +324,7 @@ class Chain(Envelope, frozen=True):
     """
 
     step: int
-    """The last step the values cover."""
+    """Last step that the hashes cover."""
     hashes: dict[str, str]
     """Participant → SHA-256 in hexadecimal."""
 

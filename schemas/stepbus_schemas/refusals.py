@@ -72,10 +72,10 @@ def _as_a_whole(value: Value) -> Iterator[Refusal]:
 
 def _wrong(field: Value, types: Value, right: Any) -> Iterator[_Wrong]:
     """Yield what a field must not be; `right` is what it may be."""
-    kind = not_null(field)
-    if "$ref" in kind:
-        kind = types[kind["$ref"].rpartition("/")[2]]
-    match kind:
+    schema = not_null(field)
+    if "$ref" in schema:
+        schema = types[schema["$ref"].rpartition("/")[2]]
+    match schema:
         case {"contentEncoding": _}:
             yield _Wrong("string for binary", "text")
             yield _Wrong("number for binary", 7)
@@ -83,14 +83,14 @@ def _wrong(field: Value, types: Value, right: Any) -> Iterator[_Wrong]:
             yield _Wrong("not one of its values", "neither")
         case {"type": "array"}:
             yield _Wrong("map for an array", {})
-            yield from _wrong_items(kind, types, right)
+            yield from _wrong_items(schema, types, right)
         case {"type": "object"}:
             yield _Wrong("array for a map", [])
-            yield from _wrong_entries(kind, types, right)
+            yield from _wrong_entries(schema, types, right)
         case {"type": scalar}:
             yield from _WRONG_SCALARS[scalar]
-            if "minimum" in kind:
-                yield _Wrong("below its minimum", kind["minimum"] - 1)
+            if "minimum" in schema:
+                yield _Wrong("below its minimum", schema["minimum"] - 1)
 
 
 _WRONG_SCALARS = {
@@ -112,31 +112,31 @@ _WRONG_SCALARS = {
 _ITEM_KEYS = {"items", "prefixItems"}
 
 
-def _wrong_items(kind: Value, types: Value, right: Any) -> Iterator[_Wrong]:
+def _wrong_items(schema: Value, types: Value, right: Any) -> Iterator[_Wrong]:
     # A `Log` carries its `Outputs` undecoded; they are refused later, one by one. The arguments
     # of a call may be anything.
-    if kind.get("items") == {"$ref": "#/$defs/Outputs"} or not kind.keys() & _ITEM_KEYS:
+    if schema.get("items") == {"$ref": "#/$defs/Outputs"} or not schema.keys() & _ITEM_KEYS:
         return
-    if "prefixItems" in kind:
-        item, before, last = kind["prefixItems"][-1], right[:-1], right[-1]
+    if "prefixItems" in schema:
+        item, before, last = schema["prefixItems"][-1], right[:-1], right[-1]
         yield _Wrong("too short", before)
     else:
-        item, before, last = kind["items"], right, right[0]
+        item, before, last = schema["items"], right, right[0]
     for wrong in _wrong(item, types, last):
         yield _outward(wrong, [*before, wrong.value], f"[{len(before)}]")
 
 
-def _wrong_entries(kind: Value, types: Value, right: Any) -> Iterator[_Wrong]:
-    if "properties" not in kind:
-        entry = kind.get("additionalProperties", {})
+def _wrong_entries(schema: Value, types: Value, right: Any) -> Iterator[_Wrong]:
+    if "properties" not in schema:
+        entry = schema.get("additionalProperties", {})
         for wrong in _wrong(entry, types, next(iter(right.values()))):
             yield _outward(wrong, {"key": wrong.value}, "[...]")
         return
-    for name in kind["required"]:
+    for name in schema["required"]:
         less = {key: item for key, item in right.items() if key != name}
         yield _Wrong("missing", less, f".{name}", lacks=name)
     for name in right:
-        for wrong in _wrong(kind["properties"][name], types, right[name]):
+        for wrong in _wrong(schema["properties"][name], types, right[name]):
             yield _outward(wrong, {**right, name: wrong.value}, f".{name}")
 
 

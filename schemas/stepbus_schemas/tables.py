@@ -45,7 +45,7 @@ def _port_rows(type_name: str) -> Iterator[str]:
     label = f"`{type_name}`"
     for name, field in schema["properties"].items():
         shape = _shape(field["shape"]) if "shape" in field else ""
-        value = f"{_kind(field)}, optional" if "default" in field else _kind(field)
+        value = f"{_type_text(field)}, optional" if "default" in field else _type_text(field)
         unit = field.get("unit", "")
         yield _row([label, f"`{name}`", value, unit, shape, field["description"]])
         label = ""
@@ -76,7 +76,7 @@ def _field_table(schema: dict[str, Any]) -> str:
     rows = ["| Field | Value | Default | Meaning |", "|---|---|---|---|"]
     for name, field in schema["properties"].items():
         default = "required" if name in schema["required"] else _default(field)
-        rows.append(_row([f"`{name}`", _kind(field), default, field["description"]]))
+        rows.append(_row([f"`{name}`", _type_text(field), default, field["description"]]))
     return "\n".join(rows) + "\n"
 
 
@@ -96,7 +96,7 @@ def _default(field: dict[str, Any]) -> str:
             return str(value)
 
 
-def _kind(schema: dict[str, Any]) -> str:
+def _type_text(schema: dict[str, Any]) -> str:
     """Return what a field holds, in words."""
     match not_null(schema):
         case {"$ref": reference}:
@@ -104,9 +104,9 @@ def _kind(schema: dict[str, Any]) -> str:
         case {"type": "array", "prefixItems": items}:
             return f"({', '.join(map(_kind, items))})"
         case {"type": "array", "items": item}:
-            return f"list of {_kind(item)}"
+            return f"list of {_type_text(item)}"
         case {"type": "object", "additionalProperties": item}:
-            return f"map to {_kind(item)}"
+            return f"map to {_type_text(item)}"
         case scalar:
             return _scalar(scalar)
 

@@ -195,7 +195,7 @@ message! {
 }
 
 message! {
-    /// Permission to work on every step below `step_limit`.
+    /// Permission to work on all steps below `step_limit`.
     "Trigger/1",
     struct Trigger {
         /// The run's secret.

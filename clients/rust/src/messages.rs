@@ -32,7 +32,7 @@ message! {
 }
 
 message! {
-    /// What the joints shall do. Each vector has shape (n,).
+    /// Joint commands, valid from this step on. Each vector has shape (n,).
     "JointCommand/1",
     struct JointCommand {
         /// What `values` mean.
