@@ -102,7 +102,7 @@ def _type_text(schema: dict[str, Any]) -> str:
         case {"$ref": reference}:
             return str(reference).rpartition("/")[2]
         case {"type": "array", "prefixItems": items}:
-            return f"({', '.join(map(_kind, items))})"
+            return f"({', '.join(map(_type_text, items))})"
         case {"type": "array", "items": item}:
             return f"list of {_type_text(item)}"
         case {"type": "object", "additionalProperties": item}:
