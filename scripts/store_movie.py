@@ -21,7 +21,7 @@ import pybullet as bullet
 from PIL import Image
 from store_pictures import FOLDER, Log, Look, Moments, Picture, Scene
 
-from stepbus_schemas import BaseState, Event
+from stepbus import BaseState, Event
 
 SIZE = (640, 360)
 """Width and height of a frame [pixel]."""

@@ -2,9 +2,9 @@
 
     stepbus run store --out runs/store && python scripts/store_pictures.py runs/store/run.mcap
 
-Nothing is simulated anew: TinyRenderer, which the plant's cameras use as well, draws the world of
-the recording with the robot and every item where they stood at that step. What the camera saw, and
-what was found in it, is in the recording. Needs the extra `robots`.
+Nothing is simulated again: TinyRenderer, which the plant's cameras use too, draws the world of the
+recording with the robot and every item where they stood at that step. The recording has what the
+camera saw and what was detected. Needs the extra `robots`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,19 @@ import pybullet as bullet
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
-from stepbus_orchestrator.recording import Recording
-from stepbus_plant import load_world, read_params
+from stepbus import (
+    Detections,
+    Event,
+    GripperState,
+    Image,
+    JointState,
+    Message,
+    Poses,
+    Recording,
+    testing,
+)
+from stepbus_plant import Params, load_world
 from stepbus_plant.physics.engine import Physics
-from stepbus_schemas import Detections, Event, GripperState, Image, JointState, Message, Poses
 
 Picture = NDArray[np.uint8]
 """Red, green, blue, shape (h, w, 3)."""
@@ -64,7 +73,7 @@ class Moments(NamedTuple):
 
 
 class Log:
-    """A recording, asked by topic and step."""
+    """A recording, by topic and step."""
 
     def __init__(self, path: Path) -> None:
         self.recording = Recording(path)
@@ -76,9 +85,9 @@ class Log:
             self._read[topic] = list(self.recording.messages(topic))
         return self._read[topic]
 
-    def at(self, topic: str, step: int, kind: type[M]) -> M:
+    def at(self, topic: str, step: int, cls: type[M]) -> M:
         """Return the newest message of a topic at a step."""
-        return [m for s, m in self.all(topic) if s <= step and isinstance(m, kind)][-1]
+        return [m for s, m in self.all(topic) if s <= step and isinstance(m, cls)][-1]
 
     def names(self, topic: str) -> Sequence[str]:
         """Return the names in the description of a topic."""
@@ -96,10 +105,10 @@ class Log:
         return dict(zip(self.names("plant/poses"), rows, strict=True))
 
     def moments(self) -> Moments:
-        """Return when what happened; raises LookupError for a run without a sale."""
-        said = {s: m.text for s, m in self.all("mission/events") if isinstance(m, Event)}
+        """Return the steps of the first sale; raises LookupError for a run without one."""
+        events = {s: m.text for s, m in self.all("mission/events") if isinstance(m, Event)}
         found, lifted, placed = (
-            next((step for step, text in said.items() if word in text), -1)
+            next((step for step, text in events.items() if word in text), -1)
             for word in (": found", ": lifted", ": placed")
         )
         if placed < 0:
@@ -111,7 +120,7 @@ class Log:
 
 
 class Scene:
-    """The world of a recording, to be looked at."""
+    """The world of a recording, to be drawn."""
 
     def __init__(self, log: Log, folder: Path) -> None:
         self._log = log
@@ -120,8 +129,9 @@ class Scene:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
         scenario = YAML(typ="safe", pure=True).load(folder / "scenario.yaml")
-        params = read_params("plant", scenario["participants"]["plant"]["params"])
-        world = load_world(folder / params.world, params.stock)
+        params = scenario["participants"]["plant"]["params"]
+        params = testing.make_config(name="plant", params=params, folder=folder).read(Params)
+        world = load_world(params.world, params.stock)
         robot = msgspec.structs.replace(world.bodies["robot"], visuals=True)
         world = msgspec.structs.replace(world, bodies={**world.bodies, "robot": robot})
         self._physics = Physics(world, 1_000_000, params)
@@ -193,7 +203,7 @@ def _matrix(pose: tuple[Any, Any]) -> Matrix:
 
 
 def _box(shape: str) -> tuple[Matrix, Matrix]:
-    """Return the least and the largest corner of upright shapes, in the frame of their link."""
+    """Return the smallest and the largest corner of upright shapes, in the frame of their link."""
     corners = []
     for part in shape.split("; "):
         size, _, place = part.partition(" @ ")
@@ -217,7 +227,7 @@ def _edges() -> Iterator[tuple[Matrix, Matrix]]:
 
 
 def camera_view(log: Log, step: int) -> Picture:
-    """Return colours with the finds drawn on, and depth beside it."""
+    """Return colours with the detections drawn on, and depth next to it."""
     image = log.at("plant/rgb", step, Image)
     shown = np.frombuffer(image.data, dtype=np.uint8).reshape(image.height, image.width, 3)
     large = cv2.resize(shown, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
@@ -226,21 +236,21 @@ def camera_view(log: Log, step: int) -> Picture:
     found = log.at("perception/detections", step, Detections)
     to_camera = np.linalg.inv(_matrix(poses["camera"])) @ _matrix(poses[found.frame])
     sizes = _sizes(log)
-    for number, kind in enumerate(found.types):
+    for number, item_type in enumerate(found.types):
         place = to_camera @ _matrix((found.position[number], found.orientation[number]))
-        _draw_box(large, image, place, sizes[kind])
-    for number, kind in enumerate(found.types):
+        _draw_box(large, image, place, sizes[item_type])
+    for number, item_type in enumerate(found.types):
         place = to_camera @ np.array([*found.position[number], 1.0])
-        _label(large, f"{kind} {found.confidence[number]:.2f}", _pixel(image, place[:3]))
+        _label(large, f"{item_type} {found.confidence[number]:.2f}", _pixel(image, place[:3]))
     return _beside(_picture(large), _depth(log.at("plant/depth", step, Image)))
 
 
 def _sizes(log: Log) -> Mapping[str, Matrix]:
-    """Return half the size of each kind, shape (3,) [m]."""
+    """Return half the size of each type of item, shape (3,) [m]."""
     details = log.recording.ports["plant/poses"].description.details
     rows = zip(details["type"], details["shape"], strict=True)
-    boxes = {kind: _box(shape) for kind, shape in rows if kind}
-    return {kind: (upper - lower) / 2 for kind, (lower, upper) in boxes.items()}
+    boxes = {item_type: _box(shape) for item_type, shape in rows if item_type}
+    return {item_type: (upper - lower) / 2 for item_type, (lower, upper) in boxes.items()}
 
 
 def _pixel(image: Image, point: Matrix) -> tuple[int, int]:

@@ -1,0 +1,25 @@
+"""The scripts that draw the pictures of the store still read what a run records."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+@pytest.mark.slow
+def test_a_frame_of_the_film_shows_the_store(tmp_path, monkeypatch):
+    for module in ("pybullet", "xacro", "cv2", "PIL"):
+        pytest.importorskip(module, reason="needs the extra robots", exc_type=ImportError)
+    monkeypatch.syspath_prepend(CHECKOUT / "scripts")
+    import store_movie  # noqa: PLC0415
+
+    log = store_movie.Log(CHECKOUT / "tests/golden/store.mcap")
+    film = store_movie.shots(log, log.moments())
+    scene = store_movie.Scene(log, tmp_path)
+    scene.show(film[1].start)
+    picture = store_movie.draw(scene, film[1].look)
+    assert [shot.start for shot in film[1:]] == [shot.end for shot in film[:-1]]
+    assert picture.shape == (360, 640, 3)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
