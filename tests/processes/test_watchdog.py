@@ -37,7 +37,7 @@ def test_each_blocked_call_has_its_own_kill():
 
 
 WATCHED = """
-import time
+from stepbus_orchestrator.processes import Watchdog
 watchdog = Watchdog(1.0, lambda: None)
 with watchdog.watching():
     print("watching", flush=True)
