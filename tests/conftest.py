@@ -6,6 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+from property_support import DEFAULT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run
@@ -30,8 +32,17 @@ collect_ignore = [] if all(map(find_spec, ROBOTS)) else NEED_ROBOTS
 
 
 def pytest_addoption(parser):
-    """Add `--unit`: run only the tests that start no process (`make test-unit`)."""
+    """Add `--unit` (`make test-unit`) and `--fresh-examples` (part of `make test-slow`)."""
     parser.addoption("--unit", action="store_true", help="skip tests that start a process")
+    text = "property tests draw from a fresh seed, and ten times as many examples"
+    parser.addoption("--fresh-examples", action="store_true", help=text)
+
+
+def pytest_configure(config):
+    """Draw the same examples for the same commit, unless fresh ones are asked for."""
+    settings.register_profile("fixed", derandomize=True, deadline=None)
+    settings.register_profile("fresh", max_examples=10 * DEFAULT, deadline=None, print_blob=True)
+    settings.load_profile("fresh" if config.getoption("--fresh-examples") else "fixed")
 
 
 @pytest.fixture(scope="session", autouse=True)

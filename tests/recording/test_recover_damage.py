@@ -4,13 +4,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType
+from property_support import examples
 from recording_support import attachments, messages, metadata, record_ends, rewrite
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import recover
 
 SHARED_FOLDER = settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60
+    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(60)
 )
 
 

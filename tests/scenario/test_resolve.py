@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from property_support import examples
 from scenario_support import TWO_LINK, changed, load_text, wiring, write
 
 from stepbus_orchestrator.scenario import load, resolved
@@ -88,9 +89,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(40))
 @given(value=VALUES)
 def test_any_parameter_survives_being_written(tmp_path, value):
     scenario = load_text(tmp_path)

@@ -3,6 +3,7 @@ from contextlib import suppress
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from property_support import examples
 from schemas_support import TYPES, messages
 
 from stepbus_schemas import (
@@ -19,7 +20,7 @@ from stepbus_schemas import (
 )
 
 # Derandomised: a test that fails must fail for everybody; no deadline: a time decides no test.
-repeatable = settings(derandomize=True, deadline=None, max_examples=25)
+repeatable = settings(max_examples=examples(25))
 
 
 @pytest.mark.parametrize("name", TYPES)

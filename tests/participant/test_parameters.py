@@ -1,0 +1,210 @@
+"""Parameters declared once: what each type takes, and what is said about the rest."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stepbus import (
+    Config,
+    Count,
+    Duration,
+    File,
+    Finite,
+    Names,
+    PerJoint,
+    Plugin,
+    Positive,
+    Settings,
+    SettingsError,
+    Text,
+    Vector3,
+    Whole,
+    each,
+    needed_when,
+    when,
+)
+from stepbus_participant.parameters import Name, Own, Pause, Problems, find_problems, read_value
+
+
+class Spring(Settings):
+    """A row that a text stands for, too."""
+
+    short = "kind"
+
+    kind: Text
+    stiffness: Finite = 1.0
+
+
+class Params(Settings):
+    """One field of each type."""
+
+    joints: Names
+    law: Literal["pd", "pid"] | Plugin = "pd"
+    kp: PerJoint = each(1.0)
+    ki: Annotated[PerJoint, when(law="pid")]
+    windup: Annotated[bool, when(law="pid")] = True
+    source: Literal["camera", "truth"] = "truth"
+    model: Annotated[File, needed_when(source="camera")]
+    flag: bool = False
+    count: Count = 1
+    whole: Whole = 0
+    limit: Positive | None = None
+    gravity: Vector3 = (0.0, 0.0, -9.81)
+    latency_ns: Duration = 5_000_000
+    at_ns: Pause = 0
+    springs: tuple[Spring, ...] = ()
+    named: dict[Name, Positive] = {}  # noqa: RUF012  Settings copy their defaults
+    own: Own = {}  # noqa: RUF012
+
+
+def problem(**params):
+    ((keys, text),) = find_problems(Params, {"joints": ["a", "b"], **params})
+    return f"{'.'.join(map(str, keys))}: {text}"
+
+
+def test_what_is_right_is_read_into_types():
+    params = Params.of(
+        {
+            "joints": ["a", "b"],
+            "law": "pid",
+            "kp": {"b": 2, "a": 1},
+            "ki": [3, 4],
+            "latency": "1/200s",
+            "at": "0s",
+            "springs": ["soft", {"kind": "hard", "stiffness": 5}],
+        }
+    )
+    assert (params.kp.of(params.joints), params.ki.of(params.joints)) == ([1, 2], [3, 4])
+    assert (params.latency_ns, params.at_ns) == (5_000_000, 0)
+    assert [(row.kind, row.stiffness) for row in params.springs] == [("soft", 1.0), ("hard", 5.0)]
+    assert params.gravity == (0.0, 0.0, -9.81)
+
+
+MISTAKES = [
+    ({"flag": 1}, "flag: must be true or false, not 1"),
+    ({"count": 0}, "count: must be at least 1, not 0"),
+    ({"count": 1.5}, "count: must be an integer, not 1.5"),
+    ({"count": True}, "count: must be an integer, not true"),
+    ({"whole": -1}, "whole: must be at least 0, not -1"),
+    ({"limit": 0}, "limit: must be above 0, not 0"),
+    ({"limit": math.nan}, "limit: must be a finite number, not nan"),
+    ({"limit": 10**400}, f"limit: must be a finite number, not 1{'0' * 59}…"),
+    ({"limit": "3"}, "limit: must be a number, not '3'"),
+    ({"gravity": [1, 2]}, "gravity: must be a list of 3, not a list of 2"),
+    ({"gravity": [1, 2, []]}, "gravity.2: must be a number, not a list"),
+    ({"latency": 5}, "latency: must be a duration with a unit, e.g. 5ms, not 5"),
+    ({"latency": "0s"}, "latency: '0s' must be longer than 0"),
+    ({"kp": [1]}, "kp: has 1 numbers, not 2 (a, b)"),
+    ({"kp": {"a": 1, "b": 1, "c": 1}}, "kp.c: no joint 'c'; known: a, b"),
+    ({"kp": {"a": 1}}, "kp: 'b' is missing"),
+    ({"kp": ["x", 1]}, "kp.0: must be a number, not 'x'"),
+    ({"joints": []}, "joints: is empty"),
+    ({"joints": ["a", ""]}, "joints.1: must not be empty"),
+    ({"joints": ["a", "a"]}, "joints: names 'a' twice"),
+    ({"law": "pdd"}, "law: must be pd, pid or module:Class, not 'pdd'; did you mean 'pd'?"),
+    ({"law": 3}, "law: must be pd, pid or module:Class, not 3"),
+    ({"law": "pid"}, ": the key 'ki' is missing"),
+    ({"ki": 3}, "ki: belongs to law pid; law is 'pd'"),
+    ({"source": "camera"}, ": the key 'model' is missing"),
+    ({"springs": {"a": 1}}, "springs: must be a list, not a map"),
+    ({"springs": [3]}, "springs.0: must be text or a map, not 3"),
+    ({"springs": [None]}, "springs.0: is empty; it needs at least kind"),
+    ({"springs": [{"knd": 1, "kind": "a"}]}, "springs.0.knd: unknown key 'knd'; did you mean 'kind'?"),
+    ({"springs": [""]}, "springs.0: must not be empty"),
+    ({"named": {"a b": 1}}, "named.a b: 'a b' is no name; it takes 1 to 64 letters, digits, '_' and '-', and begins with a letter or digit"),
+    ({"named": {3: 1}}, "named.3: a key must be text, not 3; put it in quotes"),
+    ({"latency_ns": "5ms"}, "latency_ns: unknown key 'latency_ns'; did you mean 'latency'?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("params", "text"), MISTAKES)
+def test_each_mistake_has_its_sentence(params, text):
+    assert problem(**params) == text
+
+
+def test_a_law_that_is_misspelt_does_not_spoil_its_parameters():
+    assert problem(law="pidd", ki=3).startswith("law: must be")
+
+
+def test_what_belongs_to_another_source_is_ignored_where_it_is_marked_so(tmp_path):
+    (tmp_path / "robot.urdf").touch()
+    given_ = {"joints": ["a"], "model": "robot.urdf"}
+    assert Params.of(given_, tmp_path).model == tmp_path / "robot.urdf"
+    found = find_problems(Params, {**given_, "model": "gone.urdf"}, tmp_path)
+    assert found == [(("model",), f"no file 'gone.urdf' ({tmp_path}/gone.urdf)")]
+    (tmp_path / "folder").mkdir()
+    ((_, text),) = find_problems(Params, {**given_, "model": "folder"}, tmp_path)
+    assert text.startswith("'folder' is a folder")
+
+
+def test_keys_that_are_not_declared_go_to_a_class_of_the_users_own():
+    params = Params.of({"joints": ["a"], "law": "my:Law", "ki": 5, "depth": [1]})
+    assert params.own == {"ki": 5, "depth": [1]}
+    assert (params.law, params.windup) == ("my:Law", True)
+
+
+def test_keys_that_are_null_count_as_absent():
+    assert Params.of({"joints": ["a"], "kp": None, "named": {"a": None}}).named == {}
+
+
+@pytest.mark.parametrize("data", [True, None, [], "x", 3])
+def test_what_is_no_map_is_refused(data):
+    with pytest.raises(SettingsError):
+        Params.of(data)
+
+
+def test_all_problems_of_a_participant_come_at_once_with_their_path():
+    config = Config(
+        name="arm", step_ns=1, every=1, seed=0, folder=Path(), inputs={}, outputs={},
+        params={"joints": ["a"], "flag": 3, "cuont": 2},
+    )  # fmt: skip
+    with pytest.raises(SettingsError) as caught:
+        config.read(Params)
+    assert str(caught.value).splitlines() == [
+        "participants.arm.params.flag: must be true or false, not 3",
+        "participants.arm.params.cuont: unknown key 'cuont'; did you mean 'count'?",
+    ]
+
+
+def test_numbers_that_fit_no_model_are_named_with_their_whole_path():
+    config = Config(
+        name="arm", step_ns=1, every=1, seed=0, folder=Path(), inputs={}, outputs={},
+        params={"joints": ["a"], "kp": [1]},
+    )  # fmt: skip
+    with pytest.raises(SettingsError, match=r"participants\.arm\.params\.kp: has 1 numbers, not 2"):
+        config.read(Params).kp.of(["x", "y"])
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.text(max_size=5) | st.integers(), inner, max_size=3)
+    ),
+)
+KEYS = st.sampled_from([*Params.__struct_encode_fields__, "x"])
+
+
+@given(data=st.dictionaries(KEYS, JSON))
+def test_any_data_is_read_or_refused_in_sentences(data):
+    assert all(text for _, text in find_problems(Params, data))
+
+
+@given(data=JSON)
+def test_any_value_is_read_or_refused_for_any_type(data):
+    problems = Problems()
+    read_value(dict[str, Literal["ignore"] | Spring], data, problems)
+    assert len(problems) >= (not isinstance(data, dict))
+
+
+def test_a_participant_that_declares_parameters_loads_no_yaml():
+    code = "import stepbus, sys; stepbus.Settings; sys.exit('ruamel.yaml' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
