@@ -10,9 +10,8 @@ from control_support import (
     tracking_errors,
 )
 
-from stepbus_controller import LAWS, Law, Reference, Robot
+from stepbus_controller import LAWS, Law, Params, Reference, Robot
 from stepbus_kinematics import RobotModel
-from stepbus_participant.settings import Settings
 
 DT = 0.005
 
@@ -20,7 +19,9 @@ DT = 0.005
 def make_law(law: str, limit: float = 50.0, **params: object) -> Law:
     model = RobotModel(TWO_LINK / "two_link.urdf")
     robot = Robot(joints=model.joints, effort_limit=np.full(2, limit), model=model)
-    return LAWS[law](robot, Settings(controller_config(**params)))
+    return LAWS[law](
+        robot, controller_config(law=law, model="two_link.urdf", **params).read(Params)
+    )
 
 
 def reference(position: float, acceleration: float = 0.0) -> Reference:
@@ -107,9 +108,12 @@ def test_the_same_loop_gives_the_same_bits() -> None:
 def test_a_users_law_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
     (tmp_path / "my_controller_law.py").write_text(
         "import numpy as np\n"
+        "import stepbus\n"
         "class Constant:\n"
-        "    def __init__(self, robot, settings):\n"
-        "        self.torques = np.array(settings.per_name('torques', robot.joints))\n"
+        "    class Params(stepbus.Settings):\n"
+        "        torques: stepbus.PerJoint\n"
+        "    def __init__(self, robot, params):\n"
+        "        self.torques = np.array(params.torques.of(robot.joints))\n"
         "    def torque(self, q, v, reference, dt):\n"
         "        return self.torques\n"
     )

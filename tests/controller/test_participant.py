@@ -138,38 +138,50 @@ def test_every_mistake_in_the_params_is_listed() -> None:
     )
     prefix = "participants.controller.params."
     assert [problem.removeprefix(prefix) for problem in problems] == [
-        "velocity: is 'guessed'; there is measured, finite_difference, filtered",
-        "gravity.z: is 'down', not a finite number",
-        "effort_limit: is -1, has to be positive",
+        "gravity[2]: must be a number, not 'down'",
+        "effort_limit: must be above 0, not -1",
+        "velocity: must be filtered, finite_difference or measured, not 'guessed'",
+        "kpp: unknown key 'kpp'; did you mean 'kp'?",
+    ]
+
+
+def test_every_gain_that_does_not_fit_the_joints_of_the_model_is_listed() -> None:
+    problems = problems_of(
+        law="pd", model="two_link.urdf", kp=[1, 2, 3], kd={"joint1": 1, "jiont2": 2}
+    )
+    prefix = "participants.controller.params."
+    assert [problem.removeprefix(prefix) for problem in problems] == [
         "kp: has 3 numbers, not 2 (joint1, joint2)",
-        "kd: 'jiont2' is unknown; did you mean 'joint2' or 'joint1'?",
+        "kd.jiont2: no joint 'jiont2'; did you mean 'joint2'?",
         "kd: 'joint2' is missing",
-        "kpp: is unknown; did you mean 'kp'?",
     ]
 
 
 def test_mistakes_beside_a_missing_model_are_listed_too() -> None:
     problems = problems_of(law="pdd", model="two_lnk.urdf", kp=1, kdd=2)
-    assert [p.split("params")[1].split(":")[0] for p in problems] == [".law", "", ".kdd"]
+    assert [p.split("params")[1].split(":")[0] for p in problems] == [".law", ".model", ".kdd"]
 
 
 @pytest.mark.parametrize(
     ("params", "sentence"),
     [
         (
-            {"law": "computed_torque", "joints": JOINTS, "effort_limit": 50},
-            "this law needs 'model'",
+            {**PD, "model": None, "law": "computed_torque", "joints": JOINTS, "effort_limit": 50},
+            "model: is missing; this law needs",
         ),
-        ({"law": "pd"}, "model: is missing"),
-        ({"law": "pd", "joints": JOINTS}, "effort_limit: is missing"),
-        ({"law": "pd", "model": "world.yaml"}, "is not a URDF that Pinocchio can read"),
-        ({**PD, "joints": ["joint1", "joint3"]}, "joint 'joint3' is not in .*'joint2' or 'joint1'"),
+        ({**PD, "model": None}, "model: is missing"),
+        ({**PD, "model": None, "joints": JOINTS}, "effort_limit: is missing"),
+        ({**PD, "model": "world.yaml"}, "is not a URDF that Pinocchio can read"),
+        (
+            {**PD, "joints": ["joint1", "joint3"]},
+            "joint 'joint3' is not in two_link.urdf; did you mean 'joint2'",
+        ),
         ({**PD, "law": "no_such_module:Law"}, "no module 'no_such_module'"),
         ({**PD, "law": "pathlib:Law"}, "has no class 'Law'"),
         ({**PD, "law": "pathlib:Path"}, "class pathlib:Path has no method 'torque'"),
-        ({**PD, "velocity": "filtered"}, "cutoff_hz: is missing"),
-        ({**PD, "cutoff_hz": 50}, "cutoff_hz: is unknown"),
-        ({**PD, "ki": 1}, "ki: is unknown"),
+        ({**PD, "velocity": "filtered"}, "the key 'cutoff_hz' is missing"),
+        ({**PD, "cutoff_hz": 50}, "cutoff_hz: belongs to velocity filtered"),
+        ({**PD, "ki": 1}, "ki: belongs to law pid"),
     ],
 )
 def test_each_mistake_has_its_sentence(params: dict, sentence: str) -> None:

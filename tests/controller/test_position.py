@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from stepbus_controller.position import PositionController
+from stepbus_controller.position.participant import PositionController
 from stepbus_participant import Config
 from stepbus_schemas import (
     Description,
@@ -87,5 +87,5 @@ def test_a_missing_joint_is_named_for_both_inputs():
 
 
 def test_an_unknown_parameter_is_refused():
-    with pytest.raises(WiringError, match="kp: is unknown"):
+    with pytest.raises(WiringError, match="unknown key 'kp'"):
         controller(kp=3)

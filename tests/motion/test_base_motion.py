@@ -26,7 +26,7 @@ class DiffDrive:
         self.wheels = [0.0, 0.0]
         self.noise, self.lag, self.jam = noise, lag, None
         self.random = random.Random(1)
-        self.t, self.speeds, self.path = 0.0, [], []
+        self.t, self.speeds, self.turns, self.path = 0.0, [], [], []
         self.motion.hold(self.state())
 
     def state(self):
@@ -41,6 +41,7 @@ class DiffDrive:
         outcome = self.motion.check(self.state())
         command = self.motion.command()
         self.speeds.append(command.vx)
+        self.turns.append(command.wz)
         for side, sign in ((0, -1), (1, 1)):
             wanted = command.vx + sign * TRACK / 2 * command.wz
             wanted *= 1 + self.random.gauss(0, self.noise)
@@ -148,7 +149,17 @@ def test_speed_changes_no_faster_than_the_limit_even_where_the_scale_jumps():
     assert base.x == pytest.approx(2.5, abs=1.2e-3)
 
 
-def test_a_scale_of_zero_pauses_the_way():
+def test_a_turn_slows_down_by_its_own_limit_however_slowly_the_base_drives():
+    base = DiffDrive(lag=0.001, speed=0.04)
+    base.motion.begin(Goal(id=0, type="turn", by=3.0), base.state())
+    base.wait(seconds=1.6)
+    base.wait(seconds=1.5, scale=0.2)
+    steps = [abs(b - a) / DT for a, b in zip(base.turns, base.turns[1:], strict=False)]
+    assert base.turns[-1] == pytest.approx(0.2 * 0.8, rel=0.2)
+    assert max(steps) < 0.9
+
+
+def test_a_scale_of_zero_pauses_the_path():
     base = DiffDrive()
     base.go(type="drive", by=1.5, seconds=1.0)
     base.wait(seconds=2.0, scale=0.0)

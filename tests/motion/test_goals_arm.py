@@ -55,6 +55,13 @@ def test_each_target_is_reached_by_its_feed_forward_velocity_at_the_next(tmp_pat
     assert np.abs(velocity).max() <= 0.8 * 2 + 1e-9
 
 
+def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoothed_one(tmp_path):
+    arm = make_arm(config(tmp_path, smoothing="low_pass", time_constant=0.5))
+    arm.update(0, joint_state=JointState(position=[0.0] * 3))
+    out = arm.update(1, joint_state=JointState(position=[0.1] * 3))
+    assert out["status"].error == pytest.approx([-0.1] * 3)
+
+
 def test_poses_are_judged_by_the_effort_limits_that_the_plant_describes(tmp_path):
     arm = make_arm(config(tmp_path), effort=20.0)
     state = JointState(position=[0.0] * 3, velocity=[0.0] * 3)
@@ -75,9 +82,15 @@ def test_a_joint_that_the_plant_lacks_is_named(tmp_path):
 
 def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
     with pytest.raises(WiringError) as caught:
-        ArmController(config(tmp_path, joints=["on", "two"], settle_steps=1.5, acceleration_limit=0,
-                             velocty_limit=1, not_holdable="maybe"))  # fmt: skip
+        ArmController(config(tmp_path, settle_steps=1.5, acceleration_limit=0, velocty_limit=1,
+                             not_holdable="maybe"))  # fmt: skip
     text = str(caught.value)
-    for part in ("joint 'on' is not in", "settle_steps: is 1.5", "not_holdable: is 'maybe'",
-                 "velocty_limit: is unknown; did you mean 'velocity_limit'"):  # fmt: skip
+    for part in ("settle_steps: must be an integer, not 1.5", "acceleration_limit: must be above 0",
+                 "not_holdable: must be refuse or try, not 'maybe'",
+                 "unknown key 'velocty_limit'; did you mean 'velocity_limit'"):  # fmt: skip
         assert part in text
+
+
+def test_a_joint_that_the_model_lacks_is_refused_with_the_nearest_name(tmp_path):
+    with pytest.raises(WiringError, match=r"model: joint 'on' is not in arm\.urdf; did you mean"):
+        ArmController(config(tmp_path, joints=["on", "two"]))

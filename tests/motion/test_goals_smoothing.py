@@ -49,16 +49,34 @@ def test_the_controller_smooths_and_says_once_what_it_costs():
     assert second["command"].values[0] == pytest.approx(-10 * (1 - np.exp(-0.25)))
 
 
+def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoothed_one():
+    config = controller_config(**PD, smoothing="low_pass", time_constant=0.5)
+    controller, zeros = make_controller(config), [0.0, 0.0]
+    reference = JointReference(position=zeros, velocity=zeros, acceleration=zeros)
+    controller.update(
+        0, joint_state=JointState(position=zeros, velocity=zeros), reference=reference
+    )
+    moved = JointState(position=[0.1, -0.2], velocity=zeros)
+    assert controller.update(1, joint_state=moved)["status"].error == [-0.1, 0.2]
+
+
 @pytest.mark.parametrize(
     ("params", "text"),
     [
-        ({"smoothing": "lowpass"}, "smoothing: is 'lowpass'; did you mean 'low_pass'"),
-        ({"smoothing": "low_pass"}, "time_constant: is missing"),
-        ({"smoothing": "low_pass", "time_constant": 0}, "time_constant: is 0, has to be positive"),
-        ({"smoothing": "savitzky_golay", "window": 8}, "has to be an odd number of samples from 5"),
+        (
+            {"smoothing": "lowpass"},
+            "smoothing: must be low_pass, none or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
+        ),
+        ({"smoothing": "low_pass"}, "the key 'time_constant' is missing"),
+        ({"smoothing": "low_pass", "time_constant": 0}, "time_constant: must be above 0, not 0"),
+        (
+            {"smoothing": "savitzky_golay", "window": 8},
+            "window: must be an odd number from 5 to 999, not 8",
+        ),
     ],
 )
 def test_mistakes_in_smoothing_are_named(params, text):
     with pytest.raises(WiringError) as caught:
         ControllerParticipant(controller_config(**PD, **params))
-    assert text in str(caught.value)
+    (problem,) = str(caught.value).splitlines()
+    assert text in problem

@@ -450,17 +450,31 @@ def test_two_runs_are_equal_to_the_byte(tmp_path):
 def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
     with pytest.raises(WiringError) as caught:
         MobileController(
-            config(tmp_path, plans=True, leave_out=("plan", "hand"), tip="grasps", pads=["left_pad"],
-                   ignore=["wheels"], base_speed=0, slowest=2, base_sped=1)
+            config(tmp_path, plans=True, leave_out=("plan", "hand"), pads=["left_pad"],
+                   base_speed=0, slowest=2, base_sped=1)
         )  # fmt: skip
     text = str(caught.value)
     for part in ("none is of type GripperState/1", "none is of type GripperCommand/1",
-                 "frame 'grasps' is not in robot.urdf; did you mean 'grasp'",
-                 "pads: names 1 links", "ignore: link 'wheels' is not in the model",
-                 "base_speed: is 0, has to be positive", "slowest: is 2",
-                 "base_sped: is unknown; did you mean 'base_speed'",
+                 "base_speed: must be above 0, not 0", "slowest: must be at most 1, not 2",
+                 "unknown key 'base_sped'; did you mean 'base_speed'",
                  "a planner needs an input of type Plan/1"):  # fmt: skip
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("params", "text"),
+    [
+        ({"tip": "grasps"}, "tip: frame 'grasps' is not in robot.urdf; did you mean 'grasp'"),
+        ({"tip": "chassis"}, "tip: no joint of this controller moves 'chassis'"),
+        ({"pads": ["left_pad"]}, "pads: names 1 links"),
+        ({"ignore": ["wheels"]}, "ignore: link 'wheels' is not in the model"),
+        ({"slowest": 0}, "slowest: must be above 0"),
+    ],
+)
+def test_a_parameter_that_does_not_fit_the_robot_is_refused(tmp_path, params, text):
+    with pytest.raises(WiringError) as caught:
+        MobileController(config(tmp_path, **params))
+    assert text in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_participant import construct, read_class
-from stepbus_participant.settings import Settings
+from stepbus_participant import Config, PerName, make_plugin
 
-from .robot import Robot, read_robot
+from .params import Params
+from .robot import Robot
 
 
 class Reference(NamedTuple):
-    """Where the joints should be: position, velocity, acceleration [rad, rad/s, rad/s²]."""
+    """Reference of the joints: position, velocity, acceleration [rad, rad/s, rad/s²]."""
 
     position: Vector
     velocity: Vector
@@ -22,16 +22,17 @@ class Reference(NamedTuple):
 
 
 class Law(Protocol):
-    """What a control law is, also a user's own.
+    """A control law, also one of your own.
 
-    Constructed with the robot and the settings, out of which it reads its parameters. Every
-    vector has shape (n,) and the order of `robot.joints`.
+    It is made with the robot and its parameters: those of this package, or for a class of your own
+    what its `Params` declares, else a map. Every vector has shape (n,) and the order of
+    `robot.joints`.
     """
 
-    def __init__(self, robot: Robot, settings: Settings) -> None: ...
+    def __init__(self, robot: Robot, params: Any, /) -> None: ...
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
-        """Return the torques to command [N·m]; the controller cuts them at the effort limits.
+        """Return the torques to command [N·m]; the controller clips them at the effort limits.
 
         q, v: positions and velocities [rad, rad/s]. dt: time between two calls [s].
         """
@@ -44,9 +45,9 @@ class PD:
     kp [N·m/rad], kd [N·m·s/rad].
     """
 
-    def __init__(self, robot: Robot, settings: Settings) -> None:
-        self._kp = read_gain(settings, "kp", robot)
-        self._kd = read_gain(settings, "kd", robot)
+    def __init__(self, robot: Robot, params: Params) -> None:
+        self._kp = _gain(params.kp, robot)
+        self._kd = _gain(params.kd, robot)
 
     def torque(self, q: Vector, v: Vector, reference: Reference, _dt: float) -> Vector:
         """See `Law`."""
@@ -61,11 +62,10 @@ class PID:
     Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5) or `none`.
     """
 
-    def __init__(self, robot: Robot, settings: Settings) -> None:
-        self._pd = PD(robot, settings)
-        self._ki = read_gain(settings, "ki", robot)
-        words = ("conditional_integration", "none")
-        anti_windup = settings.choice("anti_windup", words, default=words[0]) == words[0]
+    def __init__(self, robot: Robot, params: Params) -> None:
+        self._pd = PD(robot, params)
+        self._ki = _gain(params.ki, robot)
+        anti_windup = params.anti_windup == "conditional_integration"
         self._integrate_within = robot.effort_limit if anti_windup else np.inf
         self._integral = np.zeros(len(robot.joints))
 
@@ -88,8 +88,8 @@ class PDGravity:
     kp [N·m/rad], kd [N·m·s/rad]. Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    def __init__(self, robot: Robot, settings: Settings) -> None:
-        self._pd = PD(robot, settings)
+    def __init__(self, robot: Robot, params: Params) -> None:
+        self._pd = PD(robot, params)
         self._model = robot.require_model()
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
@@ -104,19 +104,14 @@ class ComputedTorque:
     Robotics, 2009, section 8.5.2.
     """
 
-    def __init__(self, robot: Robot, settings: Settings) -> None:
-        self._pd = PD(robot, settings)
+    def __init__(self, robot: Robot, params: Params) -> None:
+        self._pd = PD(robot, params)
         self._model = robot.require_model()
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
         """See `Law`."""
         acceleration = reference.acceleration + self._pd.torque(q, v, reference, dt)
         return self._model.inverse_dynamics(q, v, acceleration)
-
-
-def read_gain(settings: Settings, param: str, robot: Robot) -> Vector:
-    """Return a gain, shape (n,): one number for all joints, a list, or a map by name."""
-    return np.array(settings.per_name(param, robot.joints, bound="not negative"))
 
 
 LAWS: dict[str, type[Law]] = {
@@ -128,19 +123,27 @@ LAWS: dict[str, type[Law]] = {
 """Value of `law` in the scenario → its class."""
 
 
-def read_law(settings: Settings) -> tuple[Robot, Law]:
-    """Return the robot and the law that the settings describe.
+def make_law(config: Config, params: Params, robot: Robot) -> Law:
+    """Return the law that the parameters name; raises SettingsError with all that is wrong."""
+    law: Law
+    if params.law in LAWS:
+        _check_gains(config, params, robot)
+        law = LAWS[params.law](robot, params)
+    else:
+        law = make_plugin(config, "law", params.law, params.own, "torque", robot)
+    return law
 
-    Raises WiringError with all that is wrong with them.
-    """
-    law_class = read_class(settings, "law", LAWS, "torque")
-    robot = read_robot(settings)
-    law: Law | None = None
-    if law_class is not None and robot is not None:
-        law = construct(settings, "law", law_class, robot)
-    if law is None or robot is None:
-        if ":" not in str(settings.value("law", "")):
-            settings.note_unknown(also_known=("kp", "ki", "kd", "anti_windup"))
-        settings.refuse()
-    settings.check()
-    return robot, law
+
+def _check_gains(config: Config, params: Params, robot: Robot) -> None:
+    """Raise SettingsError that lists every gain that does not fit the joints."""
+    problems = config.problems().below(("params",))
+    for key in ("kp", "kd", "ki") if params.law == "pid" else ("kp", "kd"):
+        value: PerName = getattr(params, key)
+        for where, text in value.misfits(robot.joints):
+            problems.add((key, *where), text)
+    problems.refuse()
+
+
+def _gain(value: PerName, robot: Robot) -> Vector:
+    """Return a gain of each joint, shape (n,)."""
+    return np.array(value.of(robot.joints))

@@ -1,4 +1,4 @@
-"""The controller as a participant: reads the joints, asks the law, commands torques."""
+"""The controller as a participant: reads the joints, applies the law, commands torques."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_kinematics import JointOrder, Smoother, Vector, delay_warning, read_smoother
-from stepbus_participant import Config, Participant, Step
-from stepbus_participant.settings import Settings
+from stepbus_kinematics import JointOrder, Smoother, Vector, delay_warning, make_smoother
+from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -24,39 +23,43 @@ from stepbus_schemas import (
     due_step,
 )
 
-from .laws import Reference, read_law
-from .velocity import VelocityEstimator, read_estimator
+from .laws import Reference, make_law
+from .params import Params
+from .robot import make_robot
+from .velocity import VelocityEstimator, make_estimator
 
 
 class ControllerParticipant(Participant):
-    """Commands joint torques by a control law, cut at the effort limits.
+    """Commands joint torques by a control law, clipped at the effort limits.
 
     Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, where the
-    scenario wires it, one ControllerStatus/1. The names of the ports are the scenario's. Until
-    both inputs have been there once, nothing is published. Parameter `smoothing` (see
-    `read_smoother`) smooths what is measured; the status says once what delay it costs.
+    scenario wires it, one ControllerStatus/1. The scenario names the ports. Nothing is published
+    until both inputs have come once. The status reports the delay of `smoothing` once.
+    Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._state_port = settings.input_of("JointState/1")
-        self._reference_port = settings.input_of("JointReference/1")
-        self._command_port = settings.output_of("JointCommand/1")
-        self._status_port = settings.optional_output_of("ControllerStatus/1")
-        settings.outputs_are("JointCommand/1", "ControllerStatus/1")
-        self._estimator: VelocityEstimator | None = read_estimator(settings)
-        sensed_every = config.inputs[self._state_port].every if self._state_port else 1
-        sensed_s = max(config.every, sensed_every) * config.step_ns * 1e-9
-        self._smoother: Smoother | None = read_smoother(settings, sensed_s)
-        self._velocity_smoother: Smoother | None = read_smoother(settings, sensed_s)
-        self._robot, self._law = read_law(settings)
+        ports = Ports(config)
+        self._state_port = ports.input_of("JointState/1")
+        self._reference_port = ports.input_of("JointReference/1")
+        self._command_port = ports.output_of("JointCommand/1")
+        self._status_port = ports.optional_output_of("ControllerStatus/1")
+        ports.outputs_are("JointCommand/1", "ControllerStatus/1")
+        params = config.read(Params, ports.problems)
+        self._estimator: VelocityEstimator | None = make_estimator(params)
+        sensed_s = max(config.every, config.inputs[self._state_port].every) * config.step_ns * 1e-9
+        self._smoother: Smoother | None = make_smoother(params, sensed_s)
+        self._velocity_smoother: Smoother | None = make_smoother(params, sensed_s)
+        self._robot = make_robot(config, params)
+        self._law = make_law(config, params, self._robot)
         self._limit: list[float] = self._robot.effort_limit.tolist()
         self._dt = config.every * config.step_ns * 1e-9
         self._motion: tuple[Vector, Vector] | None = None
+        self._position: Vector | None = None
         self._reference: Reference | None = None
         self._saturated = [False] * len(self._limit)
-        self._told_delay = False
+        self._has_reported_delay = False
 
     def describe(self) -> Mapping[str, Description]:
         """Return the controller's joints in its own order, and its effort limits."""
@@ -82,9 +85,10 @@ class ControllerParticipant(Participant):
         self._reference_order = orders[self._reference_port]
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Return the torques of this step and how well the controller does."""
+        """Return the torques of this step and the tracking error."""
         self._read(step)
-        if self._motion is None or self._reference is None:
+        position = self._position
+        if self._motion is None or position is None or self._reference is None:
             return {}
         q, v = self._motion
         torque = self._law.torque(q, v, self._reference, self._dt)
@@ -93,7 +97,7 @@ class ControllerParticipant(Participant):
         command = JointCommand(mode="torque", values=values)
         if self._status_port is None:
             return {self._command_port: command}
-        error: list[float] = (self._reference.position - q).tolist()
+        error: list[float] = (self._reference.position - position).tolist()
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
 
     def versions(self) -> Mapping[str, str]:
@@ -101,7 +105,7 @@ class ControllerParticipant(Participant):
         return {"numpy": np.__version__, "pinocchio": version("pin")}
 
     def _read(self, step: Step) -> None:
-        """Take in what is new on both inputs; the rest is held."""
+        """Read what is new on both inputs; the rest is held."""
         if step.is_new(self._state_port):
             state = step.read(self._state_port, JointState)
             self._motion = self._sense(state, self._measured_at_ns(step))
@@ -120,7 +124,7 @@ class ControllerParticipant(Participant):
         return due_step(step.index, source.delay, source.every) * self.config.step_ns
 
     def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector]:
-        q = self._state_order.pick(state.position, "position")
+        q = self._position = self._state_order.pick(state.position, "position")
         if self._smoother is not None:
             q = self._smoother.update(q)
         if self._estimator is not None:
@@ -137,7 +141,7 @@ class ControllerParticipant(Participant):
         return q, v
 
     def _checked(self, torque: Any, step: int) -> list[float]:
-        """Return the law's torques as a list; raises RunError when they are of no use."""
+        """Return the law's torques as a list; raises RunError for a wrong shape or value."""
         vector = np.asarray(torque, dtype=np.float64)
         if vector.shape != (len(self._limit),):
             raise RunError(
@@ -156,9 +160,9 @@ class ControllerParticipant(Participant):
     def _status(
         self, error: list[float], wanted: list[float], values: list[float]
     ) -> ControllerStatus:
-        """Return the status; a warning marks the step at which a joint begins to saturate."""
-        warnings = [] if self._told_delay else delay_warning(self._smoother)
-        self._told_delay = True
+        """Return the status; a warning marks the step at which a joint starts to saturate."""
+        warnings = [] if self._has_reported_delay else delay_warning(self._smoother)
+        self._has_reported_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
         if saturated != self._saturated:
             rows = zip(self._robot.joints, wanted, values, saturated, self._saturated, strict=True)

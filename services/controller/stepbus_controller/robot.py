@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from stepbus_kinematics import STANDARD_GRAVITY, RobotModel, Vector
-from stepbus_participant.settings import Settings
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_participant import Config
 from stepbus_schemas import WiringError
+
+from .params import Params
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,50 +31,28 @@ class Robot:
         return self.model
 
 
-def read_robot(settings: Settings) -> Robot | None:
-    """Return the robot that `model`, `joints`, `gravity` and `effort_limit` describe.
+def make_robot(config: Config, params: Params) -> Robot:
+    """Return the robot that the parameters describe.
 
-    Returns None where they describe none; the settings say why.
+    Raises SettingsError with what is wrong with the URDF, the joints or the effort limits.
     """
-    joints = settings.names("joints") if settings.has("joints") else None
-    gravity = settings.value("gravity", STANDARD_GRAVITY)
-    gravity = settings.as_vector("gravity", gravity, ("x", "y", "z"))
-    if settings.has("model"):
-        model = _read_model(settings, joints, gravity)
-        if model is None:
-            return None
-        limit = _read_limit(settings, model.joints, model.effort_limit.tolist())
-        return Robot(joints=model.joints, effort_limit=limit, model=model)
-    if joints is None:
-        settings.note("model", "is missing; give a URDF, or 'joints' for a law that needs no model")
-        return None
-    return Robot(joints=joints, effort_limit=_read_limit(settings, joints, None))
-
-
-def _read_model(
-    settings: Settings, joints: tuple[str, ...] | None, gravity: Sequence[float]
-) -> RobotModel | None:
-    path = settings.file("model")
-    if path is None or joints == ():
-        return None
-    try:
-        return RobotModel(path, joints, gravity=gravity)
-    except WiringError as exc:
-        for problem in str(exc).splitlines():
-            settings.note("model", problem)
-        return None
-
-
-def _read_limit(
-    settings: Settings, joints: tuple[str, ...], in_model: list[float] | None
-) -> Vector:
-    """Return the effort limits: the scenario's, or else the model's, which may have left it out."""
-    if in_model is None or settings.has("effort_limit"):
-        return np.array(settings.per_name("effort_limit", joints, bound="positive"))
-    settings.value("effort_limit", in_model)
-    for name, limit in zip(joints, in_model, strict=True):
-        if not 0 < limit < np.inf:
-            settings.note(
-                "effort_limit", f"is {limit:g} N·m for {name!r} in the model; set it here"
-            )
-    return np.array(in_model)
+    problems = config.problems().below(("params",))
+    model, joints = None, params.joints
+    if params.model is not None:
+        path = params.model
+        model = problems.attempt(
+            ("model",), lambda: RobotModel(path, joints, gravity=params.gravity)
+        )
+        problems.refuse()
+        joints = model.joints if model is not None else joints
+    names = joints or ()
+    if params.effort_limit is not None:
+        limit = np.array(params.effort_limit.of(names))
+    else:
+        limit = model.effort_limit if model is not None else np.zeros(len(names))
+        for name, value in zip(names, limit.tolist(), strict=True):
+            if not 0 < value < np.inf:
+                text = f"is {value:g} N·m for {name!r} in the model; set it here"
+                problems.add(("effort_limit",), text)
+    problems.refuse()
+    return Robot(joints=names, effort_limit=limit, model=model)

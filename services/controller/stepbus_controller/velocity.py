@@ -1,4 +1,4 @@
-"""Joint velocities: as measured, or out of positions where only these are sensed."""
+"""Joint velocities from positions, where only these are sensed."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_participant.settings import Settings
 
-SOURCES = ("measured", "finite_difference", "filtered")
+from .params import Params
 
 
 class VelocityEstimator(Protocol):
-    """What turns a series of positions into velocities."""
+    """Turns a series of positions into velocities."""
 
     def update(self, position: Vector, t_ns: int) -> Vector:
         """Return the velocities at the newest sample, shape (n,) [rad/s].
@@ -66,9 +65,8 @@ class FilteredDifference:
         return self._velocity
 
 
-def read_estimator(settings: Settings) -> VelocityEstimator | None:
-    """Return what `velocity` and `cutoff_hz` ask for; None: the measured velocity is used."""
-    source = settings.choice("velocity", SOURCES, default="measured")
-    if source == "filtered":
-        return FilteredDifference(settings.number("cutoff_hz", bound="positive"))
-    return FiniteDifference() if source == "finite_difference" else None
+def make_estimator(params: Params) -> VelocityEstimator | None:
+    """Return what estimates velocities; None: the measured velocity is used."""
+    if params.velocity == "filtered":
+        return FilteredDifference(params.cutoff_hz)
+    return FiniteDifference() if params.velocity == "finite_difference" else None

@@ -1,10 +1,28 @@
-"""One wrapper of a Pinocchio model, and what services that move joints share."""
+"""One wrapper of a Pinocchio model, and what services that move joints share.
 
-from .geometry import collision_geometry, keep_moving_pairs, radius_from
-from .joint_order import JointOrder
-from .model import STANDARD_GRAVITY, Indices, Overload, RobotModel, Vector
-from .self_collisions import LinkPair, SelfCollisions
-from .smoothing import LowPass, SavitzkyGolay, Smoother, delay_warning, read_smoother
+What loads Pinocchio is imported when it is first used: parameters are checked without.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .params import SmoothingParams
+
+if TYPE_CHECKING:
+    from .geometry import collision_geometry, keep_moving_pairs, radius_from
+    from .joint_order import JointOrder
+    from .model import STANDARD_GRAVITY, Indices, Overload, RobotModel, Vector
+    from .self_collisions import LinkPair, SelfCollisions
+    from .smoothing import LowPass, SavitzkyGolay, Smoother, delay_warning, make_smoother
+
+_MODULES = {
+    "geometry": ("collision_geometry", "keep_moving_pairs", "radius_from"),
+    "joint_order": ("JointOrder",),
+    "model": ("STANDARD_GRAVITY", "Indices", "Overload", "RobotModel", "Vector"),
+    "self_collisions": ("LinkPair", "SelfCollisions"),
+    "smoothing": ("LowPass", "SavitzkyGolay", "Smoother", "delay_warning", "make_smoother"),
+}
+_WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "STANDARD_GRAVITY",
@@ -17,10 +35,17 @@ __all__ = [
     "SavitzkyGolay",
     "SelfCollisions",
     "Smoother",
+    "SmoothingParams",
     "Vector",
     "collision_geometry",
     "delay_warning",
     "keep_moving_pairs",
+    "make_smoother",
     "radius_from",
-    "read_smoother",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        return getattr(import_module(f".{_WHERE[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import RunError, WiringError
 
 from .model import Vector
@@ -21,7 +21,7 @@ class JointOrder:
 
     def __init__(self, port: str, given: Sequence[str], wanted: Sequence[str]) -> None:
         problems = [
-            f"input {port!r} has no joint {name!r}; {nearest(name, given)}"
+            f"input {port!r} has no joint {name!r}{suggest(name, given)}"
             for name in wanted
             if name not in given
         ]

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import RunError, WiringError
 
 from .urdf import joint_problems, link_names, link_problems, load_urdf, movable_joints, posture_of
@@ -131,7 +131,7 @@ class RobotModel:
         model, link = self.model, pin.FrameType.BODY
         if not model.existFrame(name):
             known = [frame.name for frame in model.frames]
-            raise RunError(f"frame {name!r} is not in {self.path.name}; {nearest(name, known)}")
+            raise RunError(f"frame {name!r} is not in {self.path.name}{suggest(name, known)}")
         sort = (link,) if model.existFrame(name, link) else ()
         number: int = model.getFrameId(name, *sort)
         return number

@@ -8,11 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stepbus_participant.settings import Settings
-
 from .model import Vector
-
-FILTERS = ("none", "low_pass", "savitzky_golay")
 
 
 class Smoother(Protocol):
@@ -77,27 +73,32 @@ def delay_warning(smoother: Smoother | None) -> list[str]:
     return [f"smoothing delays the measurements by {smoother.delay * 1e3:.1f} ms"]
 
 
-def read_smoother(settings: Settings, period: float) -> Smoother | None:
-    """Return the filter that `smoothing`, `time_constant` and `window` describe; None: none.
+class SmoothingChoice(Protocol):
+    """Parameters that describe a filter; see `SmoothingParams`."""
+
+    @property
+    def smoothing(self) -> str:
+        """Return the name of the filter."""
+        ...
+
+    @property
+    def time_constant(self) -> float:
+        """Return τ of the low pass [s]."""
+        ...
+
+    @property
+    def window(self) -> int:
+        """Return the samples of the Savitzky-Golay filter."""
+        ...
+
+
+def make_smoother(params: SmoothingChoice, period: float) -> Smoother | None:
+    """Return a filter as the parameters describe it; None: no smoothing.
 
     period: between two measurements [s].
     """
-    name = settings.choice("smoothing", FILTERS, default="none")
-    if name == "low_pass":
-        return _read_low_pass(settings, period)
-    if name == "savitzky_golay":
-        return _read_savitzky_golay(settings, period)
+    if params.smoothing == "low_pass":
+        return LowPass(params.time_constant, period)
+    if params.smoothing == "savitzky_golay":
+        return SavitzkyGolay(params.window, period)
     return None
-
-
-def _read_low_pass(settings: Settings, period: float) -> Smoother | None:
-    constant = settings.number("time_constant", bound="positive")
-    return LowPass(constant, period) if constant > 0 else None
-
-
-def _read_savitzky_golay(settings: Settings, period: float) -> Smoother | None:
-    window = settings.number("window")
-    if not (window in range(5, 1000) and window % 2 == 1):
-        settings.note("window", f"is {window:g}, has to be an odd number of samples from 5 on")
-        return None
-    return SavitzkyGolay(int(window), period)

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stepbus_participant import package_path, read_urdf_text
-from stepbus_participant.settings import nearest
+from stepbus_participant import package_path, read_urdf_text, suggest
 from stepbus_schemas import WiringError
 
 _URL = re.compile(r"package://[^\"'<>]+")
@@ -46,7 +45,7 @@ def joint_problems(model: Any, joints: Sequence[str], file: str, *, bounded: boo
     """
     movable = movable_joints(model)
     problems = [
-        f"joint {name!r} is not in {file}; {nearest(name, movable)}"
+        f"joint {name!r} is not in {file}{suggest(name, movable)}"
         for name in joints
         if name not in movable
     ]
@@ -70,7 +69,7 @@ def link_problems(model: Any, links: Sequence[str], file: str) -> list[str]:
     """Return a sentence for each link that the model lacks."""
     known = link_names(model)
     return [
-        f"link {name!r} is not in {file}; {nearest(name, known)}"
+        f"link {name!r} is not in {file}{suggest(name, known)}"
         for name in links
         if name not in known
     ]

@@ -11,8 +11,7 @@ from stepbus_motion.goals.joint_sensor import JointReading, JointSensor
 from stepbus_motion.goals.measured import Measured
 from stepbus_motion.goals.parts import Parts
 from stepbus_motion.manipulator.build import searching_manipulator
-from stepbus_participant import Config, Participant, Step
-from stepbus_participant.settings import Settings
+from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -33,21 +32,21 @@ class ArmController(Participant):
     measurements. A goal starts when its id differs from the one before.
 
     Poses are judged by the effort limits that the plant describes. Parameters: see
-    `read_arm_settings`.
+    `Params`.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._state_port = settings.input_of("JointState/1")
-        self._goal_port = settings.input_of("Goal/1")
-        self._command_port = settings.output_of("JointCommand/1")
-        self._goal_status_port = settings.output_of("GoalStatus/1")
-        self._status_port = settings.optional_output_of("ControllerStatus/1")
-        self._smoothed_port = settings.optional_output_of("JointState/1")
-        settings.outputs_are("JointCommand/1", "GoalStatus/1", "ControllerStatus/1", "JointState/1")
+        ports = Ports(config)
+        self._state_port = ports.input_of("JointState/1")
+        self._goal_port = ports.input_of("Goal/1")
+        self._command_port = ports.output_of("JointCommand/1")
+        self._goal_status_port = ports.output_of("GoalStatus/1")
+        self._status_port = ports.optional_output_of("ControllerStatus/1")
+        self._smoothed_port = ports.optional_output_of("JointState/1")
+        ports.outputs_are("JointCommand/1", "GoalStatus/1", "ControllerStatus/1", "JointState/1")
         self._period = config.every * config.step_ns * 1e-9
-        self._arm: ArmSettings = read_arm_settings(settings, self._period)
+        self._arm: ArmSettings = read_arm_settings(config, ports.problems, self._period)
         self._reading: JointReading | None = None
         self._goal_id = -1
 

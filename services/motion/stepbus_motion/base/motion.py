@@ -118,10 +118,12 @@ class BaseMotion:
     def advance(self, dt: float, scale: float) -> None:
         """Move the reference on by dt [s], at `scale` (0 to 1) of its speed.
 
-        The scale is approached so that the base keeps its acceleration limit.
+        The scale is approached so that the base keeps the acceleration limit of its segment: that
+        of a turn is another one than that of a straight line.
         """
-        drive, settings = self._drive, self._settings
-        most = settings.acceleration / settings.speed * dt
+        drive = self._drive
+        limits = self._settings.limits(turns=drive is not None and drive.segment.turns)
+        most = float(limits.acceleration[0] / limits.velocity[0]) * dt
         self._scale += min(max(scale - self._scale, -most), most)
         if drive is None:
             return

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import Indices, RobotModel, Vector
 from stepbus_motion.outcome import FARTHEST, Refused
-from stepbus_participant.settings import nearest
+from stepbus_participant import suggest
 from stepbus_schemas import BaseState, Goal, RunError
 
 ODOMETRY = "odometry"
@@ -76,5 +76,5 @@ def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> tuple[Vector, Ind
 
 def _index(joints: Sequence[str], name: str) -> int:
     if name not in joints:
-        raise Refused("invalid", f"joint {name!r}: {nearest(name, joints)}")
+        raise Refused("invalid", f"joint {name!r} is unknown{suggest(name, joints)}")
     return joints.index(name)

@@ -43,7 +43,7 @@ class MobileController(Participant):
     one GripperCommand/1 at every step; one GoalStatus/1 whenever the status changes; one
     PlanRequest/1 for the planner; where it is wired, one ControllerStatus/1.
 
-    A goal starts when its id differs from the one before. Parameters: see `read_mobile_settings`.
+    A goal starts when its id differs from the one before. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

@@ -1,51 +1,31 @@
-"""The parameters of the controller of a mobile manipulator."""
+"""From the parameters of a mobile manipulator to what its parts work with."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from stepbus_kinematics import RobotModel
-from stepbus_motion.arm.settings import read_limits, read_robot, read_settling
 from stepbus_motion.base.settings import BaseSettings
 from stepbus_motion.collisions.monitor import MonitorSettings
 from stepbus_motion.goals.avoidance import AvoidanceSettings
 from stepbus_motion.goals.stow import StowCondition
 from stepbus_motion.gripper.gripper import GripperSettings
 from stepbus_motion.manipulator.options import ManipulatorOptions
+from stepbus_motion.manipulator.settings import make_limits, make_robot, make_settling
 from stepbus_motion.manipulator.settling import Settling
 from stepbus_motion.motions.joint_motion import MotionLimits
-from stepbus_participant import Config
-from stepbus_participant.settings import Settings, nearest
+from stepbus_participant import Config, Ports, Problems, suggest
 from stepbus_schemas import RunError
 
-
-@dataclass(frozen=True, kw_only=True)
-class MobilePorts:
-    """Names of the ports; those that may be None are left out by some scenarios."""
-
-    joint_state: str
-    odometry: str
-    gripper_state: str
-    goal: str
-    contacts: str | None
-    plan: str | None
-    arm: str
-    base: str
-    gripper: str
-    goal_status: str
-    plan_request: str | None
-    status: str | None
+from .params import Params
+from .ports import MobilePorts, find_ports
 
 
 @dataclass(frozen=True, kw_only=True)
 class MobileSettings:
-    """What a scenario says about a `MobileController`.
+    """What a `MobileController` works with.
 
-    limits: of the arm's joints. monitor: None: nobody senses contacts.
+    limits: of the arm's joints. monitor: None: nothing senses contacts.
     """
 
     ports: MobilePorts
@@ -61,187 +41,94 @@ class MobileSettings:
 
 
 def read_mobile_settings(config: Config) -> MobileSettings:
-    """Return what the scenario says; lengths in [m], angles in [rad], times in [s].
+    """Return what the scenario's ports and params describe.
 
-    The arm: model (URDF or xacro, with the base's origin on the floor as its root), joints,
-    velocity_limit (default: 80 % of the URDF's), acceleration_limit, jerk_limit, settle_*: as in
-    `read_arm_settings`. tip, tip_velocity, tip_acceleration, tip_jerk, tip_turning, plan_timeout:
-    see `ManipulatorOptions`. The base: base_speed, base_acceleration, base_jerk, base_turn_speed,
-    base_turn_acceleration, base_turn_jerk, base_position, base_angle, base_timeout, base_lag,
-    base_lag_angle, track: see `BaseSettings`; safe_height, safe_reach of the tip while it moves.
-    The gripper: gripper_widest, gripper_tolerance, gripper_force (before the first goal). The
-    monitor: robot_links (default: all of the model), pads, ignore (default: links of the model
-    with wheel or caster in their names), collision_force [N], slow_within, slowest (share of the
-    full speed), back_off, stop_within, replans: see `AvoidanceSettings`.
-    Raises WiringError with all that is wrong.
+    Raises SettingsError with all that is wrong.
     """
-    settings = Settings(config)
-    ports = _read_ports(settings, config)
-    robot = read_robot(settings)
-    limits = read_limits(settings, robot, acceleration=2.0, jerk=20.0)
-    settling = read_settling(settings)
-    arm = _read_arm(settings, config)
-    base = _read_base(settings)
-    gripper = _read_gripper(settings)
-    height = settings.number("safe_height", 1.0, bound="positive")
-    reach = settings.number("safe_reach", 0.9, bound="positive")
-    monitor = _read_monitor(settings, robot)
-    avoidance = _read_avoidance(settings)
-    _check_frame(settings, "tip", arm.tip, robot)
-    settings.check()
-    if robot is None:
-        settings.refuse()
-    stow = StowCondition(robot=robot, frame=arm.tip, height=height, reach=reach)
+    found = Ports(config)
+    ports = find_ports(found)
+    params = config.read(Params, found.problems)
+    problems = config.problems().below(("params",))
+    robot = make_robot(params, problems)
+    _check_frame(params.tip, robot, problems)
+    monitor = _monitor(params, robot, problems)
+    problems.refuse()
     return MobileSettings(
         ports=ports,
         robot=robot,
-        limits=limits,
-        settling=settling,
-        arm=arm,
-        base=base,
-        gripper=gripper,
-        stow=stow,
+        limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
+        settling=make_settling(params),
+        arm=_arm(params, config),
+        base=_base(params),
+        gripper=GripperSettings(
+            widest=params.gripper_widest,
+            tolerance=params.gripper_tolerance,
+            hold_force=params.gripper_force,
+        ),
+        stow=StowCondition(
+            robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
+        ),
         monitor=monitor if ports.contacts is not None else None,
-        avoidance=avoidance,
+        avoidance=AvoidanceSettings(
+            back_off=params.back_off, stop_within=params.stop_within, replans=params.replans
+        ),
     )
 
 
-def _read_ports(settings: Settings, config: Config) -> MobilePorts:
-    plan = _optional_input_of(settings, config, "Plan/1")
-    request = settings.optional_output_of("PlanRequest/1")
-    if (plan is None) != (request is None):
-        problem = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
-        settings.note_all([f"participants.{config.name}: {problem}; wire both, or none of them"])
-    ports = MobilePorts(
-        joint_state=settings.input_of("JointState/1"),
-        odometry=settings.input_of("BaseState/1"),
-        gripper_state=settings.input_of("GripperState/1"),
-        goal=settings.input_of("Goal/1"),
-        contacts=_optional_input_of(settings, config, "Contacts/1"),
-        plan=plan,
-        arm=settings.output_of("JointCommand/1"),
-        base=settings.output_of("BaseCommand/1"),
-        gripper=settings.output_of("GripperCommand/1"),
-        goal_status=settings.output_of("GoalStatus/1"),
-        plan_request=request,
-        status=settings.optional_output_of("ControllerStatus/1"),
-    )
-    settings.outputs_are(
-        "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
-        "ControllerStatus/1",
-    )  # fmt: skip
-    return ports
-
-
-def _optional_input_of(settings: Settings, config: Config, kind: str) -> str | None:
-    if any(port.type == kind for port in config.inputs.values()):
-        return settings.input_of(kind)
-    return None
-
-
-def _read_arm(settings: Settings, config: Config) -> ManipulatorOptions:
-    names = ("tip_velocity", "tip_acceleration", "tip_jerk", "tip_turning", "plan_timeout")
-    usual = ManipulatorOptions(period=config.every * config.step_ns * 1e-9, tip="grasp")
-    given: dict[str, Any] = {
-        name: settings.number(name, getattr(usual, name), bound="positive") for name in names
-    }
-    tip = str(settings.value("tip", usual.tip))
-    return ManipulatorOptions(period=usual.period, tip=tip, **given)
-
-
-def _read_base(settings: Settings) -> BaseSettings:
-    names = (
-        "speed", "acceleration", "jerk", "turn_speed", "turn_acceleration", "turn_jerk",
-        "position", "angle", "timeout", "lag", "lag_angle",
-    )  # fmt: skip
-    usual = BaseSettings()
-    given: dict[str, Any] = {
-        name: settings.number(f"base_{name}", getattr(usual, name), bound="positive")
-        for name in names
-    }
-    track = settings.number("track", usual.track, bound="positive")
-    return BaseSettings(track=track, **given)
-
-
-def _read_gripper(settings: Settings) -> GripperSettings:
-    usual = GripperSettings()
-    return GripperSettings(
-        widest=settings.number("gripper_widest", usual.widest, bound="positive"),
-        tolerance=settings.number("gripper_tolerance", usual.tolerance, bound="positive"),
-        hold_force=settings.number("gripper_force", usual.hold_force, bound="not negative"),
+def _arm(params: Params, config: Config) -> ManipulatorOptions:
+    return ManipulatorOptions(
+        period=config.every * config.step_ns * 1e-9,
+        tip=params.tip,
+        tip_velocity=params.tip_velocity,
+        tip_acceleration=params.tip_acceleration,
+        tip_jerk=params.tip_jerk,
+        tip_turning=params.tip_turning,
+        plan_timeout=params.plan_timeout,
     )
 
 
-def _read_monitor(settings: Settings, robot: RobotModel | None) -> MonitorSettings:
-    links = _links(robot)
+def _base(params: Params) -> BaseSettings:
+    return BaseSettings(
+        speed=params.base_speed,
+        acceleration=params.base_acceleration,
+        jerk=params.base_jerk,
+        turn_speed=params.base_turn_speed,
+        turn_acceleration=params.base_turn_acceleration,
+        turn_jerk=params.base_turn_jerk,
+        position=params.base_position,
+        angle=params.base_angle,
+        timeout=params.base_timeout,
+        lag=params.base_lag,
+        lag_angle=params.base_lag_angle,
+        track=params.track,
+    )
+
+
+def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:
+    links = robot.links
     wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
-    ours = _names(settings, "robot_links", links)
-    pads = _names(settings, "pads", ("left_pad", "right_pad"))
-    ignore = _names(settings, "ignore", wheels)
-    if len(pads) != 2:
-        settings.note("pads", f"names {len(pads)} links; a gripper here has two")
-        pads = ("", "")
-    for param, names in (("robot_links", ours), ("pads", pads), ("ignore", ignore)):
+    ours = links if params.robot_links is None else params.robot_links
+    ignore = wheels if params.ignore is None else params.ignore
+    for key, names in (("robot_links", ours), ("pads", params.pads), ("ignore", ignore)):
         for name in names:
-            if robot is not None and name and name not in links:
-                settings.note(param, f"link {name!r} is not in the model; {nearest(name, links)}")
-    slowest = settings.number("slowest", 0.2, bound="positive")
-    if slowest > 1.0:
-        settings.note("slowest", f"is {slowest:g}, a share of the full speed is at most 1")
+            if name not in links:
+                problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
     return MonitorSettings(
         links=frozenset(ours),
-        base_links=frozenset(_base_links(robot)),
-        pads=(pads[0], pads[1]),
+        base_links=frozenset(name for name in links if not robot.chain(name).size),
+        pads=(params.pads[0], params.pads[-1]),
         ignore=frozenset(ignore),
-        force=settings.number("collision_force", 0.5, bound="positive"),
-        within=settings.number("slow_within", 0.08, bound="positive"),
-        slowest=slowest,
+        force=params.collision_force,
+        within=params.slow_within,
+        slowest=params.slowest,
     )
 
 
-def _read_avoidance(settings: Settings) -> AvoidanceSettings:
-    usual = AvoidanceSettings()
-    replans = settings.number("replans", usual.replans, bound="not negative")
-    if replans != int(replans):
-        settings.note("replans", f"is {replans:g}, not a whole number")
-    return AvoidanceSettings(
-        back_off=settings.number("back_off", usual.back_off, bound="not negative"),
-        stop_within=settings.number("stop_within", usual.stop_within, bound="not negative"),
-        replans=int(replans),
-    )
-
-
-def _names(settings: Settings, param: str, default: tuple[str, ...]) -> tuple[str, ...]:
-    if settings.has(param):
-        return settings.names(param)
-    settings.value(param, list(default))
-    return default
-
-
-def _links(robot: RobotModel | None) -> tuple[str, ...]:
-    """Return the names of all links of a robot, in the order of its model."""
-    if robot is None:
-        return ()
-    return robot.links
-
-
-def _base_links(robot: RobotModel | None) -> tuple[str, ...]:
-    """Return the names of those links that no joint of the arm moves."""
-    if robot is None:
-        return ()
-    return tuple(name for name in _links(robot) if not robot.chain(name).size)
-
-
-def _check_frame(settings: Settings, param: str, frame: str, robot: RobotModel | None) -> None:
-    if robot is None:
-        return
+def _check_frame(tip: str, robot: RobotModel, problems: Problems) -> None:
     try:
-        robot.frame_id(frame)
+        is_moved = bool(robot.chain(tip).size)
     except RunError as exc:
-        settings.note(param, str(exc))
+        problems.add(("tip",), str(exc))
         return
-    still = np.zeros(len(robot.joints))
-    if not math.isfinite(float(robot.frame_pose(still, frame).translation[2])):
-        settings.note(param, f"{frame!r} has no place in the model")
-    elif not robot.chain(frame).size:
-        settings.note(param, f"no joint of this controller moves {frame!r}")
+    if not is_moved:
+        problems.add(("tip",), f"no joint of this controller moves {tip!r}")

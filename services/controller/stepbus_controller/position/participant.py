@@ -1,4 +1,4 @@
-"""A controller for joints with motors of their own: `python -m stepbus_controller.position`."""
+"""Targets for joints with position motors of their own."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stepbus_kinematics import JointOrder, Vector
-from stepbus_participant import Config, Participant, Step, main
-from stepbus_participant.settings import Settings
+from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -20,6 +19,8 @@ from stepbus_schemas import (
     due_step,
 )
 
+from .params import Params
+
 
 class PositionController(Participant):
     """Turns a reference into position targets with a feed-forward velocity.
@@ -27,26 +28,22 @@ class PositionController(Participant):
     Inputs: one JointReference/1 and one JointState/1. Outputs: one JointCommand/1 and, where the
     scenario wires it, one ControllerStatus/1. A reference that is older than the step is moved on
     by its own derivatives. The velocity takes each target to the next in exactly one period.
-
-    Parameters: joints; feed_forward (default true): without it the joints lag behind;
-    effort_limit [N·m] (default: the plant's), one number for all joints, a list, or a map by name.
+    Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        settings = Settings(config)
-        self._reference_port = settings.input_of("JointReference/1")
-        self._state_port = settings.input_of("JointState/1")
-        self._command_port = settings.output_of("JointCommand/1")
-        self._status_port = settings.optional_output_of("ControllerStatus/1")
-        settings.outputs_are("JointCommand/1", "ControllerStatus/1")
-        self._joints = settings.names("joints")
-        self._feeds_forward = settings.flag("feed_forward", default=True)
-        self._effort_limit: list[float] | None = None
-        if settings.has("effort_limit"):
-            row = settings.per_name("effort_limit", self._joints, bound="not negative")
-            self._effort_limit = row
-        settings.check()
+        ports = Ports(config)
+        self._reference_port = ports.input_of("JointReference/1")
+        self._state_port = ports.input_of("JointState/1")
+        self._command_port = ports.output_of("JointCommand/1")
+        self._status_port = ports.optional_output_of("ControllerStatus/1")
+        ports.outputs_are("JointCommand/1", "ControllerStatus/1")
+        params = config.read(Params, ports.problems)
+        self._joints = params.joints
+        self._feeds_forward = params.feed_forward
+        limit = params.effort_limit
+        self._effort_limit = None if limit is None else limit.of(self._joints)
         self._period = config.every * config.step_ns * 1e-9
 
     def describe(self) -> Mapping[str, Description]:
@@ -69,7 +66,7 @@ class PositionController(Participant):
         self._state_order = orders[self._state_port]
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Return the targets of this step, and how far the joints are from them."""
+        """Return the targets of this step, and the tracking error."""
         reference = step.get(self._reference_port, JointReference)
         if reference is None:
             return {}
@@ -83,13 +80,13 @@ class PositionController(Participant):
         return {self._command_port: command, **self._status(step, target)}
 
     def _age(self, step: Step) -> float:
-        """Return how long ago the newest reference was true [s]."""
+        """Return the age of the newest reference [s]."""
         source = self.config.inputs[self._reference_port]
         due = due_step(step.index, source.delay, source.every)
         return (step.index - due) * self.config.step_ns * 1e-9
 
     def _target(self, reference: JointReference, age: float) -> tuple[Vector, Vector]:
-        """Return where the joints shall be now and how fast they get to where they shall be next.
+        """Return the targets now, and the velocities that lead to the next ones.
 
         Both of shape (n,), [rad, rad/s].
         """
@@ -111,7 +108,3 @@ class PositionController(Participant):
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the targets."""
         return {"numpy": np.__version__}
-
-
-if __name__ == "__main__":
-    raise SystemExit(main(PositionController))

@@ -1,0 +1,69 @@
+"""The parameters of a controller that commands torques."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from stepbus_kinematics.params import SmoothingParams
+from stepbus_participant import (
+    File,
+    Names,
+    NonNegativePerJoint,
+    Own,
+    Plugin,
+    Positive,
+    PositivePerJoint,
+    Vector3,
+    when,
+)
+from stepbus_participant.parameters import Keys
+
+Gain = Annotated[NonNegativePerJoint, when(law=("computed_torque", "pd", "pd_gravity", "pid"))]
+
+
+class Params(SmoothingParams):
+    """Parameters of `stepbus_controller`."""
+
+    law: Literal["computed_torque", "pd", "pd_gravity", "pid"] | Plugin
+    """Control law; a class of yours has `__init__(robot, params)` and `torque(q, v, reference, dt)`
+    that returns torques, shape (n,) [N·m]."""
+    model: File | None = None
+    """URDF or xacro of the robot; a law that needs no model can do with `joints`."""
+    joints: Names | None = None
+    """Joints under control, in the order of every vector. Default: all of the model."""
+    gravity: Vector3 = (0.0, 0.0, -9.81)
+    """In the frame of the robot's base [m/s²]."""
+    effort_limit: PositivePerJoint | None = None
+    """Largest torques [N·m]. Default: those of the model."""
+    kp: Gain
+    """Proportional gain [N·m/rad], of computed_torque [1/s²]."""
+    kd: Gain
+    """Derivative gain [N·m·s/rad], of computed_torque [1/s]."""
+    ki: Annotated[NonNegativePerJoint, when(law="pid")]
+    """Integral gain [N·m/(rad·s)]."""
+    anti_windup: Annotated[Literal["conditional_integration", "none"], when(law="pid")] = (
+        "conditional_integration"
+    )
+    """What the integral does while a torque is at its limit; conditional_integration: it stands
+    still (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
+    velocity: Literal["measured", "finite_difference", "filtered"] = "measured"
+    """Where joint velocities come from."""
+    cutoff_hz: Annotated[Positive, when(velocity="filtered")]
+    """Corner frequency of the filter [Hz]."""
+    own: Own = {}
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is missing without a model."""
+        yield from super().problems()
+        if self.model is not None:
+            return
+        if self.joints is None:
+            yield (
+                ("model",),
+                "is missing; give a URDF, or 'joints' for a law that needs no model",
+            )
+        elif self.law in ("computed_torque", "pd_gravity"):
+            yield ("model",), "is missing; this law needs the robot's URDF"
+        elif self.effort_limit is None:
+            yield ("effort_limit",), "is missing; without a model it must be set"

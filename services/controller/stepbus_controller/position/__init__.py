@@ -1,0 +1,1 @@
+"""`python -m stepbus_controller.position`: targets for joints with motors of their own."""

@@ -1,0 +1,16 @@
+"""The parameters of a controller that commands positions."""
+
+from __future__ import annotations
+
+from stepbus_participant import Names, NonNegativePerJoint, Settings
+
+
+class Params(Settings):
+    """Parameters of `stepbus_controller.position`."""
+
+    joints: Names
+    """Joints under control, in the order of the commands."""
+    feed_forward: bool = True
+    """Whether velocities are commanded; without them the joints lag behind."""
+    effort_limit: NonNegativePerJoint | None = None
+    """Largest torques of the motors [N·m]. Default: the plant's."""
