@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from stepbus_kinematics.params import SmoothingParams
+from stepbus_kinematics import SmoothingParams
 from stepbus_participant import (
     File,
     Names,

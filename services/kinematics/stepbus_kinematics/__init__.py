@@ -6,7 +6,7 @@ What loads Pinocchio is imported when it is first used: parameters are checked w
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .params import SmoothingParams
+from .params import Smoothing, SmoothingParams, TimeConstant, Window, window_problems
 
 if TYPE_CHECKING:
     from .geometry import collision_geometry, keep_moving_pairs, radius_from
@@ -35,13 +35,17 @@ __all__ = [
     "SavitzkyGolay",
     "SelfCollisions",
     "Smoother",
+    "Smoothing",
     "SmoothingParams",
+    "TimeConstant",
     "Vector",
+    "Window",
     "collision_geometry",
     "delay_warning",
     "keep_moving_pairs",
     "make_smoother",
     "radius_from",
+    "window_problems",
 ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from stepbus_kinematics.params import Smoothing, TimeConstant, Window, window_problems
+from stepbus_kinematics import Smoothing, TimeConstant, Window, window_problems
 from stepbus_motion.manipulator.params import JointParams
 from stepbus_participant import File, NonNegative, PositivePerJoint, each
 from stepbus_participant.parameters import Keys
