@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import re
+import textwrap
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,7 @@ html_static_path: list[str] = []
 html_theme_options = {"top_of_page_buttons": []}
 
 GROUPS = ("Functions", "Classes", "Messages", "Errors", "Types and constants", "Modules")
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 ERRORS = {
     name
@@ -125,7 +127,8 @@ def _format(
     names = _names(value) if what in ("function", "method", "class") else []
     start = re.compile(rf"(?:^|(?<=[.;] ))((?:{'|'.join(names)})(?:, \w+)*): ")
     formatted: list[str] = []
-    for paragraph in "\n".join(lines).split("\n\n"):
+    fenced = FENCE.sub(_code_block, "\n".join(lines))
+    for paragraph in fenced.split("\n\n"):
         text = paragraph.replace("\n", " ") if names and start.match(paragraph) else paragraph
         parts = start.split(text) if text is not paragraph else [text]
         if len(parts) > 1:
@@ -137,6 +140,10 @@ def _format(
     link = re.compile(rf"(?<![`\w.])({'|'.join(sorted(ERRORS))})(?![`\w])")
     text = QUOTED.sub(_quoted, "\n".join(formatted))
     lines[:] = link.sub(r":py:exc:`~stepbus.\1`", text).split("\n")
+
+
+def _code_block(found: re.Match[str]) -> str:
+    return f".. code-block:: {found[1]}\n\n{textwrap.indent(found[2], '   ')}"
 
 
 def _quoted(found: re.Match[str]) -> str:

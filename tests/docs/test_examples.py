@@ -14,6 +14,7 @@ from sybil.document import PythonDocStringDocument
 from sybil.parsers.markdown import CodeBlockParser, SkipParser
 from sybil.parsers.rest import DocTestParser
 
+import stepbus
 from stepbus_orchestrator.cli import make_parser
 from stepbus_orchestrator.errors import ExitCode
 
@@ -72,7 +73,10 @@ def comparable(text):
 BLOCKS = Sybil(
     [CodeBlockParser("python", run_python), CodeBlockParser("console", run_console), SkipParser()]
 )
-DOCSTRINGS = Sybil([DocTestParser()], document_types={".py": PythonDocStringDocument})
+DOCSTRINGS = Sybil(
+    [DocTestParser(), CodeBlockParser("python", run_python)],
+    document_types={".py": PythonDocStringDocument},
+)
 
 
 def name_of(path):
@@ -102,14 +106,18 @@ def test_the_examples_of_a_page_work_one_after_the_other(page, tmp_path, monkeyp
         path
         for folder in SOURCES
         for path in sorted((CHECKOUT / folder).rglob("*.py"))
-        if ">>> " in path.read_text()
+        if re.search(r"^ *(>>> |```python)", path.read_text(), re.MULTILINE)
     ],
     ids=name_of,
 )
 def test_the_examples_of_docstrings_work(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for example in DOCSTRINGS.parse(source).examples():
+    document = DOCSTRINGS.parse(source)
+    document.namespace["stepbus"] = stepbus
+    examples = list(document.examples())
+    for example in examples:
         example.evaluate()
+    assert examples
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
