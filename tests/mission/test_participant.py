@@ -29,10 +29,10 @@ def test_it_tells_when_it_begins_and_when_it_is_done() -> None:
 def test_it_ends_the_run_only_where_asked_to(end_when_done: bool) -> None:
     mission = make_mission(mission_config(**MOVE, end_when_done=end_when_done))
     mission.update(1)
-    assert mission.step.end_reason is None
+    assert mission.end_reason is None
     mission.update(2)
     wanted = "mission: waypoints is done at 0.010 s" if end_when_done else None
-    assert mission.step.end_reason == wanted
+    assert mission.end_reason == wanted
 
 
 def test_an_event_is_published_only_where_it_is_wired() -> None:

@@ -189,7 +189,7 @@ def test_a_tip_goes_to_a_pose_in_the_frame_of_odometry_from_wherever_the_base_is
     assert robot.go(1, "turn", by=0.2).state == "succeeded"
     turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.1, 1.2, 0.3)).coeffs()
     end = robot.go(2, "move_to_pose", tip="grasp", frame="odometry", position=(0.8, 0.1, 0.6),
-                   orientation=tuple(turn))  # fmt: skip
+                   orientation=tuple(turn.tolist()))  # fmt: skip
     assert end.state == "succeeded", end.text
     base = pin.SE3(pin.rpy.rpyToMatrix(0, 0, robot.yaw), np.array([robot.x, robot.y, 0]))
     assert (base * robot.place("grasp")).translation == pytest.approx([0.8, 0.1, 0.6], abs=1e-3)

@@ -79,8 +79,8 @@ def seen(tmp_path_factory):
         axes = rotation(orientation)
         floor = eye + axes[:, 2] * 0.35
         for n, kind in enumerate(("cola", "juice", "water")):
-            x, y, _ = floor + axes[:, 0] * 0.09 * (n - 1)
-            store.add(Item(f"{kind}_{n}", kind, (x, y, floor[2] - TOPS[kind]), YAW + 0.2))
+            x, y, _ = (floor + axes[:, 0] * 0.09 * (n - 1)).tolist()
+            store.add(Item(f"{kind}_{n}", kind, (x, y, float(floor[2]) - TOPS[kind]), YAW + 0.2))
         images = store.see(eye, orientation)
         state = JointState(position=[9.0, *ANGLES[::-1]])
         yield (

@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 import stepbus_scenarios
+from stepbus.testing import Bench
 from stepbus_controller import ControllerParticipant
 from stepbus_mission import MissionParticipant
-from stepbus_participant import Config, Participant, Step
-from stepbus_participant.session import make_inputs
-from stepbus_schemas import Description, InputConfig, JointState, Message, OutputConfig
+from stepbus_participant import Config
+from stepbus_schemas import Description, InputConfig, JointState, OutputConfig
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 STEP_NS = 5_000_000
@@ -63,36 +63,22 @@ def mission_config(folder: Path = TWO_LINK, **params: Any) -> Config:
     )
 
 
-class Stand:
-    """A participant on a test stand: sets its inputs, one step after the other."""
+class Stand(Bench):
+    """A started participant on the bench."""
 
-    def __init__(self, participant: Participant) -> None:
-        self.participant = participant
-        self.inputs = make_inputs(dict(participant.config.inputs))
-        self.step = Step(self.inputs, participant.config.step_ns)
-
-    def update(self, index: int, **messages: Message) -> dict[str, Any]:
-        """Return what the participant publishes at a step; inputs not named here are held."""
-        self.step.index = index
-        for name, port in self.inputs.items():
-            port.fresh = name in messages
-            port.value = messages.get(name, port.value)
-        return dict(self.participant.update(self.step) or {})
+    update = Bench.step
 
 
 def make_controller(config: Config, names: list[str] | None = None) -> Stand:
     """Return a started controller; names: the joint order of both its inputs."""
-    controller = ControllerParticipant(config)
     description = Description(names=names or JOINTS)
-    controller.start({"joint_state": description, "reference": description})
-    return Stand(controller)
+    descriptions = {"joint_state": description, "reference": description}
+    return Stand(ControllerParticipant, config, descriptions)
 
 
 def make_mission(config: Config) -> Stand:
     """Return a started mission."""
-    mission = MissionParticipant(config)
-    mission.start({})
-    return Stand(mission)
+    return Stand(MissionParticipant, config)
 
 
 class Arm:

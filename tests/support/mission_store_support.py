@@ -330,8 +330,8 @@ def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
         _take(result, published)
         if "goal" in published:
             store.carry_out(published["goal"], walked[-1][2])
-        if stand.step.end_reason:
-            result.end = stand.step.end_reason
+        if stand.end_reason:
+            result.end = stand.end_reason
             break
     assert result.end or result.error, f"still at it after {steps} steps:\n{result.text}"
     return result

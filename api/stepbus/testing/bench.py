@@ -19,6 +19,8 @@ from stepbus_schemas import (
     type_name,
 )
 
+from .configs import make_config
+
 _AT_ONCE = -1
 """What a source has published before any step is due at every step."""
 
@@ -54,9 +56,9 @@ def _deliver(inputs: Mapping[str, Input], messages: Mapping[str, Message], step:
 class Bench:
     """One participant without processes and bus: made, described and started as in a run.
 
-    factory: makes the participant, usually its class; or a participant that is made already.
-    config: see `make_config` and `scenario_config`. descriptions: of its inputs; default: an
-    empty one each.
+    factory: makes the participant, usually its class; or a participant that is started already.
+    config: see `make_config` and `scenario_config`; default: that of the started participant.
+    descriptions: of its inputs; default: an empty one each.
 
     participant: what the factory made. descriptions: what it reports of its outputs. index: number
     of the step that comes next.
@@ -65,20 +67,23 @@ class Bench:
     def __init__(
         self,
         factory: Callable[[Config], Participant] | Participant,
-        config: Config,
+        config: Config | None = None,
         descriptions: Mapping[str, Description] | None = None,
     ) -> None:
-        self.config = config
-        self.participant = factory if isinstance(factory, Participant) else factory(config)
+        if isinstance(factory, Participant):
+            self.config, self.participant = config or factory.config, factory
+        else:
+            self.config = config or make_config()
+            self.participant = factory(self.config)
+        inputs, outputs = self.config.inputs, self.config.outputs
         self.descriptions = dict(self.participant.describe())
         self.index = 0
-        self._inputs = {name: Input(name, item) for name, item in config.inputs.items()}
-        self._decoders = {
-            port: Decoder(message_class(output.type)) for port, output in config.outputs.items()
-        }
-        self._step = Step(self._inputs, config.step_ns)
-        given = descriptions or {}
-        self.participant.start({port: given.get(port, Description()) for port in config.inputs})
+        self._inputs = {name: Input(name, item) for name, item in inputs.items()}
+        self._decoders = {name: Decoder(message_class(item.type)) for name, item in outputs.items()}
+        self._step = Step(self._inputs, self.config.step_ns)
+        if self.participant is not factory:
+            given = descriptions or {}
+            self.participant.start({port: given.get(port, Description()) for port in inputs})
 
     def step(self, index: int | None = None, /, **messages: Message) -> dict[str, Any]:
         """Make one step and return what the participant publishes in it, by output port.
