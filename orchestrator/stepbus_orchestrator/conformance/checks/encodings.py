@@ -167,13 +167,13 @@ CHECKS = (
     Check(
         name="numbers",
         clause="P3.4",
-        summary="float32 and integers are as good as float64",
+        summary="it accepts float32 and integers for float64",
         run=numbers,
     ),
     Check(
         name="joint-order",
         clause="P4.8",
-        summary="joints in the reverse order give the same values by name",
+        summary="joints in reverse order give the same values by name",
         run=joint_order,
     ),
 )

@@ -137,7 +137,7 @@ CHECKS = (
     Check(
         name="changed-duplicate",
         clause="P8.1",
-        summary="a step that comes twice with other bytes is a fault that blames the source",
+        summary="a step repeated with other bytes is a fault that blames the source",
         run=changed_duplicate,
     ),
     Check(

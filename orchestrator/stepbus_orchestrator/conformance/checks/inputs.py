@@ -243,25 +243,25 @@ CHECKS = (
     Check(
         name="late-input",
         clause="P6.2",
-        summary="it waits for inputs that are late, says for whom, and changes nothing",
+        summary="it waits for late inputs, reports the source, and publishes the same",
         run=late_input,
     ),
     Check(
         name="slow-peer",
         clause="P6.2",
-        summary="peers that are slow now and then change nothing",
+        summary="peers that are slow at times change nothing",
         run=slow_peer,
     ),
     Check(
         name="inputs-ahead",
         clause="P6.2",
-        summary="peers that are far ahead change nothing: it takes the due message, not the newest",
+        summary="peers far ahead change nothing: it uses the due message, not the newest",
         run=inputs_ahead,
     ),
     Check(
         name="absent",
         clause="P6.3",
-        summary="while an input is absent it goes on, or reports a fault",
+        summary="while an input is absent, it continues or reports a fault",
         run=absent,
     ),
     Check(
@@ -273,19 +273,19 @@ CHECKS = (
     Check(
         name="rarer-source",
         clause="P6.1",
-        summary="of a source that fires rarely it takes the due message",
+        summary="from a source that fires less often, it uses the due message",
         run=rarer_source,
     ),
     Check(
         name="own-every",
         clause="P6.3",
-        summary="it fires at every other step, and gets what came in between",
+        summary="firing at every other step, it still gets the messages in between",
         run=own_every,
     ),
     Check(
         name="held",
         clause="P6.3",
-        summary="it holds an input where the port is left out",
+        summary="it holds an input when the source leaves out the port",
         run=held,
     ),
 )

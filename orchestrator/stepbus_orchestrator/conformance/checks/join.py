@@ -140,19 +140,19 @@ CHECKS = (
     Check(
         name="join",
         clause="P4.2",
-        summary="it is alive on the bus, then sends a right `Hello`",
+        summary="it declares itself alive, then sends a valid `Hello`",
         run=join,
     ),
     Check(
         name="port-types",
         clause="P14.3",
-        summary="the ports of its `Hello`, where it names any, are the scenario's",
+        summary="the ports in its `Hello`, if any, are the scenario's",
         run=port_types,
     ),
     Check(
         name="orchestrator-late",
         clause="P4.2",
-        summary="it asks again while the orchestrator is not there yet",
+        summary="it repeats its query until the orchestrator is there",
         run=orchestrator_late,
     ),
     Check(

@@ -193,7 +193,7 @@ CHECKS = (
     Check(
         name="duplicate",
         clause="P8.1",
-        summary="equal bytes that come twice change nothing",
+        summary="duplicate messages change nothing",
         run=duplicate,
     ),
     Check(
@@ -217,7 +217,7 @@ CHECKS = (
     Check(
         name="control-noise",
         clause="P8.4",
-        summary="a stranger's `Stop`, `Start` and `Trigger`, and garbage there, change nothing",
+        summary="unauthenticated or malformed `Stop`, `Start`, `Trigger` change nothing",
         run=control_noise,
     ),
     Check(
@@ -229,7 +229,7 @@ CHECKS = (
     Check(
         name="oversize",
         clause="P3.7",
-        summary="messages as large as the bus carries change nothing",
+        summary="messages as large as the bus allows change nothing",
         run=oversize,
     ),
 )

@@ -151,19 +151,19 @@ CHECKS = (
     Check(
         name="peers-first",
         clause="P2.2",
-        summary="peers that are there first, on a link of their own, change nothing",
+        summary="peers that start first, on a link of their own, change nothing",
         run=peers_first,
     ),
     Check(
         name="peers-last",
         clause="P4.6",
-        summary="it waits for peers that come late, says for whom, and changes nothing",
+        summary="it waits for late peers, reports them, and publishes the same",
         run=peers_last,
     ),
     Check(
         name="descriptions",
         clause="P4.7",
-        summary="names, limits and `like` of its outputs fit together",
+        summary="names, limits and `like` of its outputs are consistent",
         run=descriptions,
     ),
     Check(
@@ -175,7 +175,7 @@ CHECKS = (
     Check(
         name="early",
         clause="P4.9",
-        summary="it keeps a trigger and outputs that come before the `Start`",
+        summary="it keeps a trigger and outputs that arrive before the `Start`",
         run=early,
     ),
 )

@@ -188,7 +188,7 @@ CHECKS = (
     Check(
         name="encodings",
         clause="P3.2",
-        summary="what it puts names its type as Zenoh encoding",
+        summary="the Zenoh encoding of each of its messages names the type",
         run=encodings,
     ),
     Check(
@@ -200,7 +200,7 @@ CHECKS = (
     Check(
         name="batch",
         clause="P9.2",
-        summary="no `Log` is larger than `batch`, and none is kept back",
+        summary="no `Log` has more entries than `batch`, and none is withheld",
         run=batch,
     ),
     Check(
@@ -212,7 +212,7 @@ CHECKS = (
     Check(
         name="waits-for-trigger",
         clause="P5.1",
-        summary="it does not begin a step before its trigger, and says that it waits",
+        summary="it begins no step before its trigger, and reports that it waits",
         run=waits_for_trigger,
     ),
     Check(

@@ -174,7 +174,7 @@ CHECKS = (
     Check(
         name="stop-between-steps",
         clause="P11.1",
-        summary="a stop, said twice, while it waits for the trigger: exit code 0",
+        summary="a repeated stop while it waits for the trigger: exit code 0",
         run=stop_between_steps,
     ),
     Check(
@@ -186,13 +186,13 @@ CHECKS = (
     Check(
         name="stop-overtakes",
         clause="P11.2",
-        summary="a stop that comes before the last inputs: the step is done first",
+        summary="a stop that overtakes the last inputs: it finishes the step first",
         run=stop_overtakes,
     ),
     Check(
         name="orchestrator-gone",
         clause="P4.4",
-        summary="it ends by itself, with a code other than 0, when the orchestrator has gone",
+        summary="it exits with a code other than 0 when the orchestrator is lost",
         run=orchestrator_gone,
     ),
     Check(
