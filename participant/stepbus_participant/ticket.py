@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -14,10 +15,11 @@ TICKET_VARIABLE = "STEPBUS_TICKET"
 
 
 class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
-    """How one process reaches the bus.
+    """How one process reaches the bus (P2).
 
-    listen: its own Zenoh endpoint. connect: endpoints of those it links to. user, password:
-    credentials of the transport, on TCP.
+    listen: its own Zenoh endpoint. connect: endpoints of those it links to. user, password: its
+    credentials. users: user → password this process lets in. settings: further Zenoh settings, by
+    their path in Zenoh's own tree: certificates and access control.
     """
 
     listen: list[str]
@@ -26,7 +28,7 @@ class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
     user: str | None = None
     password: str | None = None
     users: dict[str, str] = {}
-    """User → password this process lets in, on TCP."""
+    settings: dict[str, Any] = {}
 
 
 class MessageFault(msgspec.Struct, frozen=True, kw_only=True):

@@ -144,6 +144,7 @@ def test_the_settings_of_a_session_are_those_of_the_page(low_latency, column):
     page, ours = settings_of_the_page(column), zenoh_settings(endpoint, "file")
     assert page.keys() == ours.keys()
     from_ticket = {path for path in page if "endpoints" in path or "usrpwd" in path}
+    assert zenoh_settings(Endpoint(listen=[], connect=[], settings={"x/y": 1}), None)["x/y"] == 1
     assert {path: json.loads(page[path]) for path in page.keys() - from_ticket} == {
         path: ours[path] for path in ours.keys() - from_ticket
     }

@@ -4,6 +4,7 @@ import json
 import os
 import queue
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -95,7 +96,7 @@ def carries(data, token):
     return isinstance(message, dict) and message.get("token") == token
 
 
-def settings(endpoint):
+def settings(endpoint, dictionary):
     """P2."""
     yield "mode", "peer"
     yield "listen/endpoints", endpoint["listen"]
@@ -106,17 +107,26 @@ def settings(endpoint):
     yield "connect/retry", retry
     yield "scouting/multicast/enabled", False
     yield "scouting/gossip/enabled", False
-    yield "transport/shared_memory/enabled", not endpoint["low_latency"]
+    yield "transport/shared_memory/enabled", False
     if endpoint["low_latency"]:
         yield "transport/unicast/qos/enabled", False
         yield "transport/unicast/lowlatency", True
+    if endpoint.get("user") is not None:
+        yield "transport/auth/usrpwd/user", endpoint["user"]
+        yield "transport/auth/usrpwd/password", endpoint["password"]
+        yield "transport/auth/usrpwd/dictionary_file", dictionary
+    yield from endpoint.get("settings", {}).items()
 
 
 def open_session(endpoint):
-    config = zenoh.Config()
-    for path, value in settings(endpoint):
-        config.insert_json5(path, json.dumps(value))
-    return zenoh.open(config)
+    with tempfile.NamedTemporaryFile("w") as dictionary:
+        users = endpoint.get("users", {})
+        dictionary.writelines(f"{user}:{password}\n" for user, password in users.items())
+        dictionary.flush()
+        config = zenoh.Config()
+        for path, value in settings(endpoint, dictionary.name):
+            config.insert_json5(path, json.dumps(value))
+        return zenoh.open(config)
 
 
 class Source:

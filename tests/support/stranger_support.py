@@ -1,4 +1,4 @@
-"""Somebody who has found the sockets of a run, and talks while one participant is frozen."""
+"""Somebody who has stolen the tickets of a run, and talks while one participant is frozen."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ WAIT_S = 30.0
 class Stranger:
     """Acts once, while the controller is frozen: so it is in the middle of the run.
 
-    act: is given the stranger and the run's token.
+    It has the credentials of every participant, without which there is no link at all, and
+    publishes on each key as its owner. act: is given the stranger and the run's token.
     """
 
     def __init__(self, temp, act):
@@ -45,7 +46,8 @@ class Stranger:
         (folder,) = self.temp.glob("stepbus-*/")
         tickets = [load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("*.ticket")]
         links = {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
-        self.bus = ZenohBus(Endpoint(listen=[], connect=sorted(links)), tickets[0].run)
+        self.buses = {ticket.name: open_bus(ticket, links) for ticket in tickets}
+        self.bus = self.buses["controller"]
         try:
             self.hear_everybody()
             os.kill(children["controller"].pid, signal.SIGSTOP)
@@ -56,15 +58,17 @@ class Stranger:
         finally:
             os.kill(children["controller"].pid, signal.SIGCONT)
             self.over.wait(WAIT_S)
-            self.bus.close()
+            for bus in self.buses.values():
+                bus.close()
 
     def hear_everybody(self):
-        """Wait until outputs of all have come: so all links are up, with what is listened to."""
-        heard = {name: threading.Event() for name in ("plant", "controller", "mission")}
-        for name, event in heard.items():
-            self.bus.subscribe(f"out/{name}", lambda _sample, event=event: event.set())
-        if not all(event.wait(WAIT_S) for event in heard.values()):
-            raise TimeoutError("the stranger does not hear everybody")
+        """Wait until each link is up in both directions: outputs of all have come on each."""
+        for bus in self.buses.values():
+            heard = {name: threading.Event() for name in self.buses}
+            for name, event in heard.items():
+                bus.subscribe(f"out/{name}", lambda _sample, event=event: event.set())
+            if not all(event.wait(WAIT_S) for event in heard.values()):
+                raise TimeoutError("the stranger does not hear everybody")
         self.await_step(20)
 
     def await_step(self, count):
@@ -76,7 +80,8 @@ class Stranger:
 
     def say(self, key, data, attachment=b""):
         if key not in self.publishers:
-            self.publishers[key] = self.bus.publisher(key, encoding_of("Outputs/1"))
+            owner = next((name for name in self.buses if name in key.split("/")), "mission")
+            self.publishers[key] = self.buses[owner].publisher(key, encoding_of("Outputs/1"))
         self.publishers[key](data, **({"attachment": attachment} if attachment else {}))
 
     def say_message(self, key, message):
@@ -87,6 +92,12 @@ class Stranger:
     def ask(self, data):
         """Return the orchestrator's answer to a query on `join`."""
         return next(iter(self.bus.query("join", data, encoding_of("Hello/1"), WAIT_S)), None)
+
+
+def open_bus(ticket, links):
+    """Return a session with a participant's credentials, linked to everybody."""
+    own = {"user": ticket.endpoint.user, "password": ticket.endpoint.password}
+    return ZenohBus(Endpoint(listen=[], connect=sorted(links), **own), ticket.run)
 
 
 def disturbed(folder, temp, act):

@@ -186,13 +186,14 @@ fn config(endpoint: &Endpoint, dictionary: Option<&Path>) -> zenoh::Result<Confi
         settings.push(("transport/auth/usrpwd/dictionary_file", json!(path)));
     }
     let mut config = Config::default();
-    for (path, value) in settings {
+    let further = endpoint.settings.iter().map(|(path, value)| (path.as_str(), value.clone()));
+    for (path, value) in settings.into_iter().chain(further) {
         config.insert_json5(path, &value.to_string())?;
     }
     Ok(config)
 }
 
-/// Writes the users to let in on TCP to a private file, if the run has any (P2.4).
+/// Writes the users to let in to a private file, if the run has any (P2.4).
 fn write_dictionary(ticket: &Ticket) -> std::io::Result<Option<PathBuf>> {
     if ticket.endpoint.user.is_none() {
         return Ok(None);

@@ -30,13 +30,16 @@ pub struct Endpoint {
     /// Which transport to use.
     #[serde(default = "yes")]
     pub low_latency: bool,
-    /// Who one is on TCP.
+    /// Who you are.
     pub user: Option<String>,
     /// What proves it.
     pub password: Option<String>,
-    /// User → password, whom to let in on TCP.
+    /// User → password: whom to let in.
     #[serde(default)]
     pub users: BTreeMap<String, String>,
+    /// Further Zenoh settings: path in Zenoh's own tree → value (P2.4).
+    #[serde(default)]
+    pub settings: BTreeMap<String, serde_json::Value>,
 }
 
 fn ten() -> f64 {

@@ -5,10 +5,11 @@ from __future__ import annotations
 import tempfile
 import time
 from contextlib import closing
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
-from stepbus_orchestrator.processes import new_token
+from stepbus_orchestrator.processes import certificates, passwords
 from stepbus_participant import BusError, Endpoint, ZenohBus
 
 from .finding import Finding
@@ -34,14 +35,21 @@ def link(transport: Literal["unix", "tcp"]) -> Finding:
 def _endpoints(transport: str, folder: str) -> tuple[Endpoint, Endpoint]:
     if transport == "unix":
         one, other = (f"unixsock-stream/{folder}/{index}.sock" for index in range(2))
-        return Endpoint(listen=[one], connect=[]), Endpoint(listen=[other], connect=[one])
-    one, other = (f"tcp/127.0.0.1:{port}" for port in free_ports(2))
-    token = new_token()
-    users = {"one": token, "other": token}
+        settings: dict[str, dict[str, Any]] = {"one": {}, "other": {}}
+    else:
+        one, other = (f"tls/127.0.0.1:{port}" for port in free_ports(2))
+        settings = certificates(("one", "other"), Path(folder))
+    users = passwords(("one", "other"))
     return (
-        Endpoint(listen=[one], connect=[], user="one", password=token, users=users),
-        Endpoint(listen=[other], connect=[one], user="other", password=token, users=users),
-    )
+        Endpoint(
+            listen=[one], connect=[], user="one", password=users["one"], users=users,
+            settings=settings["one"],
+        ),
+        Endpoint(
+            listen=[other], connect=[one], user="other", password=users["other"], users=users,
+            settings=settings["other"],
+        ),
+    )  # fmt: skip
 
 
 def _pass_message(one: Endpoint, other: Endpoint) -> float:

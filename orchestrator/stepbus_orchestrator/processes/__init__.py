@@ -1,9 +1,9 @@
 """The processes of a run: started, watched, ended."""
 
 from .child import Child
+from .credentials import ORCHESTRATOR, certificates, passwords
 from .delays import Delays
 from .endpoints import (
-    ORCHESTRATOR,
     Mesh,
     low_latency,
     make_mesh,
@@ -20,8 +20,10 @@ __all__ = [
     "Launcher",
     "Mesh",
     "Watchdog",
+    "certificates",
     "low_latency",
     "make_mesh",
     "new_token",
+    "passwords",
     "private_folder",
 ]

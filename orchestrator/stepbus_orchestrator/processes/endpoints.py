@@ -7,21 +7,27 @@ import socket
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Endpoint
 
-ORCHESTRATOR = "orchestrator"
+from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, passwords
+
 _SOCKET_PATH_BYTES = 107
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """The endpoints of one run: each process connects to the orchestrator and those before it."""
+    """The endpoints of one run: each member links to the orchestrator and to those before it.
+
+    caller: of whoever calls the run from outside.
+    """
 
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
+    caller: Endpoint
 
 
 def private_folder() -> Path:
@@ -38,30 +44,68 @@ def private_folder() -> Path:
         ) from exc
 
 
-def make_mesh(scenario: Scenario, folder: Path, token: str) -> Mesh:
-    """Return the endpoints of the orchestrator and all participants.
+def make_mesh(scenario: Scenario, folder: Path, run: str | None) -> Mesh:
+    """Return the endpoints of all members of a run, with their credentials.
 
-    Raises BusFailed when a socket's path is too long or there is no free port.
+    folder: private, for sockets and certificates. run: names the key space, in which each
+    participant may publish on its own keys only; None: on any key, as the conformance kit does,
+    which speaks for several.
+
+    Raises BusFailed when there is no room for a socket, no free port or no space in the folder.
     """
-    bus = scenario.bus
-    names = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
-    if bus.transport == "unix":
-        addresses = [_unix(folder, index) for index in range(len(names))]
+    members = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
+    is_unix = scenario.bus.transport == "unix"
+    if is_unix:
+        addresses = [_unix(folder, index) for index in range(len(members))]
     else:
-        addresses = [f"tcp/127.0.0.1:{port}" for port in _ports(bus.port, len(names))]
-    users = {} if bus.transport == "unix" else dict.fromkeys(names, token)
+        addresses = [f"tls/127.0.0.1:{port}" for port in _ports(scenario.bus.port, len(members))]
+    users = passwords([*members, CALLER])
+    settings = _settings(folder, run, members, is_unix=is_unix)
     endpoints = {
         name: Endpoint(
-            listen=[addresses[index]],
-            connect=addresses[:index],
+            listen=addresses[index : index + 1],
+            connect=addresses[: index if name != CALLER else 1],
             low_latency=low_latency(scenario),
-            user=name if users else None,
-            password=token if users else None,
-            users=users,
+            user=name,
+            password=users[name],
+            users=users if name != CALLER else {},
+            settings=settings[name],
         )
-        for index, name in enumerate(names)
+        for index, name in enumerate([*members, CALLER])
     }
-    return Mesh(orchestrator=endpoints.pop(ORCHESTRATOR), participants=endpoints)
+    return Mesh(
+        orchestrator=endpoints.pop(ORCHESTRATOR),
+        caller=endpoints.pop(CALLER),
+        participants=endpoints,
+    )
+
+
+def _settings(
+    folder: Path, run: str | None, members: list[str], *, is_unix: bool
+) -> dict[str, dict[str, Any]]:
+    """Return the further Zenoh settings of each member."""
+    everybody = [*members, CALLER]
+    if is_unix:
+        # A password names the one who opens a link to the one who accepts it, not the other way
+        # round; so only the orchestrator, which opens none, can hold everybody to its own keys.
+        own: dict[str, dict[str, Any]] = {name: {} for name in everybody}
+        guarded, proof = [ORCHESTRATOR], "usernames"
+    else:
+        own, guarded, proof = _certificates(everybody, folder), everybody, "cert_common_names"
+    if run is not None:
+        access = access_control(run, members[1:], proof)
+        own |= {name: {**own[name], "access_control": access} for name in guarded}
+    return own
+
+
+def _certificates(members: list[str], folder: Path) -> dict[str, dict[str, Any]]:
+    try:
+        return certificates(members, folder)
+    except OSError as exc:
+        raise BusFailed(
+            f"cannot write the certificates of the run: {exc.strerror or exc}; set TMPDIR to a "
+            "folder with room"
+        ) from exc
 
 
 def low_latency(scenario: Scenario) -> bool:

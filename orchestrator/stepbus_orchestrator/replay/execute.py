@@ -153,7 +153,7 @@ class _Replay:
             logs.mkdir()
             timing = TimingRecorder(self._folder / layout.TIMING_FILE)
             stack.callback(timing.close)
-            mesh = make_mesh(alone(self._scenario, self._spec.name), folder, self._token)
+            mesh = make_mesh(alone(self._scenario, self._spec.name), folder, run)
             bus = _open_bus(mesh, run)
             stack.callback(bus.close)
             limit_s = self._spec.deadlines.step_s

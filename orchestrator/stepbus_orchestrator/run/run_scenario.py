@@ -124,7 +124,7 @@ class _Run:
         folder = private_folder()
         launcher = Launcher(run=self._run, token=self._token, folder=folder, logs=logs)
         try:
-            mesh = make_mesh(self._scenario, folder, self._token)
+            mesh = make_mesh(self._scenario, folder, self._run)
             with self._options.around(launcher.children):
                 return self._with_bus(launcher, mesh)
         finally:
@@ -147,7 +147,8 @@ class _Run:
             if self._injector is not None:
                 injector = self._injector
                 stack.callback(lambda: injector.close(loop.state.steps))
-            Live.of(self._run, self._token, mesh.orchestrator).save(self._options.out)
+            live_file = Live(run=self._run, token=self._token, endpoint=mesh.caller)
+            live_file.save(self._options.out)
             stack.callback(forget, self._options.out)
             return run_phases(loop)
 

@@ -88,7 +88,7 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
         settings["transport/auth/usrpwd/user"] = endpoint.user
         settings["transport/auth/usrpwd/password"] = endpoint.password
         settings["transport/auth/usrpwd/dictionary_file"] = users_file
-    return settings
+    return {**settings, **endpoint.settings}
 
 
 class _ZenohRequest:

@@ -67,6 +67,4 @@ class Setup:
         if self.own_peers and first is not None:
             members = (scenario.participant(first.source), spec)
         bus = dataclasses.replace(scenario.bus, low_latency=low_latency(scenario))
-        return make_mesh(
-            dataclasses.replace(scenario, participants=members, bus=bus), folder, token
-        )
+        return make_mesh(dataclasses.replace(scenario, participants=members, bus=bus), folder, None)

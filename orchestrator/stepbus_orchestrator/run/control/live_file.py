@@ -11,7 +11,6 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import BusFailed
-from stepbus_orchestrator.processes import ORCHESTRATOR
 from stepbus_participant import BusError, Endpoint, ZenohBus
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
@@ -23,23 +22,11 @@ _ANSWER_S = 20.0
 
 
 class Live(msgspec.Struct, frozen=True, kw_only=True):
-    """A run that goes on: its key space, its secret, and how to reach its orchestrator."""
+    """A run that goes on: its key space, its secret, and how a caller reaches its orchestrator."""
 
     run: str
     token: str
     endpoint: Endpoint
-
-    @classmethod
-    def of(cls, run: str, token: str, orchestrator: Endpoint) -> Live:
-        """Return how to reach the orchestrator that listens on an endpoint."""
-        endpoint = Endpoint(
-            listen=[],
-            connect=orchestrator.listen,
-            low_latency=orchestrator.low_latency,
-            user=ORCHESTRATOR if orchestrator.users else None,
-            password=orchestrator.password,
-        )
-        return cls(run=run, token=token, endpoint=endpoint)
 
     def save(self, folder: Path) -> None:
         """Write it into a run's folder, readable by its owner only."""
