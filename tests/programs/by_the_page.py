@@ -108,6 +108,7 @@ def settings(endpoint, dictionary):
     yield "scouting/multicast/enabled", False
     yield "scouting/gossip/enabled", False
     yield "transport/shared_memory/enabled", False
+    yield "transport/link/tx/lease", 3_600_000
     if endpoint["low_latency"]:
         yield "transport/unicast/qos/enabled", False
         yield "transport/unicast/lowlatency", True

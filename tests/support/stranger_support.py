@@ -47,7 +47,7 @@ class Stranger:
         tickets = [load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("*.ticket")]
         links = {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
         self.buses = {ticket.name: open_bus(ticket, links) for ticket in tickets}
-        self.bus = self.buses["controller"]
+        self.bus, self.run = self.buses["controller"], tickets[0].run
         try:
             self.hear_everybody()
             os.kill(children["controller"].pid, signal.SIGSTOP)
@@ -96,13 +96,14 @@ class Stranger:
 
 def open_bus(ticket, links):
     """Return a session with a participant's credentials, linked to everybody."""
-    own = {"user": ticket.endpoint.user, "password": ticket.endpoint.password}
+    settings = {path: value for path, value in ticket.endpoint.settings.items() if "tls" in path}
+    own = {"user": ticket.endpoint.user, "password": ticket.endpoint.password, "settings": settings}
     return ZenohBus(Endpoint(listen=[], connect=sorted(links), **own), ticket.run)
 
 
-def disturbed(folder, temp, act):
+def disturbed(folder, temp, act, *settings):
     """Return the result of a run that a stranger has disturbed."""
     stranger = Stranger(temp, act)
-    result = run_joints(folder, *PATIENT, around=stranger.around)
+    result = run_joints(folder, *PATIENT, *settings, around=stranger.around)
     assert stranger.acted, result.reason
     return result

@@ -175,6 +175,7 @@ fn config(endpoint: &Endpoint, dictionary: Option<&Path>) -> zenoh::Result<Confi
         ("scouting/multicast/enabled", json!(false)),
         ("scouting/gossip/enabled", json!(false)),
         ("transport/shared_memory/enabled", json!(false)),
+        ("transport/link/tx/lease", json!(3_600_000)),
     ];
     if endpoint.low_latency {
         settings.push(("transport/unicast/qos/enabled", json!(false)));
