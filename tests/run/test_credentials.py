@@ -7,7 +7,7 @@ import zenoh
 from run_support import leftovers, run_joints
 from stranger_support import PATIENT, disturbed
 
-from stepbus_orchestrator.processes.credentials import certificates
+from stepbus_orchestrator.processes import certificates
 from stepbus_participant import load_ticket
 
 TRANSPORTS = ("unix", "tcp")
