@@ -31,7 +31,7 @@ class CameraSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TruthSettings:
-    """How often to tell where all items are: every so many steps of the participant."""
+    """How often to publish all items: every this many steps of the participant."""
 
     every: int
 
@@ -72,7 +72,7 @@ def read_settings(config: Config) -> PerceptionSettings:
 
 
 def _images(config: Config, problems: Problems) -> tuple[str, str]:
-    """Return the ports of the images; they are told apart by their descriptions."""
+    """Return the ports of the images, identified by their descriptions."""
     images = [name for name, port in config.inputs.items() if port.type == _IMAGE]
     if len(images) != 2:
         text = f"{len(images)} are of type {_IMAGE}; source camera needs colour and depth"

@@ -29,7 +29,7 @@ class Noise(Settings):
 
 
 class Resolution(Settings):
-    """Distance between two values that a sensor tells apart; absent: it tells all apart."""
+    """Resolution of a sensor; absent: exact."""
 
     position: Positive | None = None
     """[rad]"""
@@ -53,7 +53,7 @@ class Params(Settings):
     """Standard deviation of Gaussian noise [rad, rad/s, N·m]."""
     resolution: Resolution = Resolution()
     """Resolution of the sensor [rad, rad/s, N·m]; readings are rounded to its multiples, after
-    adding noise. Default: it tells all apart."""
+    adding noise. Default: exact."""
     actuation: Actuation = "direct"
     """How to apply torques, unless the world file says so for a joint."""
     effort: dict[str, NonNegative] = {}

@@ -22,7 +22,7 @@ from stepbus_participant.parameters import Keys
 
 
 class Waypoint(Settings):
-    """A position, and when the joints are there, or how long the way to it takes."""
+    """A position, and its time or the duration of the motion to it."""
 
     time: NonNegative | None = None
     """Simulation time [s]. Default for the first waypoint: 0."""

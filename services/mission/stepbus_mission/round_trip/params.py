@@ -12,23 +12,23 @@ class Params(Settings):
     """Parameters of `stepbus_mission.round_trip`."""
 
     model: File
-    """URDF out of which poses are drawn."""
+    """URDF from which to draw poses."""
     frame: Text
     """Link that poses are given in."""
     arms: dict[str, Text]
-    """Arm → its tip, the link that goes to the poses."""
+    """Arm → its tip, the link to move to the poses."""
     poses: Count
-    """How many poses each arm goes to."""
+    """Number of poses per arm."""
     position_tolerance: Positive = 0.01
-    """Where a pose counts as missed [m]."""
+    """Position error from which a pose counts as missed [m]."""
     orientation_tolerance: Positive = 0.02
-    """Where a pose counts as missed [rad]."""
+    """Orientation error from which a pose counts as missed [rad]."""
     home: dict[str, dict[str, Finite]] = {}
-    """Arm → joint → position it goes to after a pose that it has missed: it hangs in its motors
-    then [rad]."""
+    """Arm → joint → position to return to after a missed pose, at which its motors are
+    overloaded [rad]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is wrong between arms and homes."""
+        """Yield contradictions between arms and homes."""
         if not self.arms:
             yield ("arms",), "is empty"
         for arm in self.home:

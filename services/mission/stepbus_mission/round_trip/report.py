@@ -1,4 +1,4 @@
-"""What became of the poses of a round trip, for people."""
+"""The report about the poses of a round trip."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from statistics import median
 
 @dataclass(frozen=True, kw_only=True)
 class Trip:
-    """One pose that the arm was sent to.
+    """The result of one pose.
 
-    position_error [m], orientation_error [rad]: of the hand, as the plant has it. named: what the
-    controller said beforehand that the motors cannot hold; empty: nothing. settled: whether it
-    came to rest where it should.
+    position_error [m], orientation_error [rad]: of the tip, measured by the plant. named: the
+    controller's warning that the motors cannot hold the pose; empty: none. settled: whether it came
+    to rest at the target.
     """
 
     position_error: float
@@ -35,9 +35,9 @@ class Trip:
 def summary(
     arm: str, trips: Sequence[Trip], refused: Counter[str], position: float, orientation: float
 ) -> tuple[bool, str]:
-    """Return whether exactly those poses missed that were named, and a sentence with the numbers.
+    """Return whether exactly the named poses missed, and a sentence with the numbers.
 
-    refused: cause → poses that were not gone to. position [m], orientation [rad]: tolerance.
+    refused: cause → number of rejected poses. position [m], orientation [rad]: tolerance.
     """
     good = [trip for trip in trips if trip.is_good(position, orientation)]
     bad = [trip for trip in trips if not trip.is_good(position, orientation)]

@@ -1,4 +1,4 @@
-"""What a script may say: what happens to the world in a run, and when."""
+"""The actions of a script: changes of the world at given times of a run."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ _SUBJECTS = {
     "jam": (),
     "camera": ("off",),
 }
-"""What an action happens to, and the keys that go with it."""
+"""Subject of an action → the keys that go with it."""
 
 
 class Action(Settings):
-    """One thing that happens: a body is put somewhere, a joint jams, or a camera fails."""
+    """One action: a body moves, a joint jams, or a camera fails."""
 
     at_ns: Pause
-    """Simulation time, e.g. `6s`; carried out at the first step that is not before it."""
+    """Simulation time, e.g. `6s`; executed at the first step that is not before it."""
     body: str | None = None
-    """Body that is at once somewhere else, at rest."""
+    """Body that jumps to `position`, at rest."""
     position: Vector3 | None = None
-    """Where the body's frame then is, in the frame of the world [m]."""
+    """New position of the body's frame in the world frame [m]."""
     orientation_rpy: Vector3 | None = None
-    """Its roll, pitch, yaw about fixed axes [rad]. Default: as it was."""
+    """Its roll, pitch, yaw about fixed axes [rad]. Default: unchanged."""
     jam: str | None = None
-    """Joint that stands still from then on, whatever it is commanded."""
+    """Joint that stays at its position from then on, whatever the commands."""
     camera: str | None = None
-    """Camera that gives no images any more."""
+    """Camera that stops taking images."""
     off: bool | None = None
-    """Whether the camera is off; false: it is on again. Default: true."""
+    """Whether the camera is off; false: it resumes. Default: true."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is wrong among keys that are fine one by one."""
+        """Yield contradictions among the keys."""
         given = [key for key, value in msgspec.structs.asdict(self).items() if value is not None]
         subjects = [key for key in _SUBJECTS if key in given]
         if len(subjects) != 1:

@@ -64,8 +64,8 @@ class JointSettings(Settings):
 
     def over(self, defaults: JointSettings) -> JointSettings:
         """Return these settings, with those of `defaults` where they are absent."""
-        said = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
-        return msgspec.structs.replace(defaults, **said)
+        given = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
+        return msgspec.structs.replace(defaults, **given)
 
 
 class Friction(Settings):
