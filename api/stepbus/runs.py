@@ -14,7 +14,7 @@ from stepbus_orchestrator import (
     Observer,
     Options,
     Pace,
-    Portrait,
+    ParticipantDescription,
     Result,
     Verification,
     default_folder,
@@ -88,7 +88,7 @@ def describe(
     scenario: AnyScenario,
     *,
     set: Overrides = (),  # noqa: A002  as --set on the command line
-) -> list[Portrait]:
+) -> list[ParticipantDescription]:
     """Start every participant, without a step, and return its ports, joints and limits.
 
     scenario, set: as of `load`. Raises RunFailure when a participant cannot start.

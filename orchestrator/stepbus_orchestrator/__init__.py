@@ -27,7 +27,7 @@ from .replay import replay as replay_participant
 from .replay.rerun import Preparation, Rerun
 from .run.control.live_file import call
 from .run.control.pace import Pace
-from .run.describe import Portrait, describe
+from .run.describe import ParticipantDescription, describe
 from .run.progress import Observer, Progress
 from .run.result import Result
 from .run.run_scenario import Options, default_folder
@@ -42,9 +42,9 @@ __all__ = [
     "Observer",
     "Options",
     "Pace",
+    "ParticipantDescription",
     "ParticipantDied",
     "ParticipantFault",
-    "Portrait",
     "Preparation",
     "Problem",
     "Progress",

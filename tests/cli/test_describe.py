@@ -43,7 +43,7 @@ def sensor(folder: Path, description: str) -> Path:
 
 @pytest.fixture(scope="module")
 def two_link():
-    return {portrait.participant: portrait for portrait in describe(load("two_link"))}
+    return {participant.participant: participant for participant in describe(load("two_link"))}
 
 
 def test_both_joints_have_their_limits(two_link):
@@ -88,14 +88,16 @@ def test_an_infinite_limit_is_a_dash_and_null(tmp_path, capsys):
     assert (main(["describe", scenario]), main(["describe", scenario, "--json"])) == (0, 0)
     table, _, told = capsys.readouterr().out.partition("[\n")
     assert table.splitlines()[-2].split() == ["│", "1", "│", "b", "│", "-", "│"]
-    (portrait,) = json.loads("[" + told)
-    assert portrait["outputs"][0]["description"]["limits"]["upper"] == [1, None]
+    (participant,) = json.loads("[" + told)
+    assert participant["outputs"][0]["description"]["limits"]["upper"] == [1, None]
 
 
 def test_names_of_an_output_that_is_like_an_input_are_those_of_the_input(tmp_path):
     main(["new", str(tmp_path / "mine")])
-    portraits = {portrait.participant: portrait for portrait in describe(load(tmp_path / "mine"))}
-    said = portraits["controller"].outputs[0].description
+    described = {
+        participant.participant: participant for participant in describe(load(tmp_path / "mine"))
+    }
+    said = described["controller"].outputs[0].description
     assert (said.like, said.names) == ("joint_state", ["joint1", "joint2"])
 
 

@@ -1,4 +1,4 @@
-"""What the participants of a scenario say of themselves, before any step."""
+"""How the participants of a scenario describe their ports, before any step."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from stepbus_schemas import Description
 from .kernel.descriptions import input_descriptions
 from .kernel.participants import Participants
 from .kernel.state import RunState
-from .options import Options
 from .run_scenario import run_with
+from .setup.options import Options
 from .strategy import Strategy
 
 _JOINT_STATE = "JointState/1"
@@ -28,7 +28,7 @@ _WITHOUT_MOTOR = ("passive", "teleport")
 
 
 class InputPort(msgspec.Struct, frozen=True, kw_only=True):
-    """One input. source: `participant.output`. delay: how old it is at least [steps]."""
+    """One input. source: `participant.output`. delay: least age of its messages [steps]."""
 
     port: str
     type: str
@@ -39,10 +39,10 @@ class InputPort(msgspec.Struct, frozen=True, kw_only=True):
 class JointRow(msgspec.Struct, frozen=True, kw_only=True):
     """One joint of a joint state.
 
-    index: its place in every vector of the port. type, mode: as its participant calls them; empty
-    where it does not say. lower, upper: stops [rad]; velocity [rad/s] and effort [N·m]: limits;
-    None: not said; an infinite one does not exist. motor: whether anything can drive it; None
-    where neither mode nor effort are said. Prismatic joints have [m] and [N].
+    index: in every vector of the port. type, mode: as its participant describes them, or empty.
+    lower, upper: stops [rad]; velocity [rad/s] and effort [N·m]: limits; None: not described;
+    infinite: there is none. motor: whether anything can drive it; None where neither mode nor
+    effort is described. Prismatic joints have [m] and [N].
     """
 
     index: int
@@ -59,7 +59,7 @@ class JointRow(msgspec.Struct, frozen=True, kw_only=True):
 class OutputPort(msgspec.Struct, frozen=True, kw_only=True):
     """One output.
 
-    taken_by: inputs that read it, as `participant.input`. joints: of a joint state, and none else.
+    taken_by: inputs that read it, as `participant.input`. joints: of a joint state only.
     """
 
     port: str
@@ -69,8 +69,8 @@ class OutputPort(msgspec.Struct, frozen=True, kw_only=True):
     joints: list[JointRow] = []
 
 
-class Portrait(msgspec.Struct, frozen=True, kw_only=True):
-    """One participant: its ports, and what it says of each output."""
+class ParticipantDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """One participant: its ports, and the description of each output."""
 
     participant: str
     inputs: list[InputPort]
@@ -78,21 +78,23 @@ class Portrait(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DescribeFailed(RunFailure):
-    """The participants did not get as far as describing themselves; `code` is that of the run."""
+    """The participants did not get ready; `code` is the exit code of the run."""
 
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
         self.code = ExitCode(code)
 
 
-def describe(scenario: Scenario, interrupt: threading.Event | None = None) -> list[Portrait]:
-    """Return a portrait of every participant, in schedule order.
+def describe(
+    scenario: Scenario, interrupt: threading.Event | None = None
+) -> list[ParticipantDescription]:
+    """Return the ports of every participant, and their descriptions, in schedule order.
 
     It is a run of no steps in a temporary folder: every participant is started, loads its model,
-    describes its outputs and is ended. interrupt: as of `run`. Names of an output that is `like`
-    an input are those of the input; an infinite limit is one that does not exist.
+    describes its outputs and is ended. interrupt: as of `run`. An output that is `like` an input
+    has the names of that input.
 
-    Raises DescribeFailed when that fails; the logs, which its sentence names, are then kept.
+    Raises DescribeFailed when that fails; it names the logs, which are kept then.
     """
     folder = Path(tempfile.mkdtemp(prefix="describe-stepbus-"))
     found: list[_Describe] = []
@@ -101,18 +103,18 @@ def describe(scenario: Scenario, interrupt: threading.Event | None = None) -> li
         found.append(_Describe(live))
         return found[0]
 
-    standing = dataclasses.replace(scenario, steps=0)
-    result = run_with(adapt, standing, Options(out=folder / "run"), interrupt=interrupt)
+    without_steps = dataclasses.replace(scenario, steps=0)
+    result = run_with(adapt, without_steps, Options(out=folder / "run"), interrupt=interrupt)
     if result.exit_code not in {ExitCode.FINISHED, ExitCode.INTERRUPTED}:
         raise DescribeFailed(result.reason, result.exit_code)
     shutil.rmtree(folder, ignore_errors=True)
     if result.exit_code:
         raise DescribeFailed(result.reason, result.exit_code)
-    return _portraits(scenario, found[0].outputs)
+    return _described(scenario, found[0].outputs)
 
 
 class _Describe:
-    """The strategy of a description: a run whose participants are asked for nothing else."""
+    """The strategy of a description: that of a run, which keeps the descriptions."""
 
     def __init__(self, live: Strategy) -> None:
         self.outputs: Descriptions = {}
@@ -129,10 +131,10 @@ class _Describe:
         return self.outputs
 
 
-def _portraits(scenario: Scenario, outputs: Descriptions) -> list[Portrait]:
+def _described(scenario: Scenario, outputs: Descriptions) -> list[ParticipantDescription]:
     inputs = input_descriptions(scenario, outputs)
     return [
-        Portrait(
+        ParticipantDescription(
             participant=name,
             inputs=_inputs(scenario, scenario.participant(name)),
             outputs=[
@@ -149,17 +151,19 @@ def _portraits(scenario: Scenario, outputs: Descriptions) -> list[Portrait]:
     ]
 
 
-def _output(port: str, kind: str, taken_by: list[str], said: Description) -> OutputPort:
-    joints = _joints(said) if kind == _JOINT_STATE else []
-    return OutputPort(port=port, type=kind, taken_by=taken_by, description=said, joints=joints)
+def _output(port: str, type_name: str, taken_by: list[str], description: Description) -> OutputPort:
+    joints = _joints(description) if type_name == _JOINT_STATE else []
+    return OutputPort(
+        port=port, type=type_name, taken_by=taken_by, description=description, joints=joints
+    )
 
 
-def _joints(said: Description) -> list[JointRow]:
+def _joints(description: Description) -> list[JointRow]:
     def limit(key: str, index: int) -> float | None:
-        return said.limits[key][index] if key in said.limits else None
+        return description.limits[key][index] if key in description.limits else None
 
     def detail(key: str, index: int) -> str:
-        return said.details[key][index] if key in said.details else ""
+        return description.details[key][index] if key in description.details else ""
 
     return [
         JointRow(
@@ -173,7 +177,7 @@ def _joints(said: Description) -> list[JointRow]:
             effort=limit("effort", index),
             motor=_has_motor(detail("mode", index), limit("effort", index)),
         )
-        for index, name in enumerate(said.names)
+        for index, name in enumerate(description.names)
     ]
 
 
@@ -205,8 +209,8 @@ def _taken_by(scenario: Scenario, participant: str, port: str) -> list[str]:
     ]
 
 
-def _with_names(said: Description, heard: Mapping[str, Description]) -> Description:
+def _with_names(description: Description, inputs: Mapping[str, Description]) -> Description:
     """Return a description with the names of the input it is `like`."""
-    if said.like is None or said.like not in heard:
-        return said
-    return msgspec.structs.replace(said, names=heard[said.like].names)
+    if description.like is None or description.like not in inputs:
+        return description
+    return msgspec.structs.replace(description, names=inputs[description.like].names)

@@ -1,4 +1,4 @@
-"""Events of the participants: shown while the run goes on, and its warnings kept for the end."""
+"""Events of participants: shown during the run; warnings are kept for its result."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from stepbus_schemas import Event
 
 from .progress import Observer
 
-# More than that from one output tells nobody anything new; the recording has them all.
+# More than that from one output is noise; the recording has them all.
 _MOST_SHOWN = 50
 
 
 class Warned(msgspec.Struct, frozen=True, kw_only=True):
-    """A warning or an error that a participant told of.
+    """A warning or an error that a participant reported.
 
     source: `participant.output`. step: at which it was published. text: one sentence.
     """
@@ -25,9 +25,9 @@ class Warned(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Events:
-    """Takes in every recorded event, in the order of the recording, and shows it.
+    """Takes every recorded event, in the order of the recording, and shows it.
 
-    observer: whom it is shown to. warnings: the first ones of each output; count: of all.
+    observer: shows it. warnings: the first ones of each output; count: of all.
     """
 
     def __init__(self, observer: Observer) -> None:
@@ -37,7 +37,7 @@ class Events:
         self.count = 0
 
     def take(self, participant: str, port: str, step: int, event: Event) -> None:
-        """Take in an event; each line of its text is a sentence of its own."""
+        """Take an event; each line of its text is a sentence of its own."""
         for text in filter(None, event.text.splitlines()):
             self._take_line(f"{participant}.{port}", participant, step, event.level, text)
 

@@ -1,4 +1,4 @@
-"""What a run tells those who watch it, without any effect on it."""
+"""What a run reports to its observer, which has no effect on it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Progress:
     """A moment of a run.
 
     phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed and in all (None:
-    open end). phases: how far each participant has come. compute_us: mean computing time of each
+    open end). phases: of each participant. compute_us: mean computing time of each
     participant's step [µs]. drops: messages each participant has dropped.
     """
 
@@ -28,17 +28,17 @@ class Progress:
 
 
 class Observer(Protocol):
-    """Whoever watches a run; called from the run's own thread, so it must be quick."""
+    """Watches a run; called on the run's own thread, so it must be quick."""
 
     def progress(self, progress: Progress) -> None:
-        """Take in how far the run is; called about four times a second."""
+        """Take how far the run is; called about four times a second."""
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Take in a sentence for the user."""
+        """Take a sentence for the user."""
 
 
 class Silent:
-    """An observer that does not care."""
+    """An observer that ignores everything."""
 
     def progress(self, progress: Progress) -> None:
         """Ignore it."""

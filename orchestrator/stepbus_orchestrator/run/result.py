@@ -1,4 +1,4 @@
-"""What a run came to: result.json."""
+"""The result of a run: result.json."""
 
 from __future__ import annotations
 

@@ -17,13 +17,13 @@ from .bus.session import Session
 from .control.injector import Injector
 from .control.live_file import Live, forget
 from .events import Events
-from .folder import LOGS_FOLDER, attach, claim, default_folder
-from .live_run import LiveRun
 from .loop import Controls, Records, RunLoop
-from .options import Options, without_deadlines
 from .phases import run_phases
 from .progress import Observer, Silent
 from .result import Result, file_sha256, own_versions
+from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
+from .setup.live_run import LiveRun
+from .setup.options import Options, without_deadlines
 from .strategy import Strategy
 
 __all__ = ["Options", "default_folder", "run", "run_with", "without_deadlines"]

@@ -115,8 +115,8 @@ def _command_inputs(scenario: Scenario, spec: ParticipantSpec) -> list[str]:
 def _said(
     scenario: Scenario, plant: str, port: str, interrupt: threading.Event | None
 ) -> Description:
-    portrait = next(p for p in describe(scenario, interrupt) if p.participant == plant)
-    said = next(output.description for output in portrait.outputs if output.port == port)
+    participant = next(p for p in describe(scenario, interrupt) if p.participant == plant)
+    said = next(output.description for output in participant.outputs if output.port == port)
     if not modes_of(said):
         raise WiringError(f"{plant}.{port}: names no joint that has a motor; nothing to test")
     return said

@@ -13,7 +13,7 @@ from rich.table import Table
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.run.describe import JointRow, OutputPort, Portrait, describe
+from stepbus_orchestrator.run.describe import JointRow, OutputPort, ParticipantDescription, describe
 from stepbus_orchestrator.scenario import load
 from stepbus_schemas import Description
 
@@ -30,23 +30,23 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _execute(args: argparse.Namespace) -> int:
     scenario = load(args.scenario, args.set)
     with interruptible() as interrupt:
-        portraits = describe(scenario, interrupt)
+        described = describe(scenario, interrupt)
     if args.json:
-        say_json(portraits)
+        say_json(described)
     else:
-        _show(portraits)
+        _show(described)
     return 0
 
 
-def _show(portraits: list[Portrait]) -> None:
+def _show(described: list[ParticipantDescription]) -> None:
     # A table that goes to a file or a pipe is not folded to the width of a terminal.
     console = Console(width=None if sys.stdout.isatty() else _PLAIN_COLUMNS)
-    for portrait in portraits:
-        say(portrait.participant)
-        for item in portrait.inputs:
+    for participant in described:
+        say(participant.participant)
+        for item in participant.inputs:
             delay = f", {item.delay} steps old" if item.delay else ""
             say(f"  input   {item.port}: {item.type} from {item.source}{delay}")
-        for output in portrait.outputs:
+        for output in participant.outputs:
             say(_headline(output))
             if output.joints:
                 console.print(_joint_table(output.joints))

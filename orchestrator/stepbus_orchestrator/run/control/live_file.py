@@ -1,4 +1,4 @@
-"""How to reach a run that goes on, and calls to it from outside."""
+"""How to reach a live run, and calls to it from outside."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ANSWER_S = 20.0
 
 
 class Live(msgspec.Struct, frozen=True, kw_only=True):
-    """A run that goes on: its key space, its secret, and how a caller reaches its orchestrator."""
+    """A live run: its key space, its secret, and how a caller reaches its orchestrator."""
 
     run: str
     token: str
@@ -38,20 +38,20 @@ class Live(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def forget(folder: Path) -> None:
-    """Remove what leads to a run that is over."""
+    """Remove the file of a run that has ended."""
     (folder / LIVE_FILE).unlink(missing_ok=True)
 
 
 def call(
     folder: Path, participant: str = "", method: str = "", args: Sequence[Any] = ()
 ) -> CallReply:
-    """Ask a participant of a run that goes on; it answers between two steps.
+    """Call a participant of a live run; it answers between two steps.
 
-    folder: of the run. participant: whom; empty: the answer's value lists what all can be asked.
-    method, args: what; numbers, texts, lists, maps.
+    folder: of the run. participant: default: none; the answer's value lists all calls. method,
+    args: of the call; numbers, texts, lists, maps.
 
-    Raises WiringError when no run goes on there or the call was refused, BusFailed when nobody
-    answers.
+    Raises WiringError when no run is live there or the call is refused, BusFailed when the run
+    does not answer.
     """
     live = _read(folder)
     try:
@@ -71,7 +71,7 @@ def call(
         bus.close()
     raise BusFailed(
         f"{folder}: the run does not answer; was it killed? Then "
-        "`stepbus recover` mends its recording"
+        "`stepbus recover` repairs its recording"
     )
 
 
@@ -80,8 +80,7 @@ def _read(folder: Path) -> Live:
         return msgspec.json.decode((folder / LIVE_FILE).read_bytes(), type=Live)
     except FileNotFoundError as exc:
         raise WiringError(
-            f"no run goes on in {folder}; name the folder of one that does, e.g. "
-            "runs/two_link-20260101-120000"
+            f"no live run in {folder}; give the folder of one, e.g. runs/two_link-20260101-120000"
         ) from exc
     except (OSError, msgspec.MsgspecError) as exc:
         raise WiringError(f"{folder / LIVE_FILE} cannot be read: {exc}") from exc

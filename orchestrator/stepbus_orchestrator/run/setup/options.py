@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.processes import Child
+from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.scenario import Deadlines, Scenario
 from stepbus_participant import suggest
 from stepbus_schemas import CallRecord, WiringError
-
-from .control.pace import Pace
 
 # Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
 _SUSPENDED_S = 1e6

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from stepbus_orchestrator.processes import Launcher, Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
+from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.scenario import MESSAGE_KINDS, Scenario, start_command
 from stepbus_participant import MessageFault
 
-from .kernel.participants import Participants, ParticipantState
-from .kernel.state import RunState
 from .options import Options
-from .strategy import NoPeers, ready_descriptions
 
 
 class LiveRun:

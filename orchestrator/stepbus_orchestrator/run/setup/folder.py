@@ -8,9 +8,8 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, layout
+from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
-
-from .result import own_versions
 
 LOGS_FOLDER = "logs"
 
