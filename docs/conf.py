@@ -6,9 +6,11 @@ here, on the site and in a checkout. Nothing on a built page comes from another 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import inspect
 import re
+import sys
 import textwrap
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +20,8 @@ import msgspec
 from docutils import nodes
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
+from sphinx.errors import PycodeError
+from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import SphinxDirective
 
 import stepbus
@@ -71,7 +75,7 @@ def _group(value: Any) -> str:
     if inspect.ismodule(value):
         return "Modules"
     if not isinstance(value, type):
-        return "Functions" if callable(value) else "Types and constants"
+        return "Functions" if inspect.isroutine(value) else "Types and constants"
     if issubclass(value, BaseException):
         return "Errors"
     return "Messages" if issubclass(value, stepbus.Message) else "Classes"
@@ -79,15 +83,28 @@ def _group(value: Any) -> str:
 
 def _directive(module: str, name: str, group: str) -> str:
     """Return the reStructuredText that documents one public object."""
-    word = {
-        "Functions": "autofunction",
-        "Types and constants": "autodata",
-        "Errors": "autoexception",
-    }.get(group, "autoclass")
-    options = (
-        "" if word in ("autofunction", "autodata") else "   :members:\n   :show-inheritance:\n"
-    )
-    return f".. {word}:: {module}.{name}\n{options}\n"
+    if group == "Types and constants":
+        return f".. py:data:: {module}.{name}\n\n   {_comment(name)}\n"
+    word = {"Functions": "autofunction", "Errors": "autoexception"}.get(group, "autoclass")
+    lines = [f".. {word}:: {module}.{name}"]
+    if group != "Functions":
+        lines += ["   :members:"]
+    if group == "Errors":
+        lines += ["   :show-inheritance:"]
+    return "\n".join(lines) + "\n"
+
+
+def _comment(name: str) -> str:
+    """Return the text below the assignment of a constant, wherever it is defined.
+
+    Raises LookupError when a public constant has none.
+    """
+    for module in sorted(name for name in sys.modules if name.startswith("stepbus")):
+        with contextlib.suppress(PycodeError):
+            documented = ModuleAnalyzer.for_module(module).find_attr_docs()
+            if text := documented.get(("", name)):
+                return QUOTED.sub(_quoted, " ".join(text).strip())
+    raise LookupError(f"stepbus.{name} has no docstring")
 
 
 def reference(module: str) -> str:

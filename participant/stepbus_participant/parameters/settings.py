@@ -147,14 +147,19 @@ def _text_form(mark: str, pattern: str) -> msgspec.Meta:
 
 
 Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
+"""A finite number."""
 NonNegative = Annotated[float, msgspec.Meta(ge=0, le=1e300)]
+"""A finite number that is not negative."""
 Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
+"""A finite number above 0."""
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 """A number from 0 to 1."""
 Count = Annotated[int, msgspec.Meta(ge=1, le=2**63 - 1)]
+"""A whole number, at least 1."""
 Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """A whole number that is not negative."""
 Vector3 = tuple[Finite, Finite, Finite]
+"""Three finite numbers."""
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 """A text that is not empty, such as the name of a link."""
 Name = Annotated[str, _text_form("name", f"^{NAME_FORM}$"), msgspec.Meta(max_length=LONGEST_NAME)]
@@ -180,7 +185,9 @@ def _per(item: object) -> msgspec.Meta:
 PerJoint = Annotated[PerName, _per(Finite)]
 """One number for all of `joints`, a list of one each, or a map by joint."""
 NonNegativePerJoint = Annotated[PerName, _per(NonNegative)]
+"""As `PerJoint`, none of the numbers negative."""
 PositivePerJoint = Annotated[PerName, _per(Positive)]
+"""As `PerJoint`, each number above 0."""
 
 __all__ = [
     "LONGEST_NAME",
