@@ -16,7 +16,7 @@ ROBOTS = ("cv2", "eaik", "ompl", "toppra", "xacro")
 NEED_ROBOTS = [
     "motion/test_analytic.py",
     "motion/test_manipulator.py",
-    "motion/test_path.py",
+    "motion/test_paths.py",
     "participant/test_models.py",
     "perception/test_accuracy.py",
     "perception/test_detector.py",

@@ -110,7 +110,7 @@ def test_a_stretched_arm_is_singular_with_its_singular_value(robot):
     stretched = np.array([0.0, -0.8, 0.001, -1.0, 1.2, 0.0])
     refused = refusal(robot, robot.frame_pose(stretched, "tool0"), singular_below=0.02)
     assert refused.cause == "singular"
-    assert "0.0200 is put up with" in str(refused)
+    assert "at least 0.0200 is needed" in str(refused)
 
 
 def test_a_pose_that_only_a_joint_beyond_its_limits_reaches_names_it(robot):

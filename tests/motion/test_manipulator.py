@@ -92,7 +92,7 @@ def test_a_pose_is_reached_by_the_nearest_branch(robot):
     stage = Stage(make_arm(robot))
     text = stage.begin(pose_goal("move_to_pose", target))
     log = stage.run()
-    assert text.startswith("way to stand 1 of ")
+    assert text.startswith("solution 1 of ")
     assert np.abs(tips(robot, log.q[-1:])[0] - target).max() < 1e-6
     assert np.abs(np.array(log.q[-1]) - HOME).max() < 1.7
 
@@ -151,11 +151,11 @@ def test_a_line_near_the_shoulder_is_slowed_down_to_the_joint_limits(robot):
     [
         (pose_goal("move_linear", [1.3, 0, 0.3]), "unreachable", "closest pose is"),
         (pose_goal("move_to_pose", [1.3, 0, 0.3]), "unreachable", "closest pose is"),
-        (pose_goal("move_linear", [-0.55, 0.0, 0.3]), "singular", "m of the way"),
+        (pose_goal("move_linear", [-0.55, 0.0, 0.3]), "singular", "m of the path"),
         (pose_goal("move_to_pose", [0.5, 0, 0.3], tip="tool"), "invalid", "did you mean"),
         (pose_goal("move_to_pose", [0.5, 0, 0.3], tip="world"), "invalid", "no joint of this"),
         (pose_goal("move_to_pose", [0.5, 0, 0.3], frame="odo"), "invalid", "'odo'"),
-        (pose_goal("move_to_pose", [0.5, 0, 0.3], duration=-1.0), "invalid", "no length of time"),
+        (pose_goal("move_to_pose", [0.5, 0, 0.3], duration=-1.0), "invalid", "duration is -1 s"),
         (Goal(id=0, type="move_linear", tip=TIP), "invalid", "needs position and orientation"),
         (joints_goal([0, 0, 9, 0, 0, 0]), "invalid", "its limits are"),
         (Goal(id=0, type="move_joints", joints=["elbow"], values=[0]), "invalid", "elbow_joint"),
@@ -363,7 +363,7 @@ def test_four_ways_to_stand_are_tried_before_a_pose_has_no_way(robot):
     stage = Stage(planned_arm(robot), answer=bad_planner)
     log = stage.run(pose_goal("move_to_pose", [0.5, 0.2, 0.35]))
     assert (log.outcome.state, log.outcome.cause) == ("failed", "no_way")
-    assert log.outcome.text == "4 ways to stand were tried; the last: no way for request 3"
+    assert log.outcome.text == "4 solutions were tried; the last: no way for request 3"
     assert len({tuple(np.round(request.goal, 6)) for request in stage.requests}) == 4
 
 

@@ -260,7 +260,7 @@ def test_the_arm_stops_backs_off_and_fails_when_it_touches_what_it_must_not(robo
     robot.run(3.0)
     end = robot.news[-1]
     assert (end.state, end.cause) == ("failed", "collision")
-    assert "hand touches pillar with 7.5 N; stopped, went back 50 mm" in end.text
+    assert "hand touches pillar with 7.5 N; stopped, backed off 50 mm" in end.text
     assert robot.q[0] < 2.0
     assert np.abs(robot.v).max() < 1e-9
     assert np.linalg.norm(robot.place("grasp").translation - touched) < 0.12
@@ -380,7 +380,7 @@ def test_when_its_way_is_blocked_the_arm_stops_and_goes_on_by_another_one(planne
     robot = planned
     robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
     robot.step()
-    assert robot.news[-1].text == "crate is in the way; stopped, asked for another way (1 of 3)"
+    assert robot.news[-1].text == "crate is in the way; stopped, asked for another path (1 of 3)"
     assert finish(robot) == ["accepted", "running", "running", "succeeded"]
     assert robot.q[0] == pytest.approx(0.8, abs=1e-3)
 
@@ -403,7 +403,7 @@ def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(pla
     while len(robot.requests) < 2:
         robot.step()
     assert np.linalg.norm(robot.place("grasp").translation - touched) > 0.02
-    assert "hand touches crate with 7.5 N; stopped, went back 50 mm; " in robot.news[-1].text
+    assert "hand touches crate with 7.5 N; stopped, backed off 50 mm; " in robot.news[-1].text
     assert finish(robot)[-1] == "succeeded"
 
 
@@ -420,7 +420,7 @@ def test_a_goal_is_given_other_ways_so_many_times_and_no_more(tmp_path):
     assert (end.state, end.cause, end.text) == (
         "failed",
         "no_way",
-        "a cat; stopped, after 1 other way",
+        "a cat; stopped, after 1 other path",
     )
     assert np.abs(robot.v).max() < 1e-9
 

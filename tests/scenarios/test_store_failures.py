@@ -143,7 +143,7 @@ def test_without_a_controller_base_and_arm_are_braked(seconds, tmp_path):
 
 
 POST_ASIDE = "body: pillar, position: [1.9, 0.5, 0]"
-"""In the straight way above the item, with room around it."""
+"""In the straight path above the item, with room around it."""
 
 POST_AWAY = "at: 15s, body: pillar, position: [1.9, 0.6, 0]"
 """Back where it was; straight down to the item the arm would touch it."""
@@ -180,7 +180,7 @@ def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
     assert plans[2].startswith("plan 2: detour of ")
     (said,) = [text for text in texts(recording, "mission/events") if "another" in text]
     assert said.startswith(f"sale 1 ({ITEM}): pillar_post blocks the path ")
-    assert said.endswith("; stopped, asked for another way (1 of 3)")
+    assert said.endswith("; stopped, asked for another path (1 of 3)")
     assert_nothing_was_touched(recording, "pillar_post")
 
 

@@ -35,7 +35,7 @@ def make_plant(**stock) -> Plant:
 
 
 def branch(kinematics: RobotModel, position: list[float]) -> np.ndarray:
-    """Return the way to stand that shelves and outlet have in common, shape (6,) [rad]."""
+    """Return the solution that shelves and outlet have in common, shape (6,) [rad]."""
     target = pin.SE3(DOWN, np.array(position))
     ways = AnalyticChain(kinematics, "grasp").branches(target, np.zeros(6))
     ahead = [q for q in ways if q[2] > 0.5 and abs(q[4] + math.pi / 2) < 1e-6 and -1.0 < q[0] < 2.0]

@@ -107,7 +107,7 @@ class Avoidance:
         may_replan = part == "arm" and self._parts.arm.follows_plan
         length = self._parts.back_off(part, t, self._settings.back_off)
         replans = may_replan and length > 0.0 and self._replans < self._settings.replans
-        text = f"{text}, went back {length * 1e3:.0f} mm" if length > 0.0 else text
+        text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
         failure = Outcome(state="failed", cause="collision", text=text)
         self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
         self._monitor_goal(goal, part)
@@ -134,7 +134,7 @@ class Avoidance:
             return None
         if is_other:
             self._parts.rest(part, t)
-            self._reports.warn(f"on the way back {collision}")
+            self._reports.warn(f"while backing off, {collision}")
         elif back_off.replans and end is not None and end.state == "succeeded":
             self._back_off = None
             return self.replan(goal, part, back_off.failure.text, t)
@@ -159,15 +159,15 @@ class Avoidance:
         """Stop and ask for another path; return the end of a goal that had too many already."""
         most = self._settings.replans
         if self._replans == most:
-            ways = f", after {most} other way{'s' if most > 1 else ''}" if most else ""
-            return self._give_up(part, f"{why}; stopped{ways}", t)
+            tried = f", after {most} other path{'s' if most > 1 else ''}" if most else ""
+            return self._give_up(part, f"{why}; stopped{tried}", t)
         self._replans += 1
         try:
             self._parts.arm.replan(t)
         except RunError as exc:
             return self._give_up(part, f"{why}; stopped; {exc}", t)
         self._monitor_goal(goal, part)
-        text = f"{why}; stopped, asked for another way ({self._replans} of {most})"
+        text = f"{why}; stopped, asked for another path ({self._replans} of {most})"
         self._reports.status(goal.id, "running", text=text)
         self._reports.warn(text)
         return None

@@ -69,7 +69,7 @@ class Gripper:
             text = f"width {goal.width:g} m is out of reach (0 to {self._settings.widest:g} m)"
             raise Refused("invalid", text)
         if not (math.isfinite(goal.force) and goal.force >= 0.0):
-            raise Refused("invalid", f"force {goal.force:g} N is no largest force")
+            raise Refused("invalid", f"force {goal.force:g} N is not a valid largest force")
         if goal.force == 0.0:
             raise Refused("no_force", "force is 0 N: the fingers would not move")
         self._goal = self._command = GripperCommand(width=goal.width, force=goal.force)
@@ -141,7 +141,7 @@ class Gripper:
             return ""
         held, self._holds_width, self._loose_since = self._holds_width, None, None
         return (
-            f"what was held at {_mm(held)} is gone: the pads are {_mm(state.width)} apart and "
+            f"what was held at {_mm(held)} is lost: the pads are {_mm(state.width)} apart and "
             f"press with {state.force:.1f} N"
         )
 

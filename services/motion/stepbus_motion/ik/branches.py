@@ -81,7 +81,7 @@ class BranchSolver:
                 load for turns in regular if (load := self.overload(tip, turns[0])) is not None
             ]
             least = min(loads, key=lambda load: load.required - load.available)
-            raise Refused("not_holdable", f"not holdable: {least}, even in the best way to stand")
+            raise Refused("not_holdable", f"not holdable: {least}, even in the best solution")
         nearest = sorted((turns[0] for turns in holdable), key=lambda one: self._distance(one, q))
         turned = itertools.chain.from_iterable(turns[1:] for turns in holdable)
         return nearest + sorted(turned, key=lambda one: self._distance(one, q))
@@ -168,6 +168,6 @@ class BranchSolver:
     def _singular_text(self, tip: str, inside: Sequence[Sequence[Vector]]) -> str:
         best = max(self.smallest(tip, turns[0]) for turns in inside)
         return (
-            f"singular: of {len(inside)} ways to stand the best has a smallest singular value of "
-            f"{best:.4f}, and {self._least:.4f} is put up with"
+            f"singular: the best of {len(inside)} solutions has a smallest singular value of "
+            f"{best:.4f}; at least {self._least:.4f} is needed"
         )

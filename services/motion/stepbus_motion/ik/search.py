@@ -44,7 +44,7 @@ class IkSettings:
     damping: λ of the least squares [-]. starts: attempts from different poses; unreachable_after:
     fewer, where none of so many came to the pose. iterations: of one attempt.
     position_tolerance [m], orientation_tolerance [rad]: where the pose counts as reached.
-    singular_below: smallest singular value of the Jacobian that is put up with [-].
+    singular_below: smallest singular value of the Jacobian that is accepted [-].
     """
 
     damping: float = 1e-2
@@ -102,7 +102,7 @@ class InverseKinematics:
     grows with the error, so that a pose out of reach is approached without swinging (Sugihara,
     Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method, 2011, with
     c = 1/2; a smaller one is quicker where the pose can be reached). The first attempt
-    starts at the given pose, the others at random ones. collisions: None: nobody looks at them.
+    starts at the given pose, the others at random ones. collisions: None: not checked.
     """
 
     def __init__(
@@ -195,9 +195,9 @@ class InverseKinematics:
         )
 
     def judge(self, q: Vector, moved: Indices) -> Solution:
-        """Return whether joint positions of one's own choice, shape (n,) [rad], are any good.
+        """Return what is wrong with joint positions of your choice, shape (n,) [rad].
 
-        moved: places of the joints that shall hold it; the others are somebody else's business.
+        moved: the joints that must be strong enough; the others are not judged.
         """
         return self._judged(q, "reached", moved)
 
@@ -219,7 +219,7 @@ class InverseKinematics:
         )
 
     def _judged(self, q: Vector, verdict: Verdict, moved: Indices) -> Solution:
-        """Return a solution; what has been reached is looked at for contact and strength."""
+        """Return a solution; what is reached is checked for collisions and strength."""
         overload, pair = None, None
         if verdict == "reached":
             if self._collisions is not None and self._collisions.any(q):
@@ -233,7 +233,7 @@ def _displacement(pose: Any, target: Any) -> Vector:
     """Return what takes one `pinocchio.SE3` to another, in the axes of the base, shape (6,).
 
     In these axes a turn of the tip leaves the translation as it is. In the tip's own axes it does
-    not, and the search would come to a halt away from the closest pose.
+    not, and the search would stop short of the closest pose.
     """
     turn = pose.rotation @ pin.log3(pose.rotation.T @ target.rotation)
     return np.concatenate([target.translation - pose.translation, turn])

@@ -121,7 +121,7 @@ class BranchCandidates(CandidateFinder):
         """See `CandidateFinder`."""
         solutions = self._solver.solve(tip, target, rest)
         for number, q in enumerate(solutions, 1):
-            yield Candidate(target=q, text=f"way to stand {number} of {len(solutions)}")
+            yield Candidate(target=q, text=f"solution {number} of {len(solutions)}")
 
     def from_spiral(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
         """See `CandidateFinder`."""

@@ -117,7 +117,7 @@ class Manipulator:
         self._tip = (goal.tip or self._options.tip) if self._options.tip else ""
         try:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
-                text = f"duration {goal.duration:g} s is no length of time"
+                text = f"duration is {goal.duration:g} s; it must be finite and not negative"
                 raise Refused("invalid", text)
             return self._begin(goal, now, q, base, held)
         except RunError as exc:
@@ -236,7 +236,7 @@ class Manipulator:
         self._then(parts)
         ends = (self._robot.frame_pose(path.q[i], goal.tip).translation for i in (0, -1))
         length = float(np.linalg.norm(np.subtract(*ends)))
-        return f"straight way of {length:.3f} m; {parts[0].duration:.2f} s of motion"
+        return f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
         search = self._queries.make(goal, held, rest, candidates, self._player.clock.t)

@@ -92,7 +92,7 @@ class PlannerQueries:
         if candidate is None:
             self.cancel()
             count = len(search.refusals)
-            tried = f"{count} ways to stand were tried; the last: " if count > 1 else ""
+            tried = f"{count} solutions were tried; the last: " if count > 1 else ""
             return Refused(problem.cause, f"{tried}{problem}")
         search.candidate, search.asked_at = candidate, t
         search.request = self._request(search.goal, search.held, search.rest, candidate)

@@ -48,7 +48,7 @@ def follow(
             q, slope = tracer.step(q, q + slope * ahead, pose)
         except Refused as exc:
             total = path[-1].u
-            text = f"{exc} after {pose.u:.3f} of {total:.3f} m of the way"
+            text = f"{exc} after {pose.u:.3f} of {total:.3f} m of the path"
             raise Lost(exc.cause, text, index) from exc
         rows.append(q)
         slopes.append(slope)

@@ -125,9 +125,9 @@ def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
     ("goal", "text"),
     [
         (joints(1, 0.0, 0.0), "2 values for 3 joints"),
-        (joints(1, 0.0, 3.0, 0.0), "two shall go to 3 rad, its limits are [-2.5, 2.5]"),
-        (joints(1, 0.0, float("nan"), 0.0), "two shall go to nan rad"),
-        (joints(1, 0.0, 0.0, 0.0, duration=-1.0), "-1 s is no length of time"),
+        (joints(1, 0.0, 3.0, 0.0), "two cannot go to 3 rad, its limits are [-2.5, 2.5]"),
+        (joints(1, 0.0, float("nan"), 0.0), "two cannot go to nan rad"),
+        (joints(1, 0.0, 0.0, 0.0, duration=-1.0), "duration is -1 s"),
         (Goal(id=1, type="move_joints", joints=["tow"], values=[0.0]), "did you mean 'two'"),
         (Goal(id=1, type="move_to_pose", tip="hand"), "needs position and orientation"),
         (Goal(id=1, type="move_to_pose", tip="base", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "moves tip 'base'"),

@@ -84,7 +84,7 @@ def test_what_slips_out_is_told_once():
     hand.thing = None
     said = [lost for _, lost in (hand.step() for _ in range(100)) if lost]
     assert len(said) == 1
-    assert "held at 66.0 mm is gone" in said[0]
+    assert "held at 66.0 mm is lost" in said[0]
     assert not hand.grip.holds
 
 

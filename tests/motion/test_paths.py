@@ -236,7 +236,7 @@ def test_a_turn_on_the_spot_has_a_length():
 def test_a_line_out_of_reach_or_through_the_shoulder_is_lost_on_the_way(robot, to, cause):
     start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, np.array(to)), 0.25)
-    with pytest.raises(Lost, match="m of the way") as lost:
+    with pytest.raises(Lost, match="m of the path") as lost:
         follow(robot, TIP, way, HOME, 0.01)
     assert lost.value.cause == cause
     assert 0 < lost.value.index < len(way)
