@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from bridge_support import BRIDGED
 
+from stepbus.testing import feed
 from stepbus_bridge import BridgedProgram, BridgeError, MapBridge, RawBridge
-from stepbus_participant import Config, Description, JointCommand, JointState, Step, WiringError
-from stepbus_participant.session import Input
+from stepbus_participant import Config, Description, JointCommand, JointState, WiringError
 from stepbus_schemas import InputConfig, OutputConfig
 
 STATE = InputConfig(source="plant", port="joint_state", type="JointState/1")
@@ -35,11 +35,7 @@ def config(**changes):
 
 
 def step_at(index, position):
-    item = Input("joint_state", STATE)
-    item.value = JointState(position=position)
-    step = Step({"joint_state": item}, 5_000_000)
-    step.index = index
-    return step
+    return feed(index, joint_state=JointState(position=position))
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Looks whether this machine has what stepbus needs."""
+"""Checks this machine for what stepbus needs."""
 
 from .bus import link
 from .finding import Finding
@@ -9,7 +9,7 @@ __all__ = ["Finding", "examine"]
 
 
 def examine() -> list[Finding]:
-    """Return what was found, in the order in which it should be read."""
+    """Return all findings, the ones that others depend on first."""
     return [
         *versions(),
         *loads(),

@@ -1,4 +1,4 @@
-"""The bus: whether a message comes through."""
+"""The bus: a message has to arrive over each transport."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the doctor says of one thing."""
+"""One finding of the doctor."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ Verdict = Literal["ok", "warn", "fail"]
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that was looked at.
+    """The result of one check.
 
-    warn: something is slower, or missing that not everybody needs. fail: runs will not work.
+    warn: runs are slower, or something is missing that not everybody needs. fail: runs do not work.
     """
 
     what: str

@@ -22,12 +22,12 @@ _PORTS = 8
 def cores() -> Finding:
     """Count the cores this process may use."""
     count = len(os.sched_getaffinity(0))
-    text = f"{count}" if count > 1 else "1: every process waits for every other; 2 are better"
+    text = f"{count}" if count > 1 else "1: the processes take turns; 2 are better"
     return Finding(what="cores", verdict="ok" if count > 1 else "warn", text=text)
 
 
 def disk() -> Iterator[Finding]:
-    """Look for free space where runs and sockets go."""
+    """Check the free space for runs and sockets."""
     yield _room("disk, here", Path.cwd)
     yield _room("disk, temp", lambda: Path(tempfile.gettempdir()))
 
@@ -50,7 +50,7 @@ def enough(free: int) -> Verdict:
 
 
 def socket_path() -> Finding:
-    """Look whether the path of a Unix socket is short enough."""
+    """Check that the path of a Unix socket is short enough."""
     try:
         path = Path(tempfile.gettempdir()) / _SOCKET_NAME
     except OSError as exc:
@@ -77,7 +77,7 @@ def free_ports(count: int) -> list[int]:
 
 
 def ports() -> Finding:
-    """Look for free TCP ports."""
+    """Check for free TCP ports."""
     try:
         found = free_ports(_PORTS)
     except OSError as exc:

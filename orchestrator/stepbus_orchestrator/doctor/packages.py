@@ -1,4 +1,4 @@
-"""Packages: whether they are there, recent enough, and can be loaded."""
+"""Packages: installed, recent enough, loadable."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
 
 
 class Requirement(msgspec.Struct, frozen=True):
-    """A package and its oldest version that will do; none: any."""
+    """A package and the oldest version that works; empty: any."""
 
     name: str
     oldest: str = ""
@@ -61,7 +61,7 @@ def parse(row: str) -> Requirement:
 
 
 def versions() -> Iterator[Finding]:
-    """Look at Python, stepbus, and what that needs."""
+    """Check Python, stepbus and its dependencies."""
     python = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info < _OLDEST_PYTHON:
         yield Finding(what="python", verdict="fail", text=f"{python}; stepbus needs 3.11 or newer")
@@ -116,21 +116,21 @@ def loads() -> Iterator[Finding]:
 def _load(name: str, child: subprocess.Popen[str]) -> Finding:
     what = f"load {name}"
     try:
-        _, said = child.communicate(timeout=_LOAD_DEADLINE_S)
+        _, output = child.communicate(timeout=_LOAD_DEADLINE_S)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
         text = f"takes over {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
         return Finding(what=what, verdict="fail", text=text)
     if child.returncode:
-        last = (said.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
+        last = (output.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
         text = f"{last}; run `pip install --force-reinstall {name}`"
         return Finding(what=what, verdict="fail", text=text)
     return Finding(what=what, verdict="ok", text="works")
 
 
 def extras() -> Iterator[Finding]:
-    """Say which extras are missing, what they are for, and how to get them."""
+    """Report each extra: what it is for, what is missing, how to install it."""
     try:
         required = {extra: needed(extra) for extra in EXTRAS}
     except PackageNotFoundError:
