@@ -27,14 +27,13 @@ from stepbus_schemas import (
 )
 
 from .bus import ONE_THREAD, Bus, BusError, Request, ZenohBus
-from .config import Config
-from .durations import LONGEST_NS, format_duration, parse_duration
+from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket
+from .config import Config, Ports
+from .config.plugins import construct, load_class, make_plugin, read_class
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
-from .files import find_file, package_path
-from .last_error import last_error
+from .files import find_file, last_error, package_path, read_urdf_text
 from .main import main, take_part
 from .methods import CallError, Method
-from .models import read_urdf_text
 from .parameters import (
     Count,
     Duration,
@@ -62,12 +61,10 @@ from .parameters import (
     suggest,
     when,
 )
+from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .participant import Participant, PortType
-from .plugins import construct, load_class, make_plugin, read_class
-from .ports import Ports
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
-from .ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket
 
 __all__ = [
     "LONGEST_NS",

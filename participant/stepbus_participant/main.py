@@ -10,10 +10,10 @@ from types import FrameType
 from stepbus_schemas import StepbusError, WiringError, type_name
 
 from .bus import Bus, BusError, FaultyBus, ZenohBus
+from .bus.ticket import Ticket, load_ticket
 from .config import Config
 from .participant import Participant, PortType
 from .session import Session, Terminated, join
-from .ticket import Ticket, load_ticket
 
 Factory = Callable[[Config], Participant]
 

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from stepbus_participant.ticket import Endpoint, MessageFault
 from stepbus_schemas import Decoder, Outputs
 
+from .ticket import Endpoint, MessageFault
 from .zenoh_bus import ZenohBus
 
 _decode_outputs = Decoder(Outputs)

@@ -14,9 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.ticket import Endpoint
-
 from .interface import BusError, Request
+from .ticket import Endpoint
 
 ONE_THREAD = {
     "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app), tx: (handover: app), "

@@ -15,10 +15,10 @@ from typing import Any, TypeVar
 
 from msgspec import inspect
 
+from stepbus_participant.files import find_file
 from stepbus_schemas import WiringError
 
-from ..durations import parse_duration
-from ..files import find_file
+from .durations import parse_duration
 from .nodes import (
     conditions,
     default,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 
 from stepbus_participant.bus import Bus
-from stepbus_participant.ticket import Ticket
+from stepbus_participant.bus.ticket import Ticket
 from stepbus_schemas import (
     PROTOCOL_VERSION,
     Decoder,

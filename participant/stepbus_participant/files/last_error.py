@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from .extras import import_error_hint
+from stepbus_participant.extras import import_error_hint
 
 _TAIL_BYTES = 4000
 _LONGEST = 300

@@ -6,10 +6,10 @@ from pathlib import Path
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
+from stepbus_participant.extras import need
 from stepbus_schemas import WiringError
 
-from .config import package_path
-from .extras import need
+from .paths import package_path
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
+from stepbus_participant.extras import extra_hint
 from stepbus_schemas import WiringError
-
-from .extras import extra_hint
 
 
 def find_file(name: str, folder: Path) -> Path:

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from stepbus_participant.parameters import read
+from stepbus_participant.settings import Noted, Settings, nearest
 from stepbus_schemas import WiringError
 
 from .config import Config
-from .parameters import read
-from .settings import Noted, Settings, nearest
 
 
 def read_class(

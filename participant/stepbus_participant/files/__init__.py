@@ -1,0 +1,7 @@
+"""Files that participants read: by the names of a scenario, models of robots, logs."""
+
+from .last_error import last_error
+from .paths import find_file, package_path
+from .urdf import read_urdf_text
+
+__all__ = ["find_file", "last_error", "package_path", "read_urdf_text"]
