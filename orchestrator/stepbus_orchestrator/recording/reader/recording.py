@@ -45,11 +45,6 @@ class Recording:
         self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
         self.ports: Mapping[str, Port] = self._read_ports()
 
-    @classmethod
-    def open(cls, path: str | PathLike[str]) -> Self:
-        """Return the recording at a path."""
-        return cls(path)
-
     @property
     def damage(self) -> str:
         """Return what is wrong with the file, as far as it was read; empty when nothing is."""
