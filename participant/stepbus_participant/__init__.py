@@ -29,7 +29,7 @@ from stepbus_schemas import (
 from .bus import ONE_THREAD, Bus, BusError, Request, ZenohBus
 from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket
 from .config import Config, Ports
-from .config.plugins import construct, load_class, make_plugin, read_class
+from .config.plugins import load_class, make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .files import find_file, last_error, package_path, read_urdf_text
 from .main import main, take_part
@@ -132,7 +132,6 @@ __all__ = [
     "Whole",
     "WiringError",
     "ZenohBus",
-    "construct",
     "each",
     "extra_hint",
     "find_file",
@@ -148,7 +147,6 @@ __all__ = [
     "needed_when",
     "package_path",
     "parse_duration",
-    "read_class",
     "read_stamp",
     "read_urdf_text",
     "stamp",

@@ -10,6 +10,7 @@ import pytest
 from scenario_support import load_text, problem_of, problems_of, write
 
 from stepbus_orchestrator import cli
+from stepbus_orchestrator.scenario.describe.__main__ import SERVICES
 
 SCENARIO = """\
 name: own
@@ -45,6 +46,8 @@ def scenario(params, exec_="main.py"):
         ("plant.params.sense=[positoin]", "sense[0]: must be effort, position or velocity, not 'positoin'; did you mean 'position'?"),
         ("plant.params.jonts=[joint1]", "jonts: unknown key 'jonts'; did you mean 'joints'?"),
         ("plant.params.world=wrld.yaml", "world: no file 'wrld.yaml'"),
+        ("controller.params.law=pidd", "law: must be computed_torque, pd, pd_gravity, pid or module:Class, not 'pidd'; did you mean 'pid'?"),
+        ("controller.params=true", ": must be a map, not true"),
         ("mission.params.task=sinus", "task: must be csv, sine, step, waypoints or module:Class, not 'sinus'; did you mean 'sine'?"),
         ("mission.params.target=1", "target: belongs to task step; task is 'sine'"),
         ("mission.params.amplitude=[1]", "amplitude: has 1 numbers, not 2 (joint1, joint2)"),
@@ -52,8 +55,8 @@ def scenario(params, exec_="main.py"):
 )  # fmt: skip
 def test_a_setting_of_a_service_is_checked_with_its_place(capsys, setting, message):
     assert cli.main(["validate", "two_link", "--set", setting]) == 2
-    name = setting.partition(".")[0]
-    assert f"--set {setting}: participants.{name}.params.{message}" in capsys.readouterr().err
+    name, dot = setting.partition(".")[0], "" if message.startswith(":") else "."
+    assert f"--set {setting}: participants.{name}.params{dot}{message}" in capsys.readouterr().err
 
 
 def test_the_world_file_is_checked_too(tmp_path):
@@ -126,7 +129,6 @@ def test_a_program_that_declares_nothing_takes_any_parameters(tmp_path, text):
     assert load_text(tmp_path, scenario("{anything: [1, 2]}")).participants[0].params
 
 
-SERVICES = ("stepbus_plant", "stepbus_mission", "stepbus_mission.store", "stepbus_perception", "stepbus_planner")  # fmt: skip
 HEAVY = {"pybullet", "pinocchio", "cv2", "ompl", "scipy", "numpy", "ruamel.yaml", "matplotlib"}
 
 

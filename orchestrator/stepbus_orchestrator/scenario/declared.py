@@ -45,7 +45,8 @@ def check_params(scenario: Scenario, problems: Problems) -> None:
     own: list[tuple[ParticipantSpec, Declaration]] = []
     for spec in scenario.participants:
         declaration = find_declaration(spec, scenario.folder)
-        if declaration is None or problems.has(("participants", spec.name, "exec")):
+        is_wrong = any(problems.has(("participants", spec.name, k)) for k in ("exec", "params"))
+        if declaration is None or is_wrong:
             continue
         if declaration.file.is_relative_to(scenario.folder):
             own.append((spec, declaration))

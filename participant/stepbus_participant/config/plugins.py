@@ -9,58 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_participant.parameters import read
-from stepbus_participant.settings import Noted, Settings, nearest
 from stepbus_schemas import WiringError
 
 from .config import Config
-
-
-def read_class(
-    settings: Settings, param: str, built_in: Mapping[str, type[Any]], method: str
-) -> type[Any] | None:
-    """Return the class a parameter names, or None where there is none; the settings say why.
-
-    built_in: word → class. method: what a user's own class has to have.
-    """
-    value = settings.value(param)
-    if value is None or value in built_in:
-        return built_in.get(value)
-    if not isinstance(value, str) or ":" not in value:
-        settings.note(param, f"is {value!r}; {nearest(str(value), [*built_in, 'module:Class'])}")
-        return None
-    try:
-        found = load_class(value, settings.folder)
-    except WiringError as exc:
-        settings.note(param, str(exc))
-        return None
-    if not callable(getattr(found, method, None)):
-        settings.note(param, f"class {value} has no method {method!r}")
-        return None
-    return found
-
-
-def construct(settings: Settings, param: str, wanted: type[Any], *args: Any) -> Any:
-    """Return an instance of the class a parameter names, made from `args` and the settings.
-
-    Returns None where it cannot be made; the settings say why.
-    """
-    try:
-        return _make(wanted, *args, settings)
-    except Noted:
-        return None
-    except WiringError as exc:
-        for line in str(exc).splitlines():
-            settings.note(param, line)
-        return None
-
-
-def _make(wanted: Any, *args: Any) -> Any:
-    try:
-        return wanted(*args)
-    except WiringError:
-        raise
-    except Exception as exc:
-        raise WiringError(f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}") from exc
 
 
 def make_plugin(
@@ -83,6 +34,15 @@ def make_plugin(
     made = problems.attempt((key,), lambda: _make(found, *args, params))
     problems.refuse()
     return made
+
+
+def _make(wanted: Any, *args: Any) -> Any:
+    try:
+        return wanted(*args)
+    except WiringError:
+        raise
+    except Exception as exc:
+        raise WiringError(f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}") from exc
 
 
 def load_class(name: str, folder: Path) -> type[Any]:

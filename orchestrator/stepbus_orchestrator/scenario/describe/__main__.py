@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import importlib.util
 import json
 import re
 import sys
@@ -29,6 +30,10 @@ _BLOCK = re.compile(
 _WORLD = "stepbus_plant.world.declaration:WorldFile"
 SERVICES = (
     "stepbus_plant",
+    "stepbus_controller",
+    "stepbus_controller.position",
+    "stepbus_motion.arm",
+    "stepbus_motion.mobile",
     "stepbus_mission",
     "stepbus_mission.round_trip",
     "stepbus_mission.store",
@@ -69,10 +74,8 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def _params(service: str) -> type[Settings]:
-    package = importlib.import_module(service)
-    if hasattr(package, "Params"):
-        return _class(f"{service}:Params")
-    return _class(f"{service}.params:Params")
+    own = importlib.util.find_spec(f"{service}.params")
+    return _class(f"{service}.params:Params" if own else f"{service}:Params")
 
 
 def _class(name: str) -> type[Settings]:
