@@ -77,7 +77,7 @@ def test_faults_of_the_scenario_come_first_and_are_part_of_what_determines_a_run
     ("setting", "sentence"),
     [
         ("plant.on_fault=hold", "a participant that publishes first cannot be held"),
-        ("controller.on_fault=halt", "must be stop or hold, not 'halt'"),
+        ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),
         ("controller.on_fault={safe: {command: {mode: jump, values: []}}}", "is no JointCommand/1"),
