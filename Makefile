@@ -28,7 +28,7 @@ test-unit: setup
 # pytest exits with 5 where there are no such tests.
 test-slow: setup
 	@$(PYTHON) -m pytest -m slow || [ $$? -eq 5 ]
-	@$(PYTHON) -m pytest -m hypothesis --fresh-examples
+	@$(PYTHON) -m pytest -m hypothesis --fresh-examples --timeout 1200
 
 chaos: setup
 	@$(PYTHON) -m pytest -m slow tests/faults/test_chaos.py

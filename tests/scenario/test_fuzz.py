@@ -137,6 +137,7 @@ def hash_of(value):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("value", VALUES, ids=lambda value: ascii(value)[:20])
 def test_any_value_in_every_place_ends_in_a_scenario_or_in_problems(tmp_path, value):
     for name, path in PLACES:
