@@ -22,12 +22,14 @@ class McapFile:
     """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
 
     All methods but `close` raise RecordingFailed when the file cannot be written or is closed.
+    After the first failed write nothing but the index is appended: a recording has no hole.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._schemas: dict[str, int] = {}
         self._closed = False
+        self._failed: RecordingFailed | None = None
         with self._translated():
             self._file = ReservedFile(path)
             sink: Any = self._file
@@ -78,8 +80,8 @@ class McapFile:
     def add(self, channel: int, t_ns: int, data: bytes, sequence: int) -> None:
         """Write one message."""
         # Called for every message: the context manager would take longer than the rest.
-        if self._closed:
-            raise self._already_closed()
+        if self._closed or self._failed is not None:
+            raise self._refusal()
         try:
             self._writer.add_message(channel, t_ns, data, t_ns, sequence)
         except OSError as exc:
@@ -97,14 +99,16 @@ class McapFile:
         self._file.release()
         try:
             with self._translated():
+                if self._failed is not None:
+                    self._writer.drop_chunk()
                 self._writer.finish()
         finally:
             self._file.close()
 
     @contextlib.contextmanager
     def _open(self) -> Iterator[None]:
-        if self._closed:
-            raise self._already_closed()
+        if self._closed or self._failed is not None:
+            raise self._refusal()
         with self._translated():
             yield
 
@@ -115,11 +119,15 @@ class McapFile:
         except OSError as exc:
             raise self._failure(exc) from exc
 
-    def _already_closed(self) -> RecordingFailed:
-        return RecordingFailed(f"the recording {self.path} is closed; nothing can be added to it")
+    def _refusal(self) -> RecordingFailed:
+        return self._failed or RecordingFailed(
+            f"the recording {self.path} is closed; nothing can be added to it"
+        )
 
     def _failure(self, exc: OSError) -> RecordingFailed:
-        return RecordingFailed(
+        """Return the failure, which is the first one from then on."""
+        self._failed = self._failed or RecordingFailed(
             f"the recording {self.path} cannot be written: {exc.strerror or exc}; "
             "free some disk space or choose another folder with --out"
         )
+        return self._failed

@@ -1,0 +1,54 @@
+"""A disk that fills up, a folder that is removed, a file that is changed while a run writes it."""
+
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from recording_support import messages
+
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
+
+STEPBUS = str(Path(sys.executable).with_name("stepbus"))
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Return a function that makes a folder with room for so much."""
+    mounted = []
+
+    def make(size):
+        disk = tmp_path / f"disk{len(mounted)}"
+        disk.mkdir()
+        command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", disk]
+        if os.geteuid() != 0 or subprocess.run(command, check=False).returncode:
+            pytest.skip("this machine does not let us mount a tmpfs")
+        mounted.append(disk)
+        return disk
+
+    yield make
+    for disk in mounted:
+        subprocess.run(["umount", disk], check=True)
+
+
+@pytest.mark.parametrize("size", ["1800k", "2500k"])
+def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
+    disk = small_disk(size)
+    command = [STEPBUS, "run", "two_link", "--set", "duration=1000s", "--no-report"]
+    done = subprocess.run(
+        [*command, "--out", disk / "run"], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == ExitCode.RECORDING
+    assert "No space left on device" in done.stderr
+    path = disk / "run" / "run.mcap"
+    assert Recording(path).damage == ""
+    steps = {}
+    for topic, _, step, _ in messages(path):
+        steps.setdefault(topic, []).append(step)
+    assert len(steps["plant/joint_state"]) > 1000
+    assert {topic: {b - a for a, b in pairwise(own)} for topic, own in steps.items()} == {
+        topic: {64} if topic == "stepbus/chain" else {1} for topic in steps
+    }
