@@ -113,9 +113,9 @@ class Log:
         )
         if placed < 0:
             raise LookupError("nothing was sold in this run")
-        hand = [(s, m) for s, m in self.all("plant/hand") if isinstance(m, GripperState)]
-        grasp = next(step for step, state in hand if state.holding)
-        let_go = [s for s, state in hand if lifted < s < placed and state.holding][-1]
+        gripper = [(s, m) for s, m in self.all("plant/gripper") if isinstance(m, GripperState)]
+        grasp = next(step for step, state in gripper if state.holding)
+        let_go = [s for s, state in gripper if lifted < s < placed and state.holding][-1]
         return Moments(0, found, grasp, (lifted + placed) // 2, let_go)
 
 
@@ -162,8 +162,8 @@ class Scene:
             )
         angles = log.at("plant/joint_state", step, JointState).position or []
         places = dict(zip(log.names("plant/joint_state"), angles, strict=True))
-        width = log.at("plant/hand", step, GripperState).width
-        places |= dict.fromkeys(log.names("plant/hand"), width / 2)
+        width = log.at("plant/gripper", step, GripperState).width
+        places |= dict.fromkeys(log.names("plant/gripper"), width / 2)
         for joint in self._physics.joints:
             self._physics.teleport(joint, places.get(joint.name, 0.0), 0.0)
 
@@ -336,7 +336,7 @@ def _from_above(scene: Scene) -> Picture:
 def _sale(log: Log, scene: Scene, when: Moments) -> Iterator[Picture]:
     """Yield the stations of a sale."""
     stations = {
-        "look": (when.found, WHOLE),
+        "inspect": (when.found, WHOLE),
         "grasp": (when.grasp, WHOLE),
         "carry": (when.carry, WHOLE._replace(yaw=-55.0)),
         "place": (when.placed, WHOLE._replace(yaw=-55.0)),

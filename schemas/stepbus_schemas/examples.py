@@ -206,7 +206,7 @@ _PORTS: dict[str, dict[str, Value]] = {
         "minimal": {"id": 0},
         "full": {
             "id": 3,
-            "cause": "no_way",
+            "cause": "no_path",
             "text": _UNICODE,
             "times": [0.0, 0.5],
             "position": [[0.0, 1.0], [0.5, -1.0]],

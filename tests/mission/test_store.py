@@ -9,7 +9,7 @@ from stepbus_mission.store.participant import StoreMission
 from stepbus_schemas import Description, WiringError, encode
 
 ONE_SALE = (
-    "order>tuck>drive>open>look>find>approach>correct>down>close>check_grip>lift>check_lift>"
+    "order>tuck>drive>open>inspect>find>approach>correct>down>close>check_grip>lift>check_lift>"
     "retreat>check_height>reverse>home>above>place>let_go>up>verify"
 )
 GOODS = (("cola", 2), ("cola", 3), ("water", 4), ("juice", 5))
@@ -120,7 +120,7 @@ def test_corrections_come_to_an_end():
 
 def test_a_grasp_that_fails_is_told_and_tried_again_with_another_look():
     result = sell(FakeStore(shelf_a(*GOODS), empty_grips=1))
-    assert "check_grip>retry>release>back_off>look>find" in path(result)
+    assert "check_grip>retry>release>back_off>inspect>find" in path(result)
     told = "sale 1 (cola_a1_2): attempt 1 of 2 failed while grasping: not held, width 0.000 m"
     assert result.errors == [told]
     assert result.summary.splitlines()[1].split()[2] == "2"
@@ -129,7 +129,7 @@ def test_a_grasp_that_fails_is_told_and_tried_again_with_another_look():
 
 def test_an_item_that_slips_once_is_fetched_at_the_second_attempt():
     result = sell(FakeStore(shelf_a(*GOODS), slips=1))
-    assert "check_lift>retry>release>back_off>look" in path(result)
+    assert "check_lift>retry>release>back_off>inspect" in path(result)
     assert result.end
 
 

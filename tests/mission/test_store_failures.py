@@ -117,7 +117,7 @@ def failed(store, **params):
             ),
         ),
         (
-            {"endless": (("look", 1),)},
+            {"endless": (("inspect", 1),)},
             {"waits": {"motion": 5}},
             (
                 "sale 1 (cola_a1_2) failed while moving above its position: not done, goal 3 "
@@ -151,7 +151,7 @@ def failed(store, **params):
             ),
         ),
         (
-            {"fails": {("look", 1): "as_the_test"}},
+            {"fails": {("inspect", 1): "as_the_test"}},
             {},
             "sale 1 (cola_a1_2) failed while moving above its position: as the test wants it",
         ),
@@ -209,14 +209,14 @@ def test_the_run_fails_one_step_after_the_sentence_is_out():
 
 def test_a_short_loss_of_the_grip_is_no_failure():
     store = FakeStore(shelf_a(*GOODS))
-    hand, calls = store.hand, itertools.count()
+    gripper, calls = store.gripper, itertools.count()
 
     def flickers():
-        state = hand()
+        state = gripper()
         is_lost = store.sent.get("home") and next(calls) < 3
         return GripperState(width=state.width, force=0.0, holding=False) if is_lost else state
 
-    store.hand = flickers
+    store.gripper = flickers
     assert sell(store).end
     assert next(calls) > 3
 

@@ -26,7 +26,7 @@ participants:
     inputs: {{goal: mission.goal}}
     outputs:
       poses: Poses/1
-      hand: GripperState/1
+      gripper: GripperState/1
       odometry: BaseState/1
       detections: Detections/1
       goal_status: GoalStatus/1
@@ -35,7 +35,7 @@ participants:
     spawn_timeout: 60s
     inputs:
       poses: plant.poses
-      hand: plant.hand
+      gripper: plant.gripper
       odometry: plant.odometry
       detections: plant.detections
       goal_status: plant.goal_status

@@ -53,7 +53,7 @@ def test_every_passage_of_the_table_is_walked():
             if state == "shift":
                 more = {"noise": 0.006}
             params = {"attempts": 2, "safe_height": 0.25}
-            found |= walked(params, fails={(state, 1): "no_way"}, **more)
+            found |= walked(params, fails={(state, 1): "no_path"}, **more)
         if "dropped" in STATES[state].then:
             found |= walked({"safe_height": 0.25}, drops=((state, 1),))
     found |= walked(empty_grips=1) | walked(slips=9)

@@ -72,7 +72,7 @@ def test_an_hour_long_motion_is_planned_like_any(robot):
 def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
     runner = Runner(robot)
     runner.begin(joints(1, 0.6, 0.6, 0.6, duration=86400.0), 0.0)
-    assert [(n.state, n.cause) for n in runner.statuses()] == [("failed", "no_way")]
+    assert [(n.state, n.cause) for n in runner.statuses()] == [("failed", "no_path")]
 
 
 def test_stop_at_rest_succeeds_where_the_joints_are(robot):

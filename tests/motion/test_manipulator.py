@@ -59,7 +59,7 @@ def good_planner(robot):
 
 
 def bad_planner(request):
-    return Plan(id=request.id, cause="goal_in_collision", text=f"no way for request {request.id}")
+    return Plan(id=request.id, cause="goal_in_collision", text=f"no path for request {request.id}")
 
 
 def tips(robot, rows):
@@ -314,7 +314,7 @@ def test_backing_off_goes_back_the_same_way_by_that_distance(robot):
     assert max(off) < 2e-3
 
 
-def test_backing_off_again_goes_further_until_there_is_no_way_left(robot):
+def test_backing_off_again_goes_further_until_no_path_is_left(robot):
     stage, log = Stage(make_arm(robot)), Log()
     start = tips(robot, [HOME])[0]
     stage.begin(pose_goal("move_linear", [0.5, 0.2, 0.25]))
@@ -359,17 +359,17 @@ def test_with_a_planner_a_duration_is_kept(robot):
     assert log.steps * PERIOD == pytest.approx(4.0, abs=0.1)
 
 
-def test_four_ways_to_stand_are_tried_before_a_pose_has_no_way(robot):
+def test_four_postures_are_tried_before_a_pose_has_no_path(robot):
     stage = Stage(planned_arm(robot), answer=bad_planner)
     log = stage.run(pose_goal("move_to_pose", [0.5, 0.2, 0.35]))
-    assert (log.outcome.state, log.outcome.cause) == ("failed", "no_way")
-    assert log.outcome.text == "4 solutions were tried; the last: no way for request 3"
+    assert (log.outcome.state, log.outcome.cause) == ("failed", "no_path")
+    assert log.outcome.text == "4 solutions were tried; the last: no path for request 3"
     assert len({tuple(np.round(request.goal, 6)) for request in stage.requests}) == 4
 
 
 @pytest.mark.parametrize(
     ("said", "cause"),
-    [("no_way", "no_way"), ("not_holdable", "not_holdable"), ("bad_request", "invalid")],
+    [("no_path", "no_path"), ("not_holdable", "not_holdable"), ("bad_request", "invalid")],
 )
 def test_the_goal_fails_with_what_the_planner_says(robot, said, cause):
     def planner(request):

@@ -31,13 +31,13 @@ JOINTS = ("pan", "lift", "elbow", "roll", "pitch", "turn")
 READY = (0.0, -1.2, 1.9, 0.0, 0.9, 0.0)
 INPUTS = MappingProxyType(
     {
-        "joint_state": "JointState/1", "odometry": "BaseState/1", "hand": "GripperState/1",
+        "joint_state": "JointState/1", "odometry": "BaseState/1", "gripper": "GripperState/1",
         "contacts": "Contacts/1", "goal": "Goal/1",
     }
 )  # fmt: skip
 OUTPUTS = MappingProxyType(
     {
-        "arm": "JointCommand/1", "base": "BaseCommand/1", "hand": "GripperCommand/1",
+        "arm": "JointCommand/1", "base": "BaseCommand/1", "gripper": "GripperCommand/1",
         "goal_status": "GoalStatus/1", "status": "ControllerStatus/1",
     }
 )  # fmt: skip
@@ -116,7 +116,7 @@ class Robot:
         self.x += self.vx * DT * math.cos(self.yaw)
         self.y += self.vx * DT * math.sin(self.yaw)
         self.yaw += self.wz * DT
-        gap = min(max(out["hand"].width - self.width, -0.1 * DT), 0.1 * DT)
+        gap = min(max(out["gripper"].width - self.width, -0.1 * DT), 0.1 * DT)
         self.width = max(self.width + gap, self.thing or 0.0)
         return out
 
@@ -126,7 +126,7 @@ class Robot:
         return {
             "joint_state": JointState(position=self.q.tolist(), velocity=self.v.tolist()),
             "odometry": BaseState(x=self.x, y=self.y, yaw=self.yaw, vx=self.vx, wz=self.wz),
-            "hand": GripperState(width=self.width, force=15.0 * holding, holding=holding),
+            "gripper": GripperState(width=self.width, force=15.0 * holding, holding=holding),
             "contacts": Contacts(
                 pairs=[row[:2] for row in rows], force=[row[2] for row in rows],
                 distance=[row[3] for row in rows], position=[(0.0, 0.0, 0.0)] * len(rows),
@@ -169,7 +169,7 @@ def test_it_holds_everything_where_it_is_until_there_is_a_goal(robot):
     robot.run(0.2)
     assert robot.q == pytest.approx(READY)
     out = robot.commands[-1]
-    assert (out["base"].vx, out["base"].wz, out["hand"].width) == (0.0, 0.0, 0.1)
+    assert (out["base"].vx, out["base"].wz, out["gripper"].width) == (0.0, 0.0, 0.1)
     assert robot.news == []
 
 
@@ -336,9 +336,9 @@ def test_with_a_planner_the_arm_moves_by_its_plan(tmp_path):
 def test_a_plan_that_is_none_fails_the_goal_with_its_cause(tmp_path):
     robot = Robot(config(tmp_path, plans=True))
     robot.start(0, "move_joints", joints=["pan"], values=[0.3])
-    robot.step(plan=Plan(id=robot.requests[0].id, cause="no_way", text="all ways are blocked"))
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="no_path", text="all paths are blocked"))
     robot.run(0.1)
-    assert (robot.news[-1].cause, robot.news[-1].text) == ("no_way", "all ways are blocked")
+    assert (robot.news[-1].cause, robot.news[-1].text) == ("no_path", "all paths are blocked")
 
 
 def answered(request):
@@ -419,7 +419,7 @@ def test_a_goal_is_given_other_ways_so_many_times_and_no_more(tmp_path):
     end = robot.news[-1]
     assert (end.state, end.cause, end.text) == (
         "failed",
-        "no_way",
+        "no_path",
         "a cat; stopped, after 1 other path",
     )
     assert np.abs(robot.v).max() < 1e-9
@@ -450,7 +450,7 @@ def test_two_runs_are_equal_to_the_byte(tmp_path):
 def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
     with pytest.raises(WiringError) as caught:
         MobileController(
-            config(tmp_path, plans=True, leave_out=("plan", "hand"), pads=["left_pad"],
+            config(tmp_path, plans=True, leave_out=("plan", "gripper"), pads=["left_pad"],
                    base_speed=0, slowest=2, base_sped=1)
         )  # fmt: skip
     text = str(caught.value)
@@ -521,7 +521,7 @@ def test_a_goal_with_absurd_numbers_fails_at_once_and_nothing_else_does(tmp_path
             "measurements of the base are not finite: .*inf",
         ),
         (
-            {"hand": GripperState(width=math.nan, force=0.0, holding=False)},
+            {"gripper": GripperState(width=math.nan, force=0.0, holding=False)},
             "measurements of the gripper are not finite: .*nan",
         ),
     ],

@@ -127,8 +127,8 @@ def test_a_mistake_in_the_world_is_told_with_its_line(tmp_path, old, new, text):
 
 def test_a_port_without_a_device_is_refused(tmp_path):
     write_base(tmp_path)
-    with pytest.raises(WiringError, match="hand: has type GripperState/1, the world has no 'gripp"):
-        make_stand(tmp_path, WORLD, {"hand": "GripperState/1"}, {})
+    with pytest.raises(WiringError, match="gripper: has type GripperState/1, the world has no 'gripp"):
+        make_stand(tmp_path, WORLD, {"gripper": "GripperState/1"}, {})
 
 
 @pytest.mark.parametrize("rows", [BaseSettings, ContactSensorSettings, GripperSettings])

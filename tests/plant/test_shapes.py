@@ -85,7 +85,7 @@ def test_a_shape_that_cannot_be_understood_is_refused(tmp_path):
 
 def test_joints_tell_which_device_they_are_of(tmp_path):
     world = """
-grippers: {hand: {left: a, right: b}}
+grippers: {gripper: {left: a, right: b}}
 bodies: {one: {urdf: thing.urdf, fixed_base: true, joint_defaults: {mode: velocity}}}
 """
     parts = [link(name, 1.0, '<sphere radius="0.01"/>') for name in ("base", "l", "m", "r")]
@@ -94,9 +94,9 @@ bodies: {one: {urdf: thing.urdf, fixed_base: true, joint_defaults: {mode: veloci
         for n, c in (("a", "l"), ("x", "m"), ("b", "r"))
     ]
     write_urdf(tmp_path, "thing", *parts, *slides)
-    outputs = {"joint_state": "JointState/1", "hand": "GripperState/1"}
+    outputs = {"joint_state": "JointState/1", "gripper": "GripperState/1"}
     said = make_stand(tmp_path, world, outputs, {}).participant.describe()
     assert said["joint_state"].names == ["a", "x", "b"]
-    assert said["joint_state"].details["device"] == ["hand", "", "hand"]
-    assert said["hand"].names == ["a", "b"]
-    assert said["hand"].limits["effort"] == [9.0, 9.0]
+    assert said["joint_state"].details["device"] == ["gripper", "", "gripper"]
+    assert said["gripper"].names == ["a", "b"]
+    assert said["gripper"].limits["effort"] == [9.0, 9.0]

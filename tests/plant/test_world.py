@@ -175,7 +175,7 @@ def test_every_key_is_documented(rows):
 def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp_path):
     devices = (
         "bases: {base: {left: whel, right: joint1, wheel_radius: 0.1, track: 0.5}}\n"
-        "grippers: {hand: {left: fingr, right: joint2}}\n"
+        "grippers: {gripper: {left: fingr, right: joint2}}\n"
         "contacts: {touch: {links: [lnk1]}}\n"
         "cameras: {eye: {link: camra, period: 5ms}}\n"
     )
@@ -185,8 +185,8 @@ def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp
         "'jont2' is unknown",
         "bases.base.left: joint 'whel' is unknown",
         "bases.base.right: joint 'joint1' has mode torque",
-        "grippers.hand.left: joint 'fingr' is unknown",
-        "grippers.hand.right: joint 'joint2' is revolute, not prismatic",
+        "grippers.gripper.left: joint 'fingr' is unknown",
+        "grippers.gripper.right: joint 'joint2' is revolute, not prismatic",
         "contacts.touch.links: link 'lnk1' is unknown",
         "cameras.eye.link: link 'camra' is unknown",
         "bodies.arm.joints.jont1: unknown",

@@ -47,14 +47,14 @@ def arm(mode="position", **state):
 
 def mobile():
     bases = [BaseState(x=0.5 * n, y=0.0, yaw=0.0, vx=1.0, wz=0.0) for n in range(4)]
-    hands = [GripperState(width=0.08, force=0.0, holding=n in {1, 2}) for n in range(4)]
+    grippers = [GripperState(width=0.08, force=0.0, holding=n in {1, 2}) for n in range(4)]
     goal = Goal(id=1, type="move_linear", tip="grasp")
     poses = [
         Poses(position=[(0, 0, 9.0), (0, 0, 0.1 * n)], orientation=[UPRIGHT] * 2) for n in range(4)
     ]
     return {
         "odometry": ("BaseState/1", ["l", "r"], bases),
-        "hand": ("GripperState/1", ["a", "b"], hands),
+        "gripper": ("GripperState/1", ["a", "b"], grippers),
         "goal": ("Goal/1", [], [goal]),
         "poses": ("Poses/1", ["chassis", "grasp"], poses),
     }
@@ -81,7 +81,7 @@ def test_a_mobile_manipulator_has_path_speed_gripper_and_height(record):
 
 
 def test_a_gripper_alone_has_its_panel_alone(record):
-    only = {"hand": mobile()["hand"]}
+    only = {"gripper": mobile()["gripper"]}
     assert [draw(panel).get_title() for panel in device_panels(record(**only))] == ["gripper"]
 
 

@@ -149,7 +149,7 @@ POST_AWAY = "at: 15s, body: pillar, position: [1.9, 0.6, 0]"
 """Back where it was; straight down to the item the arm would touch it."""
 
 POST_ON_ITEM = "body: pillar, position: [2.015, 0.36, 0.38]"
-"""Where the hand has to go, whichever way it comes."""
+"""Where the gripper has to go, whichever path it takes."""
 
 
 def assert_nothing_was_touched(recording, link):
@@ -184,11 +184,11 @@ def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
     assert_nothing_was_touched(recording, "pillar_post")
 
 
-def test_where_there_is_no_way_the_run_fails_with_everything_at_rest(tmp_path):
+def test_where_there_is_no_path_the_run_fails_with_everything_at_rest(tmp_path):
     result = store(tmp_path, script(f"at: 8.6s, {POST_ON_ITEM}"))
     recording = Recording(result.recording)
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission"), result.reason
-    assert f"{FAILED}moving above its position: no way, " in result.reason
+    assert f"{FAILED}moving above its position: no path, " in result.reason
     assert "pillar_post" in result.reason
     assert result.reason.count(STILL) == 1
     assert_at_rest(recording)

@@ -53,7 +53,7 @@ def test_no_other_item_has_moved(recording):
 
 @pytest.mark.timeout(600)
 def test_it_is_held_by_friction_at_15_newtons(recording):
-    forces = [hand.force for _, hand in recording.messages("plant/hand") if hand.holding]
+    forces = [state.force for _, state in recording.messages("plant/gripper") if state.holding]
     assert np.median(forces) == pytest.approx(15.0, abs=0.5)
 
 

@@ -52,7 +52,7 @@ def config(**params) -> Config:
     inputs = {
         "poses": ("plant", "Poses/1"),
         "detections": ("perception", "Detections/1"),
-        "hand": ("plant", "GripperState/1"),
+        "gripper": ("plant", "GripperState/1"),
         "odometry": ("plant", "BaseState/1"),
         "goal_status": ("controller", "GoalStatus/1"),
     }
@@ -167,13 +167,13 @@ class FakeStore:
         x, y, yaw = self.base
         return BaseState(x=x, y=y, yaw=yaw, vx=0.05 if self.drifts else 0.0, wz=0.0)
 
-    def hand(self) -> GripperState:
+    def gripper(self) -> GripperState:
         holding = self.held is not None
         width = self.width if self.seen_width is None else self.seen_width
         return GripperState(width=width, force=15.0 if holding else 0.0, holding=holding)
 
     def detections(self) -> Detections | None:
-        """Return what the camera sees of the items near the hand, in the frame of the base."""
+        """Return what the camera sees of the items near the gripper, in the frame of the base."""
         if self.is_dark:
             return None
         self.pictures += 1
@@ -317,7 +317,7 @@ def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
     stand = Stand(mission)
     result = Result([], [], "", "", "", walked)
     for index in range(steps):
-        messages = {"poses": store.poses(), "odometry": store.odometry(), "hand": store.hand()}
+        messages = {"poses": store.poses(), "odometry": store.odometry(), "gripper": store.gripper()}
         if store.news and (status := store.news.pop(0)) is not None:
             messages["goal_status"] = status
         if index % 5 == 0 and (found := store.detections()) is not None:

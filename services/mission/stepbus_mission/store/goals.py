@@ -35,7 +35,7 @@ def open_gripper(store: StoreState) -> Goal:
     return _grip(store, store.settings.opening)
 
 
-def look(store: StoreState) -> Goal:
+def inspect(store: StoreState) -> Goal:
     """Move the open gripper above the item's expected position."""
     _, item = store.now
     return _above(store, item.top + store.settings.view_height)
@@ -126,7 +126,7 @@ GOALS: Mapping[str, MakeGoal] = {
     "tuck": tuck,
     "drive": drive,
     "open": open_gripper,
-    "look": look,
+    "inspect": inspect,
     "approach": approach,
     "shift": shift,
     "down": down,

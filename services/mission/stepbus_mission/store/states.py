@@ -45,8 +45,8 @@ STATES: Mapping[str, State] = {
     ),
     "tuck": _goal("tucking the arm in", "drive"),
     "drive": _goal("driving to the shelf", "open"),
-    "open": _goal("opening the gripper", "look"),
-    "look": _goal("moving above its position", "find"),
+    "open": _goal("opening the gripper", "inspect"),
+    "inspect": _goal("moving above its position", "find"),
     "find": State(
         doing="searching for it",
         then={"found": "approach", "missing": "order", "blind": "stop"},
@@ -76,7 +76,7 @@ STATES: Mapping[str, State] = {
     "shift": _grasp("following it", "correct"),
     "retry": State(doing="trying again", then={"again": "release", "over": "stop"}),
     "release": _goal("releasing it", "back_off"),
-    "back_off": _goal("moving up", "look"),
+    "back_off": _goal("moving up", "inspect"),
     "stop": State(doing="stopping", then={"rest": "failed", "restless": "failed"}),
     "failed": State(doing="being stopped", then={}),
 }

@@ -174,7 +174,7 @@ class Avoidance:
 
     def _give_up(self, part: Part, text: str, t: float) -> Outcome:
         self._parts.rest(part, t)
-        return Outcome(state="failed", cause="no_way", text=text)
+        return Outcome(state="failed", cause="no_path", text=text)
 
 
 def _gap(watch: Watch) -> str:

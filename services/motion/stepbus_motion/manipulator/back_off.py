@@ -46,7 +46,7 @@ class BackOffPath:
             points.append(point)
             before, length = tip, length + ahead
         if length < 1e-6:
-            raise Refused("no_way", "the arm has not moved: there is no path to back off along")
+            raise Refused("no_path", "the arm has not moved: there is no path to back off along")
         return points, length
 
     def _tip_at(self, q: Vector) -> Vector:

@@ -12,7 +12,7 @@ from stepbus_schemas import Goal, Plan, PlanRequest
 from .candidates import Candidate
 
 _CAUSES = {"bad_request": "invalid", "not_holdable": "not_holdable"}
-"""Cause of a plan → of the goal, where no other path would help; for all others: no_way."""
+"""Cause of a plan → of the goal, where no other path would help; for all others: no_path."""
 
 
 @dataclass(kw_only=True)
@@ -113,4 +113,4 @@ class PlannerQueries:
 
 def refusal_of(plan: Plan) -> Refused:
     """Return a planner's refusal with the cause of a goal."""
-    return Refused(_CAUSES.get(plan.cause, "no_way"), plan.text or plan.cause)
+    return Refused(_CAUSES.get(plan.cause, "no_path"), plan.text or plan.cause)

@@ -71,7 +71,7 @@ class DirectRouter:
             text = f"{trajectory.duration:.2f} s of motion"
             text = f"{candidate.text}; {text}" if candidate.text else text
             return Route(candidate=candidate, trajectory=trajectory, text=text)
-        raise problem or Refused("no_way", "the goal has no solution")
+        raise problem or Refused("no_path", "the goal has no solution")
 
     def _trajectory(self, start: JointMotion, candidate: Candidate, least: float) -> Trajectory:
         rows = self._fitter.along(candidate)
@@ -114,7 +114,7 @@ class DetourRouter:
         candidate = next(iter(candidates))
         motions = self.plan(start, candidate.target, least_duration, holds=candidate.holds)
         if motions is None:
-            raise Refused("no_way", "no motion was found that neither touches nor overloads")
+            raise Refused("no_path", "no motion was found that neither touches nor overloads")
         trajectory = Joined(motions)
         text = f"{trajectory.duration:.2f} s of motion in {len(motions)} parts"
         text = f"{candidate.text}; {text}"

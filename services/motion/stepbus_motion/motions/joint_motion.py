@@ -94,7 +94,7 @@ def motion_to(
     """Return the fastest motion to rest at goal, shape (n,) [rad].
 
     From rest, the joints stay on the straight line between both. least_duration: the motion takes
-    at least so long [s]. Raises Refused with cause no_way where no motion keeps the limits.
+    at least so long [s]. Raises Refused with cause no_path where no motion keeps the limits.
     """
     given = _input(start, limits)
     given.target_position = goal.tolist()
@@ -108,7 +108,7 @@ def motion_to(
 def stop_from(start: JointMotion, limits: MotionLimits) -> Motion:
     """Return the fastest motion to a standstill, wherever that is.
 
-    Raises Refused with cause no_way where no motion keeps the limits.
+    Raises Refused with cause no_path where no motion keeps the limits.
     """
     given = _input(start, limits)
     given.control_interface = ruckig.ControlInterface.Velocity
@@ -133,7 +133,7 @@ def _calculated(given: Any) -> Motion:
         result = ruckig.Ruckig(given.degrees_of_freedom).calculate(given, trajectory)
     except (ruckig.RuckigError, ValueError) as exc:
         # A ValueError is a result that its Python side has no name for, as a duration of hours.
-        raise Refused("no_way", f"ruckig finds no motion within the limits: {exc}") from exc
+        raise Refused("no_path", f"ruckig finds no motion within the limits: {exc}") from exc
     if result != ruckig.Result.Working:
-        raise Refused("no_way", f"ruckig finds no motion within the limits: {result}")
+        raise Refused("no_path", f"ruckig finds no motion within the limits: {result}")
     return Motion(trajectory)

@@ -59,7 +59,7 @@ def joint_path(points: Sequence[Vector]) -> JointPath:
         if not kept or float(np.linalg.norm(point - kept[-1])) > 1e-9:
             kept.append(point)
     if len(kept) < 2:
-        raise Refused("no_way", "the path has no length: the arm is there already")
+        raise Refused("no_path", "the path has no length: the arm is there already")
     q = np.array(kept)
     u = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
     return JointPath(u=u, q=q, slope=np.gradient(q, u, axis=0))
