@@ -127,7 +127,9 @@ def test_a_mistake_in_the_world_is_told_with_its_line(tmp_path, old, new, text):
 
 def test_a_port_without_a_device_is_refused(tmp_path):
     write_base(tmp_path)
-    with pytest.raises(WiringError, match="gripper: has type GripperState/1, the world has no 'gripp"):
+    with pytest.raises(
+        WiringError, match="gripper: has type GripperState/1, the world has no 'gripp"
+    ):
         make_stand(tmp_path, WORLD, {"gripper": "GripperState/1"}, {})
 
 

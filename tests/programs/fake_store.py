@@ -29,7 +29,11 @@ class Store(Participant):
 
     def output(self, step):
         store = self.store
-        messages = {"poses": store.poses(), "odometry": store.odometry(), "gripper": store.gripper()}
+        messages = {
+            "poses": store.poses(),
+            "odometry": store.odometry(),
+            "gripper": store.gripper(),
+        }
         if store.news and (status := store.news.pop(0)) is not None:
             messages["goal_status"] = status
         if step.index % 5 == 0 and (found := store.detections()) is not None:

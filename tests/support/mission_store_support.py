@@ -317,7 +317,11 @@ def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
     stand = Stand(mission)
     result = Result([], [], "", "", "", walked)
     for index in range(steps):
-        messages = {"poses": store.poses(), "odometry": store.odometry(), "gripper": store.gripper()}
+        messages = {
+            "poses": store.poses(),
+            "odometry": store.odometry(),
+            "gripper": store.gripper(),
+        }
         if store.news and (status := store.news.pop(0)) is not None:
             messages["goal_status"] = status
         if index % 5 == 0 and (found := store.detections()) is not None:
