@@ -53,9 +53,9 @@ def bridge():
 
     yield make
     for item in made:
-        item._link.failed = True
-        if not item._link.program.has_ended():
-            os.kill(item._link.program.pid, signal.SIGKILL)
+        item.link.failed = True
+        if not item.link.program.has_ended():
+            os.kill(item.link.program.pid, signal.SIGKILL)
         item.close()
 
 
@@ -106,7 +106,7 @@ def test_each_mistake_in_numbers_has_its_own_sentence(bridge, kind, sentence):
 def test_a_word_that_nobody_asked_for_is_refused_at_the_next_step(bridge):
     code = "import os; os.read(3, 4096); os.write(4, b'{\"ready\": {}}\\n'); os.read(3, 4096); os.write(4, b'{}\\n'); os.read(3, 1)"
     made = bridge("json", "", [sys.executable, "-c", code])
-    assert made._link.program.has_written(timeout_s=20)
+    assert made.link.program.has_written(timeout_s=20)
     with pytest.raises(BridgeError, match=r"wrote '\{\}\\n' without being asked"):
         made.update(step_at(0, [0.0, 1.0]))
 

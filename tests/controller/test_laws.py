@@ -125,4 +125,4 @@ def test_a_users_law_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
         torques={"joint2": 2, "joint1": 1},
     )
     controller = make_controller(config)
-    assert controller.participant._law.torque(0, 0, 0, 0).tolist() == [1.0, 2.0]
+    assert controller.participant.law.torque(0, 0, 0, 0).tolist() == [1.0, 2.0]

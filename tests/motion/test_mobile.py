@@ -156,7 +156,7 @@ class Robot:
         return [news.state for news in self.news if news.id == number]
 
     def place(self, frame):
-        arm = self.stand.participant._settings.robot
+        arm = self.stand.participant.settings.robot
         return arm.frame_pose(self.q, frame)
 
 

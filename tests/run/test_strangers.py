@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import pytest
 from fuzz_support import OLD_TOKEN, STEP_NS, Mutator, envelopes, outputs
 from run_support import leftovers, run_joints
-from stranger_support import PATIENT, disturbed
+from stranger_support import PATIENT, WAIT_S, disturbed
 
 from stepbus_participant.session import carries_token
-from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop
+from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop, encoding_of
 
 TO_ORCHESTRATOR = {"join", "ready/controller", "log/controller", "fault/controller"}
 LAST_QUERY = 1
@@ -82,9 +84,9 @@ def test_hundreds_of_mutated_messages_over_the_bus_change_nothing(tmp_path, own_
 @pytest.mark.parametrize("name", ["stranger", "controller", "orchestrator"])
 def test_a_strangers_coming_and_going_changes_nothing(tmp_path, own_temp, reference, name):
     def act(stranger, _token):
-        stranger.bus.declare_alive(f"alive/{name}")
-        stranger.ask(b"")
-        stranger.bus._held.pop().undeclare()
+        with closing(stranger.another_session()) as bus:
+            bus.declare_alive(f"alive/{name}")
+            next(iter(bus.query("join", b"", encoding_of("Hello/1"), WAIT_S)), None)
 
     result = disturbed(tmp_path, own_temp, act)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)

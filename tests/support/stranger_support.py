@@ -46,6 +46,7 @@ class Stranger:
         (folder,) = self.temp.glob("stepbus-*/")
         tickets = [load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("*.ticket")]
         links = {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
+        self.another_session = lambda: open_bus(controller_ticket(tickets), links)
         self.buses = {ticket.name: open_bus(ticket, links) for ticket in tickets}
         self.bus, self.run = self.buses["controller"], tickets[0].run
         try:
@@ -92,6 +93,10 @@ class Stranger:
     def ask(self, data):
         """Return the orchestrator's answer to a query on `join`."""
         return next(iter(self.bus.query("join", data, encoding_of("Hello/1"), WAIT_S)), None)
+
+
+def controller_ticket(tickets):
+    return next(ticket for ticket in tickets if ticket.name == "controller")
 
 
 def open_bus(ticket, links):

@@ -33,13 +33,13 @@ class Bridge(Participant):
     def __init__(self, config: Config, bridged: BridgedProgram, framing: Framing) -> None:
         super().__init__(config)
         self._described = _descriptions(config, bridged.describe)
-        self._link = Link(Program(bridged.argv, bridged.format), framing)
+        self.link = Link(Program(bridged.argv, bridged.format), framing)
 
     def close(self) -> None:
         """Wait for the program's end; raises RunError when its exit code is not 0."""
-        program = self._link.program
+        program = self.link.program
         program.stop()
-        if program.exit_code and not self._link.failed:
+        if program.exit_code and not self.link.failed:
             raise RunError(f"{program} {program.how_it_ended()} after the stop")
 
 

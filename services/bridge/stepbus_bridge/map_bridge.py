@@ -112,8 +112,8 @@ class MapBridge(Bridge):
 
     def describe(self) -> Mapping[str, Description]:
         """Describe the run to the program, and return how it describes its outputs."""
-        self._link.send(self._codec.encode({"welcome": _welcome(self.config)}))
-        said: _Ready = self._read(self._codec.decoder(_Ready), self._link.receive())
+        self.link.send(self._codec.encode({"welcome": _welcome(self.config)}))
+        said: _Ready = self._read(self._codec.decoder(_Ready), self.link.receive())
         self._versions = said.ready.versions
         return {**self._described, **said.ready.outputs}
 
@@ -123,7 +123,7 @@ class MapBridge(Bridge):
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Tell the program what its inputs are."""
-        self._link.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
+        self.link.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
 
     def output(self, step: Step) -> Mapping[str, Message]:
         """Ask the program for its outputs before its inputs."""
@@ -142,7 +142,7 @@ class MapBridge(Bridge):
 
     def _ask(self, message: Mapping[str, Any], step: Step, publishes: bool) -> dict[str, Message]:
         """Return the outputs in the answer to a message. publishes: whether there may be any."""
-        answer = self._read(self._decode, self._link.ask(self._codec.encode(message)))
+        answer = self._read(self._decode, self.link.ask(self._codec.encode(message)))
         found: dict[str, Message] = {}
         if answer.outputs is not None:
             found = dict(zip(self._outputs, astuple(answer.outputs), strict=True))
@@ -151,7 +151,7 @@ class MapBridge(Bridge):
         if answer.end is not None:
             step.end(answer.end)
         if found and not publishes:
-            raise self._link.wrong(
+            raise self.link.wrong(
                 "publishes first: it answers `output` with its outputs and `update` with none"
             )
         return found
@@ -166,8 +166,8 @@ class MapBridge(Bridge):
         form = "JSON" if isinstance(self._codec, Json) else "MessagePack"
         known = ", ".join(f"{port} ({row.type})" for port, row in self.config.outputs.items())
         if isinstance(exc, msgspec.ValidationError):
-            return self._link.wrong(f"answered wrongly: {exc}; its outputs are {known or 'none'}")
-        return self._link.wrong(f"wrote what is no {form}: {exc}: {show(data)}")
+            return self.link.wrong(f"answered wrongly: {exc}; its outputs are {known or 'none'}")
+        return self.link.wrong(f"wrote what is no {form}: {exc}: {show(data)}")
 
 
 def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:

@@ -92,9 +92,9 @@ class RawBridge(Bridge):
 
     def describe(self) -> Mapping[str, Description]:
         """Wait until the program has written its 1.0."""
-        (ready,) = struct.unpack("<d", self._link.receive())
+        (ready,) = struct.unpack("<d", self.link.receive())
         if ready != 1.0:
-            raise self._link.wrong(f"wrote {ready!r}, not 1.0, to say that it is ready")
+            raise self.link.wrong(f"wrote {ready!r}, not 1.0, to say that it is ready")
         return self._described
 
     def start(self, inputs: Mapping[str, Description]) -> None:
@@ -116,7 +116,7 @@ class RawBridge(Bridge):
         self._block.count = n_out
         self._codes = (struct.Struct(f"<{n_in}d"), struct.Struct(f"<{n_out}d"))
         header = self._header(n_in, n_out)
-        self._link.send(struct.pack(f"<{len(header)}d", *header))
+        self.link.send(struct.pack(f"<{len(header)}d", *header))
 
     def _joints(self, output: str, inputs: Mapping[str, Description]) -> Sequence[str]:
         """Return the joints of an output; raises WiringError where they are not known."""
@@ -155,7 +155,7 @@ class RawBridge(Bridge):
             except RunError as exc:
                 raise RunError(f"input {name!r}: {exc}") from exc
         pack, unpack = self._codes
-        answer = unpack.unpack(self._link.ask(pack.pack(*numbers)))
+        answer = unpack.unpack(self.link.ask(pack.pack(*numbers)))
         return self._messages(answer)
 
     def _messages(self, numbers: Sequence[float]) -> dict[str, Message]:
@@ -166,7 +166,7 @@ class RawBridge(Bridge):
             try:
                 found[name] = UNFLATTEN[type_name](numbers[begin:end], n)
             except ValueError as exc:
-                raise self._link.wrong(f"answered wrongly: {name}: {exc}") from exc
+                raise self.link.wrong(f"answered wrongly: {name}: {exc}") from exc
             begin = end
         return found
 

@@ -52,7 +52,7 @@ class ControllerParticipant(Participant):
         self._smoother: Smoother | None = make_smoother(params, sensed_s)
         self._velocity_smoother: Smoother | None = make_smoother(params, sensed_s)
         self._robot = make_robot(config, params)
-        self._law = make_law(config, params, self._robot)
+        self.law = make_law(config, params, self._robot)
         self._limit: list[float] = self._robot.effort_limit.tolist()
         self._dt = config.every * config.step_ns * 1e-9
         self._motion: tuple[Vector, Vector] | None = None
@@ -91,7 +91,7 @@ class ControllerParticipant(Participant):
         if self._motion is None or position is None or self._reference is None:
             return {}
         q, v = self._motion
-        torque = self._law.torque(q, v, self._reference, self._dt)
+        torque = self.law.torque(q, v, self._reference, self._dt)
         wanted = self._checked(torque, step.index)
         values = [min(max(t, -limit), limit) for t, limit in zip(wanted, self._limit, strict=True)]
         command = JointCommand(mode="torque", values=values)

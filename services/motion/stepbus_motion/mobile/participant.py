@@ -48,15 +48,15 @@ class MobileController(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._settings: MobileSettings = read_mobile_settings(config)
-        self._ports = self._settings.ports
+        self.settings: MobileSettings = read_mobile_settings(config)
+        self._ports = self.settings.ports
         self._period = config.every * config.step_ns * 1e-9
         self._reading: JointReading | None = None
         self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
-        names = list(self._settings.robot.joints)
+        names = list(self.settings.robot.joints)
         ports = (self._ports.arm, self._ports.plan_request, self._ports.status)
         return {port: Description(names=names) for port in ports if port is not None}
 
@@ -65,7 +65,7 @@ class MobileController(Participant):
 
         Raises WiringError for joints that the plant does not sense.
         """
-        settings, port = self._settings, self._ports.joint_state
+        settings, port = self.settings, self._ports.joint_state
         self._sensor = JointSensor(
             self.config.name, port, inputs[port], settings.robot, period=self._period
         )

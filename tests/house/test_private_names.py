@@ -1,0 +1,23 @@
+"""Tests use what users can use: no test reaches for a private name of an object."""
+
+import ast
+from pathlib import Path
+
+TESTS = Path(__file__).parents[1]
+THEIRS = {"_replace", "_asdict", "_fields", "_exit"}
+"""Names with an underscore that are public all the same: of named tuples, and os._exit."""
+
+
+def private_accesses(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Attribute) or not node.attr.startswith("_"):
+            continue
+        is_own = isinstance(node.value, ast.Name) and node.value.id in {"self", "cls"}
+        if not is_own and not node.attr.startswith("__") and node.attr not in THEIRS:
+            yield f"{path.relative_to(TESTS)}:{node.lineno}: {node.attr}"
+
+
+def test_no_test_reaches_for_a_private_name():
+    found = [text for path in sorted(TESTS.rglob("*.py")) for text in private_accesses(path)]
+    assert found == []
