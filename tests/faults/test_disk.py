@@ -1,8 +1,10 @@
 """A disk that fills up, a folder that is removed, a file that is changed while a run writes it."""
 
 import os
+import shutil
 import subprocess
 import sys
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -52,3 +54,48 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     assert {topic: {b - a for a, b in pairwise(own)} for topic, own in steps.items()} == {
         topic: {64} if topic == "stepbus/chain" else {1} for topic in steps
     }
+
+
+def start(folder, *options):
+    """Start a run of two_link; return it, with its recording, when that has grown."""
+    command = [STEPBUS, "run", "two_link", *options, "--out", folder / "run"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    recording = folder / "run" / "run.mcap"
+    give_up = time.monotonic() + 60
+    while not recording.exists() or recording.stat().st_size < 20_000:
+        assert process.poll() is None
+        assert time.monotonic() < give_up
+        time.sleep(0.005)
+    return process, recording
+
+
+def replace(recording):
+    recording.unlink()
+    recording.write_bytes(b"another one's")
+
+
+def overwrite(recording):
+    with recording.open("r+b") as file:
+        file.seek(10_000)
+        file.write(b"something else")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda path: shutil.rmtree(path.parent), "was removed"),
+        (lambda path: path.unlink(), "was removed"),
+        (lambda path: path.rename(path.with_name("moved.mcap")), "was removed"),
+        (lambda path: os.truncate(path, 0), "has another content than was written"),
+        (lambda path: os.truncate(path, 5000), "has another content than was written"),
+        (overwrite, "has another content than was written"),
+        (replace, "was replaced by another file"),
+    ],
+)
+def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
+    process, recording = start(tmp_path, "--set", "duration=4s")
+    change(recording)
+    _, errors = process.communicate(timeout=60)
+    assert f"the recording {recording} {sentence}: somebody changed it" in errors
+    assert "Traceback" not in errors
+    assert process.returncode == ExitCode.RECORDING == 8

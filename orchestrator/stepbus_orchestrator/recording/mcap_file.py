@@ -105,6 +105,16 @@ class McapFile:
         finally:
             self._file.close()
 
+    def check(self) -> None:
+        """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
+        with self._translated():
+            changed = self._file.changed()
+        if changed:
+            raise RecordingFailed(
+                f"the recording {self.path} {changed}: somebody changed it while the run wrote it; "
+                "run again, and leave the run's folder alone until it ends"
+            )
+
     @contextlib.contextmanager
     def _open(self) -> Iterator[None]:
         if self._closed or self._failed is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 from pathlib import Path
 
@@ -15,14 +16,19 @@ class ReservedFile:
     A reserve of 512 KiB, given back by `release`, leaves room to close the file properly: a
     recording on a full disk still ends with its index. The reserve is a file without a name, so
     that it goes with the process, however that ends.
+
+    sha256: of all that has been written.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._position = 0
+        self.sha256 = hashlib.sha256()
         self.closed = False
         self._reserve = -1
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        status = os.fstat(self._file)
+        self._identity = (status.st_dev, status.st_ino)
         try:
             self._set_aside()
         except OSError:
@@ -57,10 +63,29 @@ class ReservedFile:
             os.lseek(self._file, self._position, os.SEEK_SET)
             raise
         self._position += len(data)
+        self.sha256.update(data)
         return len(data)
 
     def flush(self) -> None:
         """Nothing is held back."""
+
+    def changed(self) -> str:
+        """Return what somebody else did to the file; empty when it holds all that was written.
+
+        It reads the whole file. Raises OSError when it cannot be read.
+        """
+        try:
+            with self._path.open("rb") as file:
+                status = os.fstat(file.fileno())
+                if (status.st_dev, status.st_ino) != self._identity:
+                    return "was replaced by another file"
+                if status.st_size != self._position:
+                    return f"has {status.st_size} bytes, not the {self._position} that were written"
+                found = hashlib.file_digest(file, "sha256")
+        except FileNotFoundError:
+            return "was removed"
+        same = found.digest() == self.sha256.digest()
+        return "" if same else "has another content than was written"
 
     def release(self) -> None:
         """Give back the room that was set aside."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import platform
 import sys
@@ -68,9 +69,17 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         return self.steps * self.step_ns * 1e-9
 
     def save(self) -> None:
-        """Write result.json."""
+        """Write result.json; nobody sees half of it. Raises OSError when it cannot be written."""
         data = msgspec.json.format(msgspec.json.encode(self), indent=2)
-        (Path(self.folder) / RESULT_FILE).write_bytes(data + b"\n")
+        target = Path(self.folder) / RESULT_FILE
+        part = target.with_name(f".{RESULT_FILE}.part")
+        try:
+            part.write_bytes(data + b"\n")
+            part.replace(target)
+        except OSError:
+            with contextlib.suppress(OSError):
+                part.unlink()
+            raise
 
 
 def file_sha256(path: Path) -> str:

@@ -103,7 +103,7 @@ class _Run:
         except RunFailure as exc:
             failure = exc
         finally:
-            self._close_recording()
+            failure = self._close_recording(failure)
             self._timing.event("end", text=str(failure) if failure else reason)
             self._timing.close()
         result = self._result(reason, failure)
@@ -113,11 +113,19 @@ class _Run:
             self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
         return result
 
-    def _close_recording(self) -> None:
-        """Write what has arrived of a run that failed; one that finished has closed it."""
-        if self._loop is None or not self._loop.is_recorded:
-            with contextlib.suppress(RunFailure):
+    def _close_recording(self, failure: RunFailure | None) -> RunFailure | None:
+        """Write what has arrived of a run that failed; check the file of one that finished.
+
+        Return what the run failed from.
+        """
+        try:
+            if self._loop is None or not self._loop.is_recorded:
                 self._recorder.abort()
+            if failure is None:
+                self._file.check()
+        except RunFailure as exc:
+            return failure or exc
+        return failure
 
     def _with_processes(self) -> str:
         logs = self._options.out.resolve() / LOGS_FOLDER

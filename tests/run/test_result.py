@@ -1,0 +1,46 @@
+"""The file of a run's result."""
+
+import json
+
+import pytest
+
+from stepbus_orchestrator import Result
+
+
+@pytest.fixture
+def result(tmp_path):
+    return Result(
+        scenario="two_link",
+        outcome="finished",
+        exit_code=0,
+        reason="finished",
+        participant=None,
+        at_step=10,
+        steps=10,
+        step_ns=1_000_000,
+        seed=0,
+        window=8,
+        transport="unix",
+        start_s=0.5,
+        wall_s=1.0,
+        real_time_factor=0.01,
+        sha256="",
+        folder=str(tmp_path),
+    )
+
+
+def test_a_result_appears_whole(result, tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text("what was there before")
+    with path.open() as reader:
+        result.save()
+        assert reader.read() == "what was there before"
+    assert json.loads(path.read_text())["steps"] == 10
+    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_a_result_that_cannot_be_saved_leaves_nothing(result, tmp_path):
+    (tmp_path / "result.json").mkdir()
+    with pytest.raises(OSError, match=r"result\.json"):
+        result.save()
+    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
