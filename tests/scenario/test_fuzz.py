@@ -139,8 +139,9 @@ def hash_of(value):
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("value", VALUES, ids=lambda value: ascii(value)[:20])
-def test_any_value_in_every_place_ends_in_a_scenario_or_in_problems(tmp_path, value):
-    for name, path in PLACES:
+def test_odd_values_in_every_place_end_in_a_scenario_or_in_problems(tmp_path, value):
+    # A third of the places for each value, by its number: each place meets nine values or more.
+    for name, path in PLACES[hash_of(value) % 3 :: 3]:
         assert ends_well(write(tmp_path, text_of(with_value(BASES[name], path, value)))), path
 
 
