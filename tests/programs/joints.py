@@ -75,6 +75,7 @@ class Plant(Faulty):
         return {
             "position": stepbus.Method(self.ask, "I: position of a joint [rad]"),
             "put": stepbus.Method(self.put, "I RAD: puts a joint somewhere", changes=True),
+            "text": stepbus.Method("x".__mul__, "N: a text of this length"),
             "sleep": stepbus.Method(time.sleep, "S: takes its time"),
         }
 

@@ -1,8 +1,10 @@
 """Calls beside the step loop: answered between steps, recorded when they change something."""
 
 import json
+import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -18,8 +20,15 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.control.calls import recorded_calls
+from stepbus_orchestrator.run.control.live_file import LIVE_FILE, Live
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
+
+TOO_LONG = (
+    "text: the answer takes 70050 bytes, over the 60000 that the low-latency transport carries; "
+    "set bus.low_latency: false"
+)
 
 
 @pytest.fixture(autouse=True)
@@ -91,11 +100,29 @@ def test_a_run_with_calls_is_run_again_and_replayed(tmp_path):
         (["plant", "position", 7], "position: list index out of range"),
         (["plant", "put", 0, 9.5], "put: 9.5 is beyond the stop"),
         (["plant", "put", "x", "y"], "put: bad operand type for abs(): 'str'"),
+        (["plant", "text", 70_000], TOO_LONG),
     ],
 )
 def test_a_call_that_cannot_be_answered_says_why_and_the_run_goes_on(tmp_path, words, sentence):
     result, answers = asked(tmp_path, words)
     assert (result.exit_code, answers) == (0, [sentence])
+
+
+def test_a_call_that_the_transport_would_lose_is_refused_before_it_is_sent(tmp_path):
+    result, answers = asked(tmp_path, ["plant", "put", 0, "x" * 70_000], ["plant", "position", 0])
+    assert (result.exit_code, answers[1].step) == (0, 20)
+    assert "over the 60000 that the run's low-latency transport carries" in answers[0]
+
+
+def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_path):
+    (tmp_path / "victim").write_text("kept")
+    live = Live(run="r", token="t", endpoint=Endpoint(listen=[], connect=[]))
+    for plant in (Path.symlink_to, Path.hardlink_to):
+        (tmp_path / LIVE_FILE).unlink(missing_ok=True)
+        plant(tmp_path / LIVE_FILE, tmp_path / "victim")
+        live.save(tmp_path)
+        assert (tmp_path / "victim").read_text() == "kept"
+        assert (tmp_path / LIVE_FILE).lstat().st_mode == stat.S_IFREG | 0o600
 
 
 def test_the_calls_of_all_participants_can_be_listed(tmp_path):

@@ -28,9 +28,11 @@ def find_file(name: str, folder: Path) -> Path:
 def package_path(url: str) -> Path:
     """Return the file behind `package://<package>/<path>`.
 
-    Raises WiringError when the package is not installed.
+    Raises WiringError when the package is not installed, or when the path leads out of it.
     """
     package, _, rest = url.removeprefix("package://").partition("/")
+    if rest.startswith("/") or ".." in rest.split("/"):
+        raise WiringError(f"{url} leads out of its package; name a file in it, without `..`")
     spec = importlib.util.find_spec(package) if package.isidentifier() else None
     if spec is not None and spec.submodule_search_locations:
         return Path(next(iter(spec.submodule_search_locations))) / rest

@@ -6,6 +6,8 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import msgspec
+
 from stepbus_participant.bus import Bus
 from stepbus_participant.methods import Method
 from stepbus_schemas import Call, Called, StepbusError, Welcome, encode, encoding_of
@@ -22,6 +24,7 @@ class Answers:
         self._methods = dict(methods)
         self._name = welcome.name
         self._token = welcome.token
+        self._max_bytes = welcome.max_outputs_bytes
         self._put = bus.publisher(f"called/{welcome.name}", encoding_of("Called/1"))
         self._newest_id = -1
         self._newest_answer = b""
@@ -47,7 +50,15 @@ class Answers:
 
     def _pack(self, call: Call, value: Any = None, error: str | None = None) -> bytes:
         answer = Called(name=self._name, token=self._token, id=call.id, value=value, error=error)
-        return encode(answer)
+        data = encode(answer)
+        if len(data) <= self._max_bytes:
+            return data
+        # The bus would lose it without a word, and the run would wait in vain (P3.7).
+        why = (
+            f"{call.method[:100]}: the answer takes {len(data)} bytes, over the {self._max_bytes} "
+            "that the low-latency transport carries; set bus.low_latency: false"
+        )
+        return encode(msgspec.structs.replace(answer, value=None, error=why))
 
 
 def _signature(function: Callable[..., Any]) -> inspect.Signature:

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
 from stepbus_participant import BusError, Endpoint, ZenohBus
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
@@ -32,7 +33,10 @@ class Live(msgspec.Struct, frozen=True, kw_only=True):
         """Write it into a run's folder, readable by its owner only."""
         with contextlib.suppress(OSError):
             path = folder / LIVE_FILE
-            file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+            # Whoever can write to the folder may have put a file or a link of their own there.
+            path.unlink(missing_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+            file = os.open(path, flags, 0o600)
             with os.fdopen(file, "wb") as stream:
                 stream.write(msgspec.json.encode(self))
 
@@ -50,19 +54,18 @@ def call(
     folder: of the run. participant: default: none; the answer's value lists all calls. method,
     args: of the call; numbers, texts, lists, maps.
 
-    Raises WiringError when no run is live there or the call is refused, BusFailed when the run
-    does not answer.
+    Raises WiringError when no run is live there, the call is refused or it is longer than the
+    run's transport carries; BusFailed when the run does not answer.
     """
     live = _read(folder)
+    request = CallRequest(token=live.token, participant=participant, method=method, args=list(args))
+    question = _pack(live, request)
     try:
         bus = ZenohBus(live.endpoint, live.run)
     except BusError as exc:
         raise BusFailed(f"{folder}: {exc}; was the run killed?") from exc
     try:
-        request = CallRequest(
-            token=live.token, participant=participant, method=method, args=list(args)
-        )
-        for answer in bus.query(CALL_KEY, encode(request), encoding_of("CallRequest/1"), _ANSWER_S):
+        for answer in bus.query(CALL_KEY, question, encoding_of("CallRequest/1"), _ANSWER_S):
             reply = _decode_reply(answer)
             if reply.error is not None:
                 raise WiringError(reply.error)
@@ -73,6 +76,16 @@ def call(
         f"{folder}: the run does not answer; was it killed? Then "
         "`stepbus recover` repairs its recording"
     )
+
+
+def _pack(live: Live, request: CallRequest) -> bytes:
+    data = encode(request)
+    if live.endpoint.low_latency and len(data) > LOW_LATENCY_BYTES:
+        raise WiringError(
+            f"the call takes {len(data)} bytes, over the {LOW_LATENCY_BYTES} that the run's "
+            "low-latency transport carries; start it with --set bus.low_latency=false"
+        )
+    return data
 
 
 def _read(folder: Path) -> Live:

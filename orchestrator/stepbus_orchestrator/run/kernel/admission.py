@@ -10,12 +10,13 @@ from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import PROTOCOL_VERSION, Hello, InputConfig, OutputConfig, Refusal, Welcome
 
 _NO_LIMIT = 1 << 30
-_LOW_LATENCY_BYTES = 60_000
+LOW_LATENCY_BYTES = 60_000
+"""Largest message that the low-latency transport carries for certain (P3.7) [bytes]."""
 
 
 def max_message_bytes(scenario: Scenario) -> int:
     """Return the largest message that the scenario's transport carries [bytes] (P3.7)."""
-    return _LOW_LATENCY_BYTES if low_latency(scenario) else _NO_LIMIT
+    return LOW_LATENCY_BYTES if low_latency(scenario) else _NO_LIMIT
 
 
 def participant_seed(seed: int, name: str) -> int:

@@ -62,6 +62,8 @@ def _absolute(file: str, folder: Path) -> str:
     except WiringError:
         # PyBullet searches the package in the folders above the URDF.
         name = file.removeprefix("package://")
+        if ".." in name.split("/"):
+            raise
         candidates = [parent / name for parent in (folder, *folder.parents)]
     return str(next((path for path in candidates if path.is_file()), file))
 
