@@ -67,8 +67,11 @@ def opcodes(data):
     return [data[end] for end in record_ends(data)[:-1]]
 
 
-def rewrite(source, target, chunk_bytes, **options):
-    """Copy a recording with chunks of another size, and with other options of the writer."""
+def rewrite(source, target, chunk_bytes, lacks=lambda _topic, _step: False, **options):
+    """Copy a recording with chunks of another size, and with other options of the writer.
+
+    lacks: takes topic and step of a message; returns whether to leave it out.
+    """
     with source.open("rb") as file, target.open("wb") as out:
         reader = make_reader(file)
         writer = Writer(out, chunk_size=chunk_bytes, **options)
@@ -84,6 +87,8 @@ def rewrite(source, target, chunk_bytes, **options):
                 numbers[channel.id] = writer.register_channel(
                     channel.topic, channel.message_encoding, number, channel.metadata
                 )
+            if lacks(channel.topic, message.sequence):
+                continue
             time = message.log_time
             writer.add_message(numbers[channel.id], time, message.data, time, message.sequence)
         writer.finish()

@@ -120,8 +120,7 @@ def merged(
 
 def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[str]:
     for recording in (one, other):
-        if recording.damage:
-            yield f"{recording.path} is damaged: {recording.damage}"
+        yield from (f"{recording.path} {flaw}" for flaw in recording.flaws())
     for topic in topics:
         a, b = one.ports[topic], other.ports[topic]
         if a.type != b.type:

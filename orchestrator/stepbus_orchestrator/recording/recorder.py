@@ -156,13 +156,18 @@ class Recorder:
             self._add(self._chain_channel, step, encode(Chain(step=step, hashes=hashes)))
 
     def _write(self, published: Published) -> None:
+        """Write one participant's outputs, up to the first broken one; the chain has the same."""
         name, step = published.participant, published.step
-        self._chains[name].extend(step, published.content)
-        for port, data in published.content:
-            message = self._decoded(name, port, step, data)
-            self._add(self._channels[name, port], step, data)
-            if self._on_event is not None and isinstance(message, Event):
-                self._on_event(name, port, step, message)
+        valid: list[tuple[str, bytes]] = []
+        try:
+            for port, data in published.content:
+                message = self._decoded(name, port, step, data)
+                valid.append((port, data))
+                self._add(self._channels[name, port], step, data)
+                if self._on_event is not None and isinstance(message, Event):
+                    self._on_event(name, port, step, message)
+        finally:
+            self._chains[name].extend(step, valid)
 
     def _decoded(self, name: str, port: str, step: int, data: bytes) -> Message:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
 from . import layout
+from .holes import Holes
 from .scanner import Scanner
 
 
@@ -28,7 +30,7 @@ class Recovery:
     metadata: how many records were kept. last_step: the newest step with a message; −1 without
     any. planned_steps: what the scenario asks for, where it is known. kept_bytes, lost_bytes: of
     the source; what is lost includes the index, which is rebuilt. only_index_lost: whether all
-    messages were kept.
+    messages were kept. holes: what is missing between them.
     """
 
     source: Path
@@ -42,6 +44,7 @@ class Recovery:
     kept_bytes: int
     lost_bytes: int
     only_index_lost: bool
+    holes: Sequence[str]
 
     @property
     def missing_steps(self) -> int | None:
@@ -89,6 +92,8 @@ class _Copy:
         self._counts = {Message: 0, Attachment: 0, Metadata: 0}
         self._last_step = -1
         self._planned_steps: int | None = None
+        self._topics: dict[int, str] = {}
+        self._holes = Holes(None)
 
     def write(self, part: Path) -> Recovery:
         """Write all complete records to `part`; raises OSError when that cannot be written."""
@@ -121,6 +126,7 @@ class _Copy:
             case Message():
                 self._copy_message(writer, record)
             case Channel() if record.id not in self._channels:
+                self._topics[record.id] = record.topic
                 self._channels[record.id] = writer.register_channel(
                     record.topic,
                     record.message_encoding,
@@ -139,6 +145,7 @@ class _Copy:
     def _copy_message(self, writer: Any, message: Message) -> None:
         self._counts[Message] += 1
         self._last_step = max(self._last_step, message.sequence)
+        self._holes.take(self._topics[message.channel_id], message.sequence, message.data)
         writer.add_message(
             self._channels[message.channel_id],
             message.log_time,
@@ -151,6 +158,7 @@ class _Copy:
         self._counts[Attachment] += 1
         if attachment.name == layout.SCENARIO_ATTACHMENT:
             self._planned_steps = _planned_steps(attachment.data)
+            self._holes = Holes(attachment.data)
         writer.add_attachment(
             create_time=attachment.create_time,
             log_time=attachment.log_time,
@@ -173,6 +181,7 @@ class _Copy:
             kept_bytes=scanner.intact_bytes,
             lost_bytes=scanner.size - scanner.intact_bytes,
             only_index_lost=scanner.has_end,
+            holes=self._holes.end(),
         )
 
 

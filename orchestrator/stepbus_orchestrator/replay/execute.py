@@ -231,4 +231,4 @@ def _open_bus(mesh: Mesh, run: str) -> ZenohBus:
 
 
 def _damage(recording: Recording) -> list[str]:
-    return [f"the recording is damaged: {recording.damage}"] if recording.damage else []
+    return [f"the recording {flaw}" for flaw in recording.flaws()]

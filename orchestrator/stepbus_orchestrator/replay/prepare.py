@@ -67,8 +67,12 @@ def _programs(recording: Recording) -> dict[str, tuple[str, ...]]:
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
     """Return the scenario with the steps that can be replayed, and with another window.
 
-    Raises RecordingFailed when the recording is damaged before the first one.
+    Raises RecordingFailed when the recording is damaged before the first one, or has a hole: who
+    is replayed would be blamed for what was not recorded.
     """
+    holes = recording.holes()
+    if holes:
+        raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
     steps = replayable_steps(recording, scenario, participant)
     if not steps and recording.damage:
         raise RecordingFailed(

@@ -30,8 +30,7 @@ class Origin:
 
     files: name → content, without the scenario. versions: `orchestrator` or participant →
     library → version; `cpu` and `machine` are among those of the orchestrator. steps: the newest
-    one with a message, plus one. damage: what is wrong with the file. calls: those that changed
-    the run.
+    one with a message, plus one. flaws: damage and holes. calls: those that changed the run.
     """
 
     recording: Path
@@ -39,7 +38,7 @@ class Origin:
     files: Mapping[str, bytes]
     versions: Mapping[str, Mapping[str, str]]
     steps: int
-    damage: str
+    flaws: Sequence[str]
     calls: Sequence[CallRecord] = ()
 
 
@@ -71,7 +70,7 @@ def origin_of(recording: Recording) -> Origin:
             if (owner := layout.versions_owner(name)) is not None
         },
         steps=1 + recording.last_step,
-        damage=recording.damage,
+        flaws=recording.flaws(),
         calls=recorded_calls(recording),
     )
 
@@ -176,7 +175,7 @@ class Preparation:
 
 
 def _damage(origin: Origin) -> list[str]:
-    return [f"the recording is damaged: {origin.damage}"] if origin.damage else []
+    return [f"the recording {flaw}" for flaw in origin.flaws]
 
 
 def _changes(origin: Origin, scenario: Scenario, overrides: Sequence[str]) -> list[str]:

@@ -43,8 +43,9 @@ def _plain(value: object) -> object:
 def _lines(recovery: Recovery) -> list[str]:
     """Return what was kept and what was lost, in sentences."""
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
+    found = recovery.damage or ("it has holes" if recovery.holes else "undamaged")
     lines = [
-        f"{recovery.source}: {recovery.damage or 'undamaged'}",
+        f"{recovery.source}: {found}",
         (
             f"kept {kept if recovery.messages else 'no messages'}; attachments: "
             f"{recovery.attachments}, metadata records: {recovery.metadata}"
@@ -52,6 +53,7 @@ def _lines(recovery: Recovery) -> list[str]:
     ]
     if recovery.damage:
         lines.append(_loss(recovery))
+    lines += [f"hole: {hole}" for hole in recovery.holes]
     return [*lines, f"wrote {recovery.target}"]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -10,6 +10,7 @@ from typing import Self
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.holes import Holes
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
@@ -43,6 +44,7 @@ class Recording:
         index = self._source.index
         self.attachments: Mapping[str, bytes] = index.attachments
         self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
+        self._holes: Sequence[str] | None = None
         self.ports: Mapping[str, Port] = self._read_ports()
 
     @property
@@ -76,6 +78,24 @@ class Recording:
     def messages(self, topic: str) -> Iterator[tuple[int, Message]]:
         """Yield (step, message) of a port, as `recording[topic].messages()`."""
         return self[topic].messages()
+
+    def holes(self) -> Sequence[str]:
+        """Return what is missing in its midst, a sentence for each hole; it reads all messages.
+
+        The hash chains prove that nothing else is, up to the last of them (P13.3).
+        """
+        if self._holes is None:
+            holes = Holes(self.attachments.get(layout.SCENARIO_ATTACHMENT))
+            channels = self._source.index.channels
+            for channel, entry in self._source.messages():
+                holes.take(channels[channel].topic, entry.step, entry.data)
+            self._holes = holes.end()
+        return self._holes
+
+    def flaws(self) -> list[str]:
+        """Return a sentence for all that is wrong with it: damage and holes."""
+        holes = [f"has a hole: {hole}" for hole in self.holes()]
+        return [*([f"is damaged: {self.damage}"] if self.damage else []), *holes]
 
     def close(self) -> None:
         """Close the file; what was read stays."""

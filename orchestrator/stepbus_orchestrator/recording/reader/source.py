@@ -52,12 +52,22 @@ class Source:
         self._blocks = self.index.blocks
         self._cache = _Cache()
 
+    def messages(self) -> Iterator[tuple[int, Entry]]:
+        """Yield (channel, message) of all in recorded order, up to the first damage."""
+        everything = frozenset(self.index.channels)
+        for block in self._blocks:
+            try:
+                yield from self._in_block(block, everything)
+            except DamagedRecord as exc:
+                self._end_before(block, exc)
+                return
+
     def entries(self, channels: frozenset[int]) -> Iterator[Entry]:
         """Yield the messages of some channels in recorded order, up to the first damage."""
         for block in self._blocks:
             if block.channels & channels:
                 try:
-                    yield from self._in_block(block, channels)
+                    yield from (entry for _, entry in self._in_block(block, channels))
                 except DamagedRecord as exc:
                     self._end_before(block, exc)
                     return
@@ -67,7 +77,7 @@ class Source:
         for block in reversed(self._blocks):
             if block.channels & channels:
                 try:
-                    return max(entry.step for entry in self._in_block(block, channels))
+                    return max(entry.step for _, entry in self._in_block(block, channels))
                 except DamagedRecord as exc:
                     self._end_before(block, exc)
         return -1
@@ -77,7 +87,7 @@ class Source:
         self.damage = str(exc)
         self._blocks = [other for other in self._blocks if other.offset < block.offset]
 
-    def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[Entry]:
+    def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[tuple[int, Entry]]:
         if not self.close.alive:
             raise RecordingFailed(f"{self.path} is closed")
         data = self._cache.get(block)
@@ -102,7 +112,7 @@ class Source:
         return chunk_content(data[HEAD.size :]) if opcode == Opcode.CHUNK else data
 
 
-def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Entry]:
+def _messages(data: bytes, channels: frozenset[int]) -> Iterator[tuple[int, Entry]]:
     """Yield the messages of some channels in a block; raises DamagedRecord."""
     offset, size = 0, len(data)
     while offset < size:
@@ -120,7 +130,8 @@ def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Entry]:
         if t_ns > _LATEST_NS:
             raise DamagedRecord(f"inside a chunk: a message has the time {t_ns} ns")
         if channel in channels:
-            yield Entry(step=step, t_ns=t_ns, data=data[start + MESSAGE_HEAD.size : offset])
+            content = data[start + MESSAGE_HEAD.size : offset]
+            yield channel, Entry(step=step, t_ns=t_ns, data=content)
 
 
 class _Cache:
