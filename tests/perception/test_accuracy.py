@@ -55,7 +55,7 @@ def fully_visible(item, view, camera):
 
 def judge(score, store, found):
     for find in found:
-        same = [item for item in store.items if item.type == find.kind]
+        same = [item for item in store.items if item.type == find.type]
         item = min(same, key=lambda item: math.dist(item.position, find.position))
         error = np.subtract(find.position, item.position) * 1e3
         if np.linalg.norm(error) > 30:
@@ -84,7 +84,7 @@ def score(tmp_path_factory):
 
 def sure(item, found):
     return any(
-        find.kind == item.type
+        find.type == item.type
         and find.confidence >= SURE
         and math.dist(find.position, item.position) < 0.005
         for find in found

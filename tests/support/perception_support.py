@@ -44,7 +44,7 @@ _PART = """<visual><origin xyz="{xyz}"/><geometry>{geometry}</geometry>
 @dataclass(frozen=True)
 class Item:
     name: str
-    kind: str
+    type: str
     position: tuple[float, float, float]
     yaw: float = 0.0
 
@@ -74,7 +74,7 @@ class Store:
         self._sensor = Camera(row, self.client, ["camera"])
 
     def add(self, item: Item) -> None:
-        self._load(item.kind, SHAPES[item.kind], COLORS[item.kind], item.position, item.yaw)
+        self._load(item.type, SHAPES[item.type], COLORS[item.type], item.position, item.yaw)
         self.items.append(item)
 
     def board(self, size: tuple[float, float, float], at: tuple[float, float, float]) -> None:
@@ -103,14 +103,14 @@ class Store:
 
     @property
     def description(self) -> Description:
-        colors = [*(COLORS[item.kind] for item in self.items), *(WOOD for _ in self.rest)]
+        colors = [*(COLORS[item.type] for item in self.items), *(WOOD for _ in self.rest)]
         return Description(
             names=["chassis", *(item.name for item in self.items), *self.rest],
             details={
-                "type": ["", *(item.kind for item in self.items), *("" for _ in self.rest)],
+                "type": ["", *(item.type for item in self.items), *("" for _ in self.rest)],
                 "shape": [
                     "",
-                    *(SHAPES[item.kind] for item in self.items),
+                    *(SHAPES[item.type] for item in self.items),
                     *("mesh" for _ in self.rest),
                 ],
                 "color": ["", *(" ".join(map(str, color)) for color in colors)],
