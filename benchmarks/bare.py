@@ -27,16 +27,16 @@ STATE, REFERENCE, COMMAND = b"s" * 150, b"r" * 160, b"c" * 150
 
 
 class Wire(Protocol):
-    """What both kinds of chain need: put to all listeners, get from one member."""
+    """What both chains need: put to all listeners, get from one participant."""
 
     def put(self, data: bytes) -> None:
         """Send to everybody who listens to us."""
 
     def grant(self) -> None:
-        """Let the mission go on by half a window."""
+        """Let the mission advance by half a window."""
 
     def get(self, member: str) -> bytes:
-        """Return the next message of a member."""
+        """Return the next message of a participant."""
 
     def close(self) -> None:
         """Close."""
@@ -112,7 +112,7 @@ WIRES: dict[str, Callable[[str, tuple[str, ...], str], Wire]] = {
 
 
 def plant(wire: Wire, steps: int) -> None:
-    """Send the state, wait for the command; every half window, let the mission go on."""
+    """Send the state, wait for the command; every half window, let the mission advance."""
     for step in range(steps):
         wire.put(STATE)
         wire.get("controller")

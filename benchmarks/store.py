@@ -1,7 +1,7 @@
 """Sales in the store with the camera in the loop, one run per seed of the stock.
 
-Each seed makes another stock: which kind stands where, how it stands, how heavy and how slippery it
-is. The kind that is ordered changes with the seed as well. Printed is a table for docs and README:
+Each seed makes another stock: which type stands where, how it stands, how heavy and how slippery it
+is. The type that is ordered changes with the seed as well. Printed is a table for docs and README:
 `python benchmarks/store.py [--seeds 20] [--first 0] [--set KEY=VALUE …]`.
 """
 
@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator import run_scenario as run
 
-KINDS = ("cola", "juice", "water", "soup")
+TYPES = ("cola", "juice", "water", "soup")
 _ROW = re.compile(
     r"^1 +(?P<item>\S+) +(?P<attempts>\d+) +(?P<detection>[\d.]+) mm +(?P<place>[\d.]+) mm"
     r" +(?P<others>[\d.]+) mm +(?P<duration>[\d.]+) s$",
@@ -33,7 +33,7 @@ class Sale(NamedTuple):
     """What came of one order; lengths [mm], duration of simulation [s]."""
 
     seed: int
-    kind: str
+    item_type: str
     outcome: str
     item: str = ""
     attempts: str = ""
@@ -46,13 +46,15 @@ class Sale(NamedTuple):
 
 def sell(seed: int, settings: Sequence[str], out: Path) -> Sale:
     """Run one sale from a stock of its own."""
-    kind = KINDS[seed % len(KINDS)]
-    wanted = [f"plant.params.stock.seed={seed}", f"mission.params.orders=[{kind}]", *settings]
+    item_type = TYPES[seed % len(TYPES)]
+    wanted = [f"plant.params.stock.seed={seed}", f"mission.params.orders=[{item_type}]", *settings]
     result = run(load("store", wanted), Options(out=out))
     row = _ROW.search(summary(out / "run.mcap"))
     if result.exit_code or row is None:
-        return Sale(seed, kind, result.reason)
-    return Sale(seed, kind, "sold", **row.groupdict(), real_time=f"{result.real_time_factor:.1f}")
+        return Sale(seed, item_type, result.reason)
+    return Sale(
+        seed, item_type, "sold", **row.groupdict(), real_time=f"{result.real_time_factor:.1f}"
+    )
 
 
 def summary(log: Path) -> str:

@@ -81,7 +81,7 @@ def run_case(case: Case, seed: int, reference: str) -> Verdict:
             os.close(item)
         if verdict.broken:
             verdict.broken.append(
-                f"   said: {(box.text('stderr') + box.text('stdout')).strip()[-300:]!r}"
+                f"   output: {(box.text('stderr') + box.text('stdout')).strip()[-300:]!r}"
             )
     return verdict
 

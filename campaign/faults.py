@@ -94,7 +94,7 @@ def _send(process: psutil.Process | None, number: int) -> None:
 
 
 def _suspend_orchestrator(box: Sandbox, chance: random.Random) -> None:
-    """Stop the orchestrator for longer than any deadline, then let it go on."""
+    """Stop the orchestrator for longer than any deadline, then let it continue."""
     box.orchestrator.send_signal(signal.SIGSTOP)
     time.sleep(chance.uniform(2.5, 4.0))
     box.orchestrator.send_signal(signal.SIGCONT)
@@ -199,7 +199,7 @@ def _ports(box: Sandbox) -> set[int]:
     return ports
 
 
-_STRANGER = """
+_INTRUDER = """
 import sys, time, json, zenoh
 config = zenoh.Config()
 for key, value in {
@@ -219,13 +219,13 @@ session.close()
 """
 
 
-def _stranger(box: Sandbox, _chance: random.Random) -> None:
+def _intruder(box: Sandbox, _chance: random.Random) -> None:
     """Publish on every key of the run, without its secrets."""
     addresses = [f"tcp/127.0.0.1:{port}" for port in _ports(box)]
     addresses += [f"unixsock-stream/{path}" for path in box.temporary.glob("stepbus-*/*.sock")]
     if addresses:
         quiet = subprocess.DEVNULL
-        command = [sys.executable, "-c", _STRANGER, *addresses]
+        command = [sys.executable, "-c", _INTRUDER, *addresses]
         box.helpers.append(subprocess.Popen(command, stdout=quiet, stderr=quiet))
 
 
@@ -362,12 +362,12 @@ FAULTS: dict[str, Fault] = {
         strike=_idle_connections, codes=frozenset({0}), endless=False, when=EARLY,
         arguments=TCP,
     ),
-    "a stranger on TCP": Fault(
-        strike=_stranger, codes=frozenset({0}), endless=False, when=EARLY,
+    "an intruder on TCP": Fault(
+        strike=_intruder, codes=frozenset({0}), endless=False, when=EARLY,
         arguments=TCP,
     ),
-    "a stranger on the socket": Fault(
-        strike=_stranger, codes=frozenset({0}), endless=False, when=EARLY,
+    "an intruder on the socket": Fault(
+        strike=_intruder, codes=frozenset({0}), endless=False, when=EARLY,
     ),
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Holds what a run said and left against the promises."""
+"""Checks what a run reported and left behind against the promises."""
 
 from __future__ import annotations
 

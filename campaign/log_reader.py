@@ -89,10 +89,10 @@ def _holes(topic: str, steps: list[int]) -> list[str]:
     judged by the chain.
     """
     gaps = [b - a for a, b in pairwise(steps)]
-    usual = min(gaps, default=0)
-    if usual <= 0:
+    regular = min(gaps, default=0)
+    if regular <= 0:
         return [f"{topic}: step {steps[0]} twice or backwards"] if gaps else []
-    odd = [(a, a + gap) for a, gap in zip(steps, gaps, strict=False) if gap != usual]
+    odd = [(a, a + gap) for a, gap in zip(steps, gaps, strict=False) if gap != regular]
     dense = len(odd) < 0.05 * len(gaps)
     return [f"{topic}: nothing between steps {a} and {b}" for a, b in odd] if dense else []
 
@@ -139,7 +139,7 @@ class _Chains:
 
 
 def result(folder: Path) -> dict[str, Any] | None:
-    """Return result.json; None where there is none, or none that is whole."""
+    """Return result.json; None where there is none, or none that is complete."""
     try:
         content: dict[str, Any] = json.loads((folder / "result.json").read_text())
     except (OSError, ValueError):

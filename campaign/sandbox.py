@@ -61,7 +61,7 @@ class Sandbox:
         stdout: int | IO[bytes] | None = None,
         before: Callable[[], None] | None = None,
     ) -> None:
-        """Start `stepbus run …`; stderr and, where nothing else is said, stdout go to files."""
+        """Start `stepbus run …`; stderr and, by default, stdout go to files."""
         output = stdout if stdout is not None else (self.home / "stdout").open("wb")
         self.process = subprocess.Popen(
             [STEPBUS, "run", *arguments, "--out", str(self.out)],

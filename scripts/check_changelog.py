@@ -44,7 +44,7 @@ def unreleased(changelog: str) -> str:
     return rest.partition("\n## ")[0].strip()
 
 
-def complaint() -> str | None:
+def missing_entry() -> str | None:
     """Return what is wrong, one sentence, or None."""
     base = base_commit()
     changed = [] if base is None else changed_code(base)
@@ -61,7 +61,7 @@ def complaint() -> str | None:
 
 def main() -> int:
     """Print what is wrong and return the exit code."""
-    problem = complaint()
+    problem = missing_entry()
     if problem is not None:
         sys.stderr.write(f"{problem}\n")
     return 0 if problem is None else 1

@@ -30,7 +30,7 @@ _HELP = (
 
 @dataclass(frozen=True, kw_only=True)
 class _Log:
-    """One log, and whom to replay from it."""
+    """One log, and the participant to replay from it."""
 
     recording: Path
     participant: str

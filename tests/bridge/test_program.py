@@ -72,7 +72,7 @@ WRONG = {
     "port": r"answered wrongly: .*unknown field `komand`.*its outputs are command",
     "twice": r"wrote .* behind its answer",
     "oversize": r"wrote a message of \d+ bytes; at most 16777216 are taken",
-    "raise": r"exited with code 3; it last said|exited with code 3$",
+    "raise": r"exited with code 3; its last error|exited with code 3$",
     "kill": r"was killed by SIGKILL",
     "close": r"has closed descriptor 4 and still runs",
     "half": r"wrote half a message, \d+ (of \d+ bytes|bytes without an end of line)",

@@ -14,7 +14,7 @@ from run_support import leftovers
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import KINDS
+from stepbus_orchestrator.scenario import FAULT_TYPES
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -34,31 +34,39 @@ def reference(tmp_path_factory):
     return messages(result.recording)
 
 
-def draw(kind):
-    """Return the faults of one kind: (text, participant, step), the same in every session."""
-    generator = random.Random(f"{SEED} {kind}")
+def draw(fault_type):
+    """Return the faults of one type: (text, participant, step), the same in every session."""
+    generator = random.Random(f"{SEED} {fault_type}")
     for _ in range(EACH):
         name, step = generator.choice(NAMES), generator.randrange(STEPS)
         lasts_ms = generator.randrange(10, 400)
-        lasting = kind in {"delay", "slow"} or (kind == "freeze" and generator.random() < 0.5)
-        yield f"{kind} {name} at {step}" + (f" for {lasts_ms}ms" if lasting else ""), name, step
+        lasting = fault_type in {"delay", "slow"} or (
+            fault_type == "freeze" and generator.random() < 0.5
+        )
+        yield (
+            f"{fault_type} {name} at {step}" + (f" for {lasts_ms}ms" if lasting else ""),
+            name,
+            step,
+        )
 
 
-def costs_only_time(kind, text):
+def costs_only_time(fault_type, text):
     """Return whether a fault changes no message, so that the run survives it (docs/faults.md)."""
-    return kind in {"delay", "duplicate", "slow"} or (kind == "freeze" and " for " in text)
+    return fault_type in {"delay", "duplicate", "slow"} or (
+        fault_type == "freeze" and " for " in text
+    )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fault_type", FAULT_TYPES)
 def test_a_fault_that_costs_only_time_is_survived_and_any_other_is_blamed(
-    tmp_path, own_temp, reference, kind
+    tmp_path, own_temp, reference, fault_type
 ):
-    for number, (text, name, step) in enumerate(draw(kind)):
+    for number, (text, name, step) in enumerate(draw(fault_type)):
         out = tmp_path / str(number)
         result = run(load("two_link", OVERRIDES, [text]), Options(out=out))
         recorded = messages(result.recording)
         assert Recording(result.recording).damage == "", text
-        if costs_only_time(kind, text):
+        if costs_only_time(fault_type, text):
             assert (result.exit_code, recorded == reference) == (0, True), (text, result.reason)
         else:
             assert result.exit_code != 0, text
@@ -69,9 +77,9 @@ def test_a_fault_that_costs_only_time_is_survived_and_any_other_is_blamed(
         assert list(own_temp.iterdir()) == [], text
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_faults_of_each_type_hit_every_participant(kind):
-    assert {name for _, name, _ in draw(kind)} == set(NAMES)
+@pytest.mark.parametrize("fault_type", FAULT_TYPES)
+def test_the_faults_of_each_type_hit_every_participant(fault_type):
+    assert {name for _, name, _ in draw(fault_type)} == set(NAMES)
 
 
 def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_temp, reference):

@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus_orchestrator import load
-from stepbus_orchestrator.scenario import KINDS, ScenarioError, format_fault, resolved
+from stepbus_orchestrator.scenario import FAULT_TYPES, ScenarioError, format_fault, resolved
 
 
 def texts(*faults, overrides=("duration=1s",)):
@@ -28,12 +28,12 @@ def test_a_fault_is_read_and_written_in_one_form(written, read):
 @pytest.mark.parametrize(
     ("written", "sentence"),
     [
-        ("kil plant at 3", "'kil' is no kind of fault; did you mean 'kill'?"),
+        ("kil plant at 3", "'kil' is no fault type; did you mean 'kill'?"),
         ("kill plnt at 3", "no participant 'plnt'; did you mean 'plant'?"),
         ("kill plant at 200", "step 200 never comes; the run has the steps 0 to 199"),
         ("kill plant at 3 for 1s", "kill has no duration; only delay, freeze, slow have one"),
         ("delay plant at 3 for 5", "'5' is no duration"),
-        ("kill plant", "'kill plant' is no fault; write KIND PARTICIPANT at STEP"),
+        ("kill plant", "'kill plant' is no fault; write TYPE PARTICIPANT at STEP"),
         ("random 0", "must draw 1 to 1000 faults, not 0"),
         ("random 3 from 7 to 7", "there is no step from 7 to below 7"),
     ],
@@ -53,7 +53,7 @@ def test_a_seed_draws_the_same_faults_of_every_kind():
     drawn = texts("random 100 seed 7")
     assert drawn == texts("random 100 seed 7")
     assert drawn != texts("random 100 seed 8")
-    assert {text.split()[0] for text in drawn} == set(KINDS)
+    assert {text.split()[0] for text in drawn} == set(FAULT_TYPES)
 
 
 def test_drawn_faults_keep_to_their_steps():

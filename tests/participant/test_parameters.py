@@ -119,7 +119,7 @@ MISTAKES = [
     ({"springs": [None]}, "springs.0: is empty; it needs at least kind"),
     ({"springs": [{"knd": 1, "kind": "a"}]}, "springs.0.knd: unknown key 'knd'; did you mean 'kind'?"),
     ({"springs": [""]}, "springs.0: must not be empty"),
-    ({"named": {"a b": 1}}, "named.a b: 'a b' is no name; it takes 1 to 64 letters, digits, '_' and '-', and begins with a letter or digit"),
+    ({"named": {"a b": 1}}, "named.a b: 'a b' is no name; it takes 1 to 64 letters, digits, '_' and '-', and starts with a letter or digit"),
     ({"named": {3: 1}}, "named.3: a key must be text, not 3; put it in quotes"),
     ({"latency_ns": "5ms"}, "latency_ns: unknown key 'latency_ns'; did you mean 'latency'?"),
 ]  # fmt: skip

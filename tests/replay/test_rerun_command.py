@@ -63,7 +63,7 @@ def test_a_file_that_is_no_recording_is_one_sentence_and_8(command, tmp_path, ca
     assert cli.main([command, str(path)]) == ExitCode.RECORDING == 8
     said = capsys.readouterr().err.splitlines()
     assert said == [
-        f"stepbus: {path} is not an MCAP recording: it does not begin with its magic bytes"
+        f"stepbus: {path} is not an MCAP recording: it does not start with its magic bytes"
     ]
 
 

@@ -45,7 +45,7 @@ MISTAKES = [
         "name: my arm",
         (
             ":1: name: 'my arm' is no name; it takes 1 to 64 letters, digits, '_' and '-', "
-            "and begins with a letter or digit"
+            "and starts with a letter or digit"
         ),
     ),
     ("name: arm", "name: 5", ":1: name: must be text, not 5; put it in quotes"),
@@ -176,7 +176,7 @@ MISTAKES = [
         "outputs: {j.s: Event/1, joint_state",
         (
             ":9: participants.plant.outputs.j.s: 'j.s' is no name; it takes 1 to 64 letters, "
-            "digits, '_' and '-', and begins with a letter or digit"
+            "digits, '_' and '-', and starts with a letter or digit"
         ),
     ),
     (

@@ -121,7 +121,7 @@ def test_joints_that_do_as_they_are_told_pass(tmp_path):
     [
         ("degrees", r"reads 57\.3 for 1\.0000 rad; does it measure in degrees\?"),
         ("swapped", r"does not move; b moves in its place: are they swapped\?"),
-        ("backwards", r"moves the other way, by -51\.57°"),
+        ("backwards", r"moves in the other direction, by -51\.57°"),
         ("stuck", r"does not move; is something in its way\?"),
         ("short", r"ends 5\.16° from where it was sent"),
         ("coupled", r"moves b as well, by 25\.78°"),

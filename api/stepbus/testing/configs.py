@@ -39,10 +39,10 @@ def make_config(
         seed=seed,
         folder=Path(folder),
         inputs={
-            port: InputConfig(source="test", port=port, type=_name(kind))
-            for port, kind in (inputs or {}).items()
+            port: InputConfig(source="test", port=port, type=_name(type_))
+            for port, type_ in (inputs or {}).items()
         },
-        outputs={port: OutputConfig(type=_name(kind)) for port, kind in (outputs or {}).items()},
+        outputs={port: OutputConfig(type=_name(type_)) for port, type_ in (outputs or {}).items()},
         params=params or {},
         publishes=publishes,
     )

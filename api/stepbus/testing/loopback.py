@@ -101,7 +101,7 @@ class LoopbackBus:
         self._call("watcher", key, key, True)
 
     def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
-        """Call `sink` with (key, alive) now and whenever somebody comes or goes."""
+        """Call `sink` with (key, alive) now and whenever a participant comes or goes."""
         self.declared.append(_Declared(self, "watcher", key, sink))
         for row in tuple(self.declared):
             if row.role == "alive" and _matches(key, row.key):
@@ -119,7 +119,7 @@ class LoopbackBus:
 
     def _call(self, role: str, key: str, *arguments: Any) -> int:
         """Call everybody of a role who has declared a key, and return how many they were."""
-        # A copy: whoever is called may declare something.
+        # A copy: a sink may declare something.
         sinks = [d.sink for d in tuple(self.declared) if d.role == role and _matches(d.key, key)]
         for sink in sinks:
             if sink is not None:

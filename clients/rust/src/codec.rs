@@ -1,4 +1,4 @@
-//! MessagePack with the strictness of clause P3.4: what is malformed is told with its path.
+//! MessagePack with the strictness of clause P3.4: malformed data is reported with its path.
 
 use std::collections::BTreeMap;
 use std::fmt;

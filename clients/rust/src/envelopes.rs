@@ -1,4 +1,4 @@
-//! What participant and orchestrator tell each other (clause P3.1).
+//! What participant and orchestrator send each other (clause P3.1).
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
@@ -32,7 +32,7 @@ message! {
 }
 
 message! {
-    /// The orchestrator takes a participant in and tells it all it has to know.
+    /// The orchestrator admits a participant and sends it all it needs.
     "Welcome/1",
     struct Welcome {
         /// Version of the protocol.
@@ -156,7 +156,7 @@ impl Description {
 }
 
 message! {
-    /// The model is loaded and every source has been heard.
+    /// The model is loaded and every source is connected.
     "Ready/1",
     struct Ready {
         /// Name of the participant.
@@ -232,7 +232,7 @@ message! {
         ports: Map<Value> = Map::new(),
         /// Bulk ports, with the length of their content [bytes].
         bulk: Map<u64> = Map::new(),
-        /// Why the run shall end after this step.
+        /// Why the run should end after this step.
         end: Option<String>,
     }
 }
@@ -249,7 +249,7 @@ message! {
 }
 
 message! {
-    /// A participant cannot go on.
+    /// A participant cannot continue.
     "Fault/1",
     struct Fault {
         /// Name of the participant.

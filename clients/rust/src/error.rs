@@ -1,4 +1,4 @@
-//! Why a participant cannot go on (clause P10.2).
+//! Why a participant cannot continue (clause P10.2).
 
 use std::fmt;
 

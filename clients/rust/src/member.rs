@@ -14,8 +14,8 @@ use crate::source::{count, Drops, Source};
 
 /// Time after which a waiting participant says so, and sends its handshake again (P4.6, P9.2.4).
 const PATIENCE: Duration = Duration::from_millis(20);
-/// How often a longer wait looks whether the process shall end.
-const LOOK: Duration = Duration::from_millis(100);
+/// How often a longer wait checks whether the process should end.
+const POLL: Duration = Duration::from_millis(100);
 
 /// Why a participant leaves the run other than by its end.
 pub enum Leave {
@@ -83,7 +83,7 @@ impl Member {
         self.check_size("Ready", &ready)?;
         while self.start.is_none() && self.stop_at >= 0 {
             self.bus.publish_out(handshake.clone())?;
-            let deaf = self.sources.iter().filter(|source| !source.heard);
+            let deaf = self.sources.iter().filter(|source| !source.connected);
             let sources: Vec<_> = deaf.map(|source| source.name.clone()).collect();
             if sources.is_empty() {
                 self.send_log(None)?;
@@ -130,7 +130,7 @@ impl Member {
                 told = true;
                 self.send_log(Some(Waiting { step: self.step, sources: sources.to_vec() }))?;
             }
-            self.take_in(if told { LOOK } else { left })?;
+            self.take_in(if told { POLL } else { left })?;
         }
     }
 

@@ -97,7 +97,7 @@ message! {
         error: Vec<f64>,
         /// Whether the command was cut at its limit, shape (n,).
         saturated: Vec<bool>,
-        /// What the controller complains of.
+        /// Warnings of the controller.
         warnings: Vec<String> = Vec::new(),
     }
 }

@@ -27,7 +27,7 @@ pub trait Participant: Sized {
     /// Describes each output.
     fn describe(&self) -> BTreeMap<String, Description>;
 
-    /// Is told what its inputs are; find your joints there by name.
+    /// Receives the descriptions of its inputs; find your joints there by name.
     fn start(&mut self, _inputs: &BTreeMap<String, Description>) -> Result<(), Error> {
         Ok(())
     }

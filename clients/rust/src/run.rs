@@ -35,21 +35,21 @@ const PROTOCOL: i64 = 1;
 pub fn run<P: Participant>() -> ExitCode {
     let ticket = match Ticket::from_environment() {
         Ok(ticket) => ticket,
-        Err(text) => return complain(&text, 2),
+        Err(text) => return print_error(&text, 2),
     };
     record_panics();
     let terminated = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&terminated);
     if let Err(error) = signal_hook::flag::register(signal_hook::consts::SIGTERM, flag) {
-        return complain(&format!("cannot handle SIGTERM: {error}"), 1);
+        return print_error(&format!("cannot handle SIGTERM: {error}"), 1);
     }
     match Bus::open(&ticket) {
         Ok(bus) => take_part::<P>(bus, &ticket, terminated),
-        Err(error) => complain(&format!("cannot open the bus: {error}"), 1),
+        Err(error) => print_error(&format!("cannot open the bus: {error}"), 1),
     }
 }
 
-fn complain(text: &str, code: u8) -> ExitCode {
+fn print_error(text: &str, code: u8) -> ExitCode {
     eprintln!("stepbus-client: {text}");
     ExitCode::from(code)
 }
@@ -66,17 +66,17 @@ fn take_part<P: Participant>(bus: Bus, ticket: &Ticket, terminated: Arc<AtomicBo
     };
     match outcome.and_then(|()| session.map_err(|error| error.to_string())) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(text) => complain(&text, 1),
+        Err(text) => print_error(&text, 1),
     }
 }
 
-/// Tells the run why the participant leaves, as far as it can; returns the sentence.
+/// Reports to the run why the participant leaves, as far as it can; returns the sentence.
 fn part(member: &mut Member, leave: Leave) -> Result<(), String> {
-    let (told, text) = match &leave {
+    let (sent, text) = match &leave {
         Leave::Fault(error) => (member.fault(error), error.to_string()),
         Leave::Quit(text) => (member.send_log(None), text.clone()),
     };
-    match told {
+    match sent {
         Ok(()) => Err(text),
         Err(Leave::Quit(also) | Leave::Fault(Error::Bus(also))) => Err(format!("{text}; {also}")),
         Err(Leave::Fault(also)) => Err(format!("{text}; {also}")),

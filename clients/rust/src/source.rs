@@ -47,7 +47,7 @@ pub struct Source {
     /// Name of the participant.
     pub name: String,
     /// Whether its link is proved.
-    pub heard: bool,
+    pub connected: bool,
     every: i64,
     newest: i64,
     newest_bytes: Vec<u8>,
@@ -71,7 +71,7 @@ impl Source {
         let every = config.every.get() as i64;
         Self {
             name: config.source.clone(),
-            heard: false,
+            connected: false,
             every,
             newest: -every,
             newest_bytes: Vec::new(),
@@ -98,7 +98,7 @@ impl Source {
     fn order(&mut self, outputs: Outputs, bytes: &[u8], drops: &mut Drops) -> Result<(), Error> {
         let (step, newest) = (outputs.step, self.newest);
         if step == -1 || step == newest + self.every {
-            self.heard = true;
+            self.connected = true;
         }
         if step == -1 {
             return Ok(());

@@ -34,7 +34,7 @@ pub struct Endpoint {
     pub user: Option<String>,
     /// What proves it.
     pub password: Option<String>,
-    /// User → password: whom to let in.
+    /// User → password: who may connect.
     #[serde(default)]
     pub users: BTreeMap<String, String>,
     /// Further Zenoh settings: path in Zenoh's own tree → value (P2.4).
@@ -66,7 +66,7 @@ impl Ticket {
         timeout.map(|_| ticket).map_err(|error| format!("join_timeout_s: {error}"))
     }
 
-    /// How long to go on asking to join.
+    /// How long to keep asking to join.
     pub fn join_timeout(&self) -> Duration {
         Duration::from_secs_f64(self.join_timeout_s)
     }

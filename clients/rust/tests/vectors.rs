@@ -125,7 +125,7 @@ fn a_port_message_has_exactly_the_bytes_of_the_vectors() {
 }
 
 #[test]
-fn what_is_malformed_is_told_with_its_path() {
+fn malformed_data_is_reported_with_its_path() {
     let error = decode::<JointReference>(&[
         0x81, 0xa8, b'p', b'o', b's', b'i', b't', b'i', b'o', b'n', 0x91, 0xc3,
     ]);

@@ -16,62 +16,62 @@ static uint64_t mp_big(value at, int bytes) {
     return n;
 }
 
-/* Return where the content of a value begins; count: its entries (m: map, a: array) or its length
+/* Return where the content of a value starts; count: its entries (m: map, a: array) or its length
  * (s: text or binary, x: anything else). */
-static value mp_open(value v, char *kind, uint64_t *count) {
+static value mp_open(value v, char *type, uint64_t *count) {
     unsigned char c = *v++;
-    *kind = 'x', *count = 0;
+    *type = 'x', *count = 0;
     if (c <= 0x7f || c >= 0xe0 || (c >= 0xc0 && c <= 0xc3)) return v;
-    if (c <= 0x8f) return *kind = 'm', *count = c & 15, v;
-    if (c <= 0x9f) return *kind = 'a', *count = c & 15, v;
-    if (c <= 0xbf) return *kind = 's', *count = c & 31, v;
+    if (c <= 0x8f) return *type = 'm', *count = c & 15, v;
+    if (c <= 0x9f) return *type = 'a', *count = c & 15, v;
+    if (c <= 0xbf) return *type = 's', *count = c & 31, v;
     if (c >= 0xca && c <= 0xd3) return *count = "\4\10\1\2\4\10\1\2\4\10"[c - 0xca], v;
     if (c >= 0xd4 && c <= 0xd8) return *count = 1 + (1u << (c - 0xd4)), v;
     int ext = c >= 0xc7 && c <= 0xc9;
     int width = c >= 0xdc ? 2 << (c & 1) : 1 << (ext ? c - 0xc7 : c >= 0xd9 ? c - 0xd9 : c - 0xc4);
-    *kind = c >= 0xde ? 'm' : c >= 0xdc ? 'a' : ext ? 'x' : 's';
+    *type = c >= 0xde ? 'm' : c >= 0xdc ? 'a' : ext ? 'x' : 's';
     *count = mp_big(v, width) + ext;
     return v + width;
 }
 
 /* Return the value behind this one. */
 static value mp_next(value v) {
-    char kind;
+    char type;
     uint64_t count;
-    v = mp_open(v, &kind, &count);
-    if (kind == 's' || kind == 'x') return v + count;
-    for (count *= kind == 'm' ? 2 : 1; count; count--) v = mp_next(v);
+    v = mp_open(v, &type, &count);
+    if (type == 's' || type == 'x') return v + count;
+    for (count *= type == 'm' ? 2 : 1; count; count--) v = mp_next(v);
     return v;
 }
 
 static uint64_t mp_size(value v) {
-    char kind;
+    char type;
     uint64_t count;
-    mp_open(v, &kind, &count);
+    mp_open(v, &type, &count);
     return count;
 }
 
 /* Return an entry of an array. */
 static value mp_at(value v, uint64_t index) {
-    char kind;
+    char type;
     uint64_t count;
-    for (v = mp_open(v, &kind, &count); index; index--) v = mp_next(v);
+    for (v = mp_open(v, &type, &count); index; index--) v = mp_next(v);
     return v;
 }
 
 static int mp_is(value v, const char *text) {
-    char kind;
+    char type;
     uint64_t count;
-    v = mp_open(v, &kind, &count);
-    return kind == 's' && count == strlen(text) && !memcmp(v, text, count);
+    v = mp_open(v, &type, &count);
+    return type == 's' && count == strlen(text) && !memcmp(v, text, count);
 }
 
 /* Return an entry of a map; NULL: there is none, it is nil, or this is no map. */
 static value mp_get(value v, const char *key) {
-    char kind;
+    char type;
     uint64_t count;
     if (!v) return NULL;
-    for (v = mp_open(v, &kind, &count); kind == 'm' && count; count--) {
+    for (v = mp_open(v, &type, &count); type == 'm' && count; count--) {
         value entry = mp_next(v);
         if (mp_is(v, key)) return *entry == 0xc0 ? NULL : entry;
         v = mp_next(entry);
@@ -99,7 +99,7 @@ static double mp_number(value v) {
     return (double)(signed char)c;
 }
 
-/* Writers: each returns where to go on. Maps have up to 15 entries, texts up to 31 bytes. */
+/* Writers: each returns where the next one continues. Maps have up to 15 entries, texts up to 31 bytes. */
 static unsigned char *mp_map(unsigned char *to, int entries) {
     return *to = (unsigned char)(0x80 | entries), to + 1;
 }

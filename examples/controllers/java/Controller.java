@@ -77,8 +77,8 @@ public class Controller {
 
     static void send(OutputStream out, Map<String, ?> message) throws IOException {
         byte[] body = MessagePack.pack(message);
-        ByteBuffer whole = ByteBuffer.allocate(4 + body.length).order(ByteOrder.LITTLE_ENDIAN);
-        out.write(whole.putInt(body.length).put(body).array());
+        ByteBuffer message = ByteBuffer.allocate(4 + body.length).order(ByteOrder.LITTLE_ENDIAN);
+        out.write(message.putInt(body.length).put(body).array());
     }
 }
 
@@ -139,7 +139,7 @@ class MessagePack {
         if (value instanceof Map<?, ?> map) {
             out.writeByte(0xde);
             out.writeShort(map.size());
-            // Sorted: Map.of has another order each time, and equal runs shall have equal bytes.
+            // Sorted: Map.of has another order each time, and equal runs must have equal bytes.
             for (var entry : new TreeMap<Object, Object>(map).entrySet()) {
                 write(out, entry.getKey());
                 write(out, entry.getValue());

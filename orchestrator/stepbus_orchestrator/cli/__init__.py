@@ -26,7 +26,7 @@ from .scenarios import validate as validate_command
 from .scenarios import verify as verify_command
 from .setup import doctor as doctor_command
 from .setup import new as new_command
-from .terminal.output import complain, open_closed_streams
+from .terminal.output import open_closed_streams, print_error
 
 _COLUMNS = 79
 
@@ -85,19 +85,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = args.execute(args)
     except RunFailure as exc:
-        complain(str(exc))
+        print_error(str(exc))
         return exc.code
     except StepbusError as exc:
-        complain(str(exc))
+        print_error(str(exc))
         return ExitCode.SCENARIO
     except KeyboardInterrupt:
-        complain("interrupted")
+        print_error("interrupted")
         return ExitCode.INTERRUPTED
     except BrokenPipeError:
         # Whoever read our output has gone, as `head` does; nobody is left to tell.
         return ExitCode.FINISHED
     except OSError as exc:
         # What no command expects of a file or folder, e.g. that the current one is gone.
-        complain(f"{exc.filename or 'the current folder'}: {exc.strerror or exc}")
+        print_error(f"{exc.filename or 'the current folder'}: {exc.strerror or exc}")
         return ExitCode.INTERNAL
     return code

@@ -69,7 +69,7 @@ class Child:
         """Return its exit code, negative for a signal; None while it runs.
 
         The process is not reaped before `end`: as long as it is a zombie, its process group is
-        its own, and no signal to the group can reach anybody else.
+        its own, and no signal to the group can reach another process.
         """
         with self._lock:
             if self._process.returncode is not None:

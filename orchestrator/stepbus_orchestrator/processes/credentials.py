@@ -57,7 +57,7 @@ def _certificate(authority: trustme.CA, member: str, folder: Path, root: Path) -
         **{f"transport/link/tls/{end}_{name}": path
            for end in ("listen", "connect") for name, path in files.items()},
         "transport/link/tls/enable_mtls": True,
-        # All are on 127.0.0.1: it is the common name that tells them apart.
+        # All are on 127.0.0.1: only the common name distinguishes them.
         "transport/link/tls/verify_name_on_connect": False,
     }  # fmt: skip
 

@@ -82,7 +82,7 @@ class Launcher:
             environment=_environment(path),
             has_terminal=has_terminal,
         )
-        self._tell_reaper(f"+{child.pid}")
+        self._notify_reaper(f"+{child.pid}")
         self.children[spec.name] = child
         return child
 
@@ -90,7 +90,7 @@ class Launcher:
         """End every process that is left, and the reaper, which removes the private folder."""
         for child in self.children.values():
             child.end()
-            self._tell_reaper(f"-{child.pid}")
+            self._notify_reaper(f"-{child.pid}")
         self._end_reaper()
 
     def _end_reaper(self) -> None:
@@ -103,10 +103,10 @@ class Launcher:
             self._reaper.kill()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._reaper.wait(_REAPER_S)
-        # It may have been killed, or stopped, by somebody else.
+        # It may have been killed, or stopped, by another process.
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _tell_reaper(self, line: str) -> None:
+    def _notify_reaper(self, line: str) -> None:
         if self._reaper.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
                 self._reaper.stdin.write(line + "\n")

@@ -1,4 +1,4 @@
-"""Kills a program that reads nothing, so that whoever publishes to it is not blocked for good.
+"""Kills a program that reads nothing, so that no publisher to it is not blocked for good.
 
 Publishers block rather than drop (P2.5). A frozen process reads nothing; when the buffers of its
 link are full, which takes some 250 messages however small, a put to it never returns.
@@ -36,19 +36,19 @@ class Watchdog:
     @contextlib.contextmanager
     def watching(self) -> Iterator[None]:
         """Watch what is done in this context."""
-        self.begin()
+        self.start()
         try:
             yield
         finally:
             self.end()
 
-    def begin(self) -> None:
+    def start(self) -> None:
         """Watch the call that starts now."""
         self._call += 1
         self._is_open = True
 
     def end(self) -> None:
-        """Stop watching until the next `begin`."""
+        """Stop watching until the next `start`."""
         self._is_open = False
 
     def close(self) -> None:

@@ -24,7 +24,7 @@ _CRC_BYTES = 4
 _FIRST_PRIVATE_OPCODE = 0x80
 _KNOWN = frozenset(int(opcode) for opcode in Opcode)
 _INSIDE_CHUNKS = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
-_FOREIGN_ERRORS = (
+_PARSE_ERRORS = (
     McapError,
     MemoryError,
     OverflowError,
@@ -63,7 +63,7 @@ def records_of(opcode: int, content: bytes) -> Iterator[McapRecord]:
     try:
         record = read(content)
         inside = unpack(record) if isinstance(record, Chunk) else None
-    except _FOREIGN_ERRORS as exc:
+    except _PARSE_ERRORS as exc:
         raise _corrupt(opcode, exc) from exc
     if inside is None:
         yield record
@@ -79,7 +79,7 @@ def chunk_content(content: bytes) -> bytes:
     """Return the records inside a chunk; raises DamagedRecord when it is corrupt."""
     try:
         return unpack(Chunk.read(_stream(content)))
-    except _FOREIGN_ERRORS as exc:
+    except _PARSE_ERRORS as exc:
         raise _corrupt(Opcode.CHUNK, exc) from exc
 
 

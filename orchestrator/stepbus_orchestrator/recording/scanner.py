@@ -73,7 +73,7 @@ class Scanner:
             )
         if start != MAGIC:
             raise RecordingFailed(
-                f"{self.path} is not an MCAP recording: it does not begin with its magic bytes"
+                f"{self.path} is not an MCAP recording: it does not start with its magic bytes"
             )
         self.intact_bytes = len(MAGIC)
 

@@ -63,7 +63,7 @@ class Check:
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
     ) -> None:
-        """Note where the participant describes its outputs in another way than recorded."""
+        """Record where the participant describes its outputs otherwise than recorded."""
         own = descriptions[self._spec.name]
         for port in self._spec.outputs:
             topic = f"{self._spec.name}/{port}"
@@ -159,7 +159,7 @@ class Check:
 
 
 def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:
-    """Return what the participants said of their outputs."""
+    """Return the participants' descriptions of their outputs."""
     found: dict[str, dict[str, Description]] = {}
     for port in recording.ports.values():
         found.setdefault(port.participant, {})[port.name] = port.description

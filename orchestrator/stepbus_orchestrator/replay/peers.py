@@ -89,7 +89,7 @@ class Peers:
             peer.send_handshake(self._token)
 
     def publish_below(self, step: int, reported: dict[str, int]) -> None:
-        """Publish all outputs of steps below `step`; note in `reported` how far each peer is."""
+        """Publish all outputs of steps below `step`; record in `reported` how far each peer is."""
         for peer in self._peers:
             while peer.recorded.step < step:
                 reported[peer.name] = peer.recorded.step

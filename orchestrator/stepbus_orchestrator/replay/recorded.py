@@ -41,7 +41,7 @@ class Recorded:
         ]
 
     def take(self) -> dict[str, bytes]:
-        """Return the next outputs by port, and go on to the step after them."""
+        """Return the next outputs by port, and advance to the step after them."""
         found = {}
         for port, track in self._tracks:
             data = track.take(self.step)
@@ -64,16 +64,16 @@ def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int
     listens to, was cut off.
     """
     spec = scenario.participant(name)
-    whole = _end(recording)
+    complete = _end(recording)
     own = _reach(recording, spec)
     if spec.publishes == "first" and own is not None:
         # Its newest output is the result of the step before.
         own -= spec.every
-    ends = [whole if own is None else own]
+    ends = [complete if own is None else own]
     for item in spec.inputs.values():
         reach = _reach(recording, scenario.participant(item.source))
-        ends.append(whole if reach is None else reach + item.delay)
-    return max(0, min(whole, *ends))
+        ends.append(complete if reach is None else reach + item.delay)
+    return max(0, min(complete, *ends))
 
 
 def _end(recording: Recording) -> int:

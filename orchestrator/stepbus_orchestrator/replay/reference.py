@@ -27,8 +27,8 @@ class Reference:
         for name, data in old.attachments.items():
             is_scenario = name == layout.SCENARIO_ATTACHMENT
             content = resolved(scenario).encode() if is_scenario and is_changed else data
-            kind = "application/yaml" if is_scenario else "application/octet-stream"
-            file.attach(name, kind, content)
+            media_type = "application/yaml" if is_scenario else "application/octet-stream"
+            file.attach(name, media_type, content)
         for name, versions in old.metadata.items():
             if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
                 file.add_metadata(name, versions)

@@ -53,8 +53,8 @@ class Replay:
     def launch(self, state: RunState) -> None:
         """Start the participant."""
         process = self._start()
-        member = ParticipantState(self._spec, process, self.newest_step)
-        state.participants = {self._spec.name: member}
+        participant = ParticipantState(self._spec, process, self.newest_step)
+        state.participants = {self._spec.name: participant}
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how all outputs were described when they were recorded."""

@@ -50,7 +50,7 @@ class Records:
 class Controls:
     """What acts on a run from outside.
 
-    observer: is told how the run goes. interrupt: ends it when it is set. injector: of faults.
+    observer: is notified of progress. interrupt: ends it when it is set. injector: of faults.
     pace: pauses it. calls: of a recording, made again.
     """
 
@@ -167,23 +167,28 @@ class RunLoop:
         """Raise for a process that has ended before the run (P10.4)."""
         if self.state.phase.is_stopping:
             return
-        for member in self.state.participants.values():
-            if member.process.exit_code() is not None and member.name != self.state.replaced:
-                raise self._death(member)
+        for participant in self.state.participants.values():
+            if (
+                participant.process.exit_code() is not None
+                and participant.name != self.state.replaced
+            ):
+                raise self._death(participant)
 
-    def _death(self, member: ParticipantState) -> RunFailure:
+    def _death(self, participant: ParticipantState) -> RunFailure:
         state = self.state
-        details = (member, state.participants, state.barrier, state.scenario.step_ns)
-        if member.name in self._killed:
+        details = (participant, state.participants, state.barrier, state.scenario.step_ns)
+        if participant.name in self._killed:
             return took_nothing(*details)
         # A fault that it, or a witness, has reported is more precise, and is raised from here.
         self.receive_for(LAST_REPORTS_S)
         return death(*details)
 
     def kill_blockers(self) -> None:
-        """Kill whoever reads nothing, while a message to it blocks us from everything else."""
+        """Kill a process that reads nothing while a message to it blocks everything else."""
         participants = self.state.participants
-        stopped = [name for name, member in participants.items() if member.process.is_stopped()]
+        stopped = [
+            name for name, participant in participants.items() if participant.process.is_stopped()
+        ]
         holders = [name for name in self.state.barrier.holders() if name in participants]
         for name in stopped or holders or participants:
             self._killed.append(name)
@@ -200,7 +205,7 @@ class RunLoop:
     def progress(self) -> Progress:
         """Return how far the run is."""
         state = self.state
-        members = state.participants.values()
+        participants = state.participants.values()
         is_paused = state.phase.is_stepping and state.is_held
         is_moving = state.phase.is_stepping and not is_paused
         return Progress(
@@ -209,10 +214,14 @@ class RunLoop:
             steps=state.scenario.steps,
             step_ns=state.scenario.step_ns,
             elapsed_s=time.monotonic() - (state.started_at or self._began),
-            phases={member.name: member.phase.name.lower() for member in members},
+            phases={
+                participant.name: participant.phase.name.lower() for participant in participants
+            },
             compute_us={
                 name: total / count * 1e-3 for name, (total, count) in state.compute.items()
             },
-            drops={member.name: sum(member.drops.values()) for member in members},
+            drops={
+                participant.name: sum(participant.drops.values()) for participant in participants
+            },
             holders=tuple(state.barrier.holders()) if is_moving else (),
         )

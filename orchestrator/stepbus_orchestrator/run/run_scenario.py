@@ -37,7 +37,7 @@ def run(
 ) -> Result:
     """Run a scenario and return how it ended; result.json has the same.
 
-    observer: is told how the run goes. interrupt: ends the run when it is set, e.g. by Ctrl-C.
+    observer: is notified of progress. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
     to, WiringError for a name in `options.debug` that no participant has.
     """

@@ -62,5 +62,5 @@ class Strategy(Protocol):
 
 def ready_descriptions(participants: Participants) -> Descriptions:
     """Return how participants that are ready describe their own outputs."""
-    ready = ((name, member.ready) for name, member in participants.items())
+    ready = ((name, participant.ready) for name, participant in participants.items())
     return {name: item.outputs if item else {} for name, item in ready}

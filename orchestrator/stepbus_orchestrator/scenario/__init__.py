@@ -2,7 +2,7 @@
 
 from stepbus_participant.parameters import Problem
 
-from .faults import KINDS, MESSAGE_KINDS, PROCESS_KINDS, faults_of, format_fault
+from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
 from .load import ScenarioError, check_data, load
 from .model import (
     BridgeSpec,
@@ -21,9 +21,9 @@ from .resolve import files, resolved
 from .schedule import Schedule
 
 __all__ = [
-    "KINDS",
-    "MESSAGE_KINDS",
-    "PROCESS_KINDS",
+    "FAULT_TYPES",
+    "MESSAGE_FAULTS",
+    "PROCESS_FAULTS",
     "BridgeSpec",
     "BusSpec",
     "Deadlines",

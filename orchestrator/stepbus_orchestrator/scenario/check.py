@@ -13,7 +13,7 @@ from .schedule import find_loops
 
 
 def check(scenario: Scenario, problems: Problems) -> None:
-    """Note in `problems` all that cannot work although each part is well formed."""
+    """Add to `problems` all that cannot work although each part is well formed."""
     specs = {spec.name: spec for spec in scenario.participants}
     for spec in scenario.participants:
         for name, item in spec.inputs.items():

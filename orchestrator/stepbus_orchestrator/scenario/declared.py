@@ -60,17 +60,17 @@ def check_params(scenario: Scenario, problems: Problems) -> None:
         if isinstance(declared, type) and issubclass(declared, Settings):
             _add(problems, spec.name, find_problems(declared, spec.params, scenario.folder))
     if own:
-        _check_apart(own, scenario.folder, problems)
+        _check_separately(own, scenario.folder, problems)
 
 
 def find_declaration(spec: ParticipantSpec, folder: Path) -> Declaration | None:
     """Return where a participant declares its parameters; None: nowhere."""
     if spec.exec[:1] != ("python",):
         return None
-    kind, name = python_target(spec.exec[1:])
-    if kind == "script" and is_file(folder / name):
+    launch, name = python_target(spec.exec[1:])
+    if launch == "script" and is_file(folder / name):
         return _in_source(Declaration(file=folder / name, module=""), folder)
-    if kind != "module":
+    if launch != "module":
         return None
     file = module_file(f"{name}.params", folder)
     if file is not None:
@@ -105,7 +105,7 @@ def _imported(at: Declaration, node: ast.ImportFrom, name: str, folder: Path) ->
     return None if file is None else Declaration(file=file, module=module, name=name)
 
 
-def _check_apart(
+def _check_separately(
     own: Iterable[tuple[ParticipantSpec, Declaration]], folder: Path, problems: Problems
 ) -> None:
     rows = list(own)

@@ -12,9 +12,9 @@ from stepbus_schemas import WiringError
 
 from .model import FaultSpec, ParticipantSpec
 
-MESSAGE_KINDS = ("drop", "delay", "duplicate", "reorder", "corrupt", "oversize")
-PROCESS_KINDS = ("freeze", "kill", "crash", "slow")
-KINDS = (*MESSAGE_KINDS, *PROCESS_KINDS)
+MESSAGE_FAULTS = ("drop", "delay", "duplicate", "reorder", "corrupt", "oversize")
+PROCESS_FAULTS = ("freeze", "kill", "crash", "slow")
+FAULT_TYPES = (*MESSAGE_FAULTS, *PROCESS_FAULTS)
 _DEFAULT_NS = {"delay": 50_000_000, "slow": 500_000_000}
 _LASTING = ("delay", "freeze", "slow")
 _MOST = 1000
@@ -24,13 +24,13 @@ _RANDOM = re.compile(
     r"random +(\d{1,9})(?: +from +(\d{1,18}))?(?: +to +(\d{1,18}))?(?: +seed +(\d{1,18}))?"
 )
 _HELP = (
-    "write KIND PARTICIPANT at STEP, e.g. 'kill plant at 120' or 'freeze controller at 10 for "
+    "write TYPE PARTICIPANT at STEP, e.g. 'kill plant at 120' or 'freeze controller at 10 for "
     "200ms', or 'random N [from STEP] [to STEP] [seed N]'"
 )
 
 
 @dataclass(frozen=True)
-class Setting:
+class FaultContext:
     """What faults are checked against: the participants, the number of steps, the seed."""
 
     participants: Sequence[ParticipantSpec]
@@ -38,7 +38,7 @@ class Setting:
     seed: int
 
 
-def parse_fault(text: str, setting: Setting) -> tuple[FaultSpec, ...]:
+def parse_fault(text: str, context: FaultContext) -> tuple[FaultSpec, ...]:
     """Return the fault that a text stands for, or all that its seed draws.
 
     Raises WiringError when it means nothing, or can never happen.
@@ -46,56 +46,56 @@ def parse_fault(text: str, setting: Setting) -> tuple[FaultSpec, ...]:
     form = " ".join(text.split())
     drawn = _RANDOM.fullmatch(form)
     if drawn is not None:
-        return _draw(drawn, setting)
+        return _draw(drawn, context)
     one = _FORM.fullmatch(form)
     if one is None:
         raise WiringError(f"{text!r} is no fault; {_HELP}")
     fault = FaultSpec(
-        kind=one[1],
+        type=one[1],
         participant=one[2],
         step=int(one[3]),
         duration_ns=_duration_ns(one[1], one[4]),
     )
-    _check(fault, setting)
+    _check(fault, context)
     return (fault,)
 
 
 def format_fault(fault: FaultSpec) -> str:
     """Return the text of a fault, which `parse_fault` reads back."""
     lasting = "" if fault.duration_ns is None else f" for {format_duration(fault.duration_ns)}"
-    return f"{fault.kind} {fault.participant} at {fault.step}{lasting}"
+    return f"{fault.type} {fault.participant} at {fault.step}{lasting}"
 
 
 def faults_of(
-    faults: Iterable[FaultSpec], kinds: Sequence[str], participant: str | None = None
+    faults: Iterable[FaultSpec], types: Sequence[str], participant: str | None = None
 ) -> list[FaultSpec]:
-    """Return the faults of some kinds, of one participant or of all, in the order of steps."""
-    wanted = (f for f in faults if f.kind in kinds and participant in {None, f.participant})
+    """Return the faults of some types, of one participant or of all, in the order of steps."""
+    wanted = (f for f in faults if f.type in types and participant in {None, f.participant})
     return sorted(wanted, key=lambda fault: fault.step)
 
 
-def _duration_ns(kind: str, text: str | None) -> int | None:
+def _duration_ns(fault_type: str, text: str | None) -> int | None:
     if text is None:
-        return _DEFAULT_NS.get(kind)
-    if kind in KINDS and kind not in _LASTING:
-        raise WiringError(f"{kind} has no duration; only {', '.join(_LASTING)} have one")
+        return _DEFAULT_NS.get(fault_type)
+    if fault_type in FAULT_TYPES and fault_type not in _LASTING:
+        raise WiringError(f"{fault_type} has no duration; only {', '.join(_LASTING)} have one")
     return parse_duration(text)
 
 
-def _check(fault: FaultSpec, setting: Setting) -> None:
-    if fault.kind not in KINDS:
-        raise WiringError(f"{fault.kind!r} is no kind of fault{suggest(fault.kind, KINDS)}")
-    specs = {spec.name: spec for spec in setting.participants}
+def _check(fault: FaultSpec, context: FaultContext) -> None:
+    if fault.type not in FAULT_TYPES:
+        raise WiringError(f"{fault.type!r} is no fault type{suggest(fault.type, FAULT_TYPES)}")
+    specs = {spec.name: spec for spec in context.participants}
     spec = specs.get(fault.participant)
     if spec is None:
         raise WiringError(
             f"no participant {fault.participant!r}{suggest(fault.participant, specs)}"
         )
-    if setting.steps is not None and fault.step >= setting.steps:
+    if context.steps is not None and fault.step >= context.steps:
         raise WiringError(
-            f"step {fault.step} never comes; the run has the steps 0 to {setting.steps - 1}"
+            f"step {fault.step} never comes; the run has the steps 0 to {context.steps - 1}"
         )
-    if fault.kind in MESSAGE_KINDS and fault.step % spec.every:
+    if fault.type in MESSAGE_FAULTS and fault.step % spec.every:
         before = fault.step - fault.step % spec.every
         raise WiringError(
             f"{spec.name} publishes nothing at step {fault.step}: it fires every {spec.every} "
@@ -103,34 +103,34 @@ def _check(fault: FaultSpec, setting: Setting) -> None:
         )
 
 
-def _draw(form: re.Match[str], setting: Setting) -> tuple[FaultSpec, ...]:
-    """Return faults of all kinds at random, the same for the same seed."""
+def _draw(form: re.Match[str], context: FaultContext) -> tuple[FaultSpec, ...]:
+    """Return faults of all types at random, the same for the same seed."""
     count, first = int(form[1]), int(form[2] or 0)
-    last = int(form[3]) if form[3] else setting.steps
+    last = int(form[3]) if form[3] else context.steps
     if last is None:
         raise WiringError("a run without duration needs the last step: 'random N to STEP'")
-    if setting.steps is not None and last > setting.steps:
-        raise WiringError(f"the run has only the steps below {setting.steps}, not up to {last}")
+    if context.steps is not None and last > context.steps:
+        raise WiringError(f"the run has only the steps below {context.steps}, not up to {last}")
     if not 1 <= count <= _MOST:
         raise WiringError(f"must draw 1 to {_MOST} faults, not {count}")
     if first >= last:
         raise WiringError(f"there is no step from {first} to below {last}")
-    generator = random.Random(int(form[4]) if form[4] else setting.seed)  # noqa: S311
-    drawn = [_one(generator, first, last, setting.participants) for _ in range(count)]
+    generator = random.Random(int(form[4]) if form[4] else context.seed)  # noqa: S311
+    drawn = [_one(generator, first, last, context.participants) for _ in range(count)]
     return tuple(sorted(drawn, key=lambda fault: fault.step))
 
 
 def _one(
     generator: random.Random, first: int, last: int, participants: Sequence[ParticipantSpec]
 ) -> FaultSpec:
-    kind = generator.choice(KINDS)
+    fault_type = generator.choice(FAULT_TYPES)
     spec = generator.choice(participants)
     step = generator.randrange(first, last)
     lasts_ns = generator.randrange(10, 200) * 1_000_000
-    forever = kind == "freeze" and generator.random() < 0.5
+    forever = fault_type == "freeze" and generator.random() < 0.5
     return FaultSpec(
-        kind=kind,
+        type=fault_type,
         participant=spec.name,
-        step=step - step % spec.every if kind in MESSAGE_KINDS else step,
-        duration_ns=lasts_ns if kind in _LASTING and not forever else None,
+        step=step - step % spec.every if fault_type in MESSAGE_FAULTS else step,
+        duration_ns=lasts_ns if fault_type in _LASTING and not forever else None,
     )

@@ -45,7 +45,7 @@ class Deadlines:
 
 @dataclass(frozen=True, kw_only=True)
 class HoldSpec:
-    """What is published in the stead of a participant that has failed.
+    """What is published instead of a participant that has failed.
 
     keep_ns: for how long its last messages [ns]. hold_ns: for how long after that the safe ones
     [ns]. safe: port → message, where it is not the default of the port's type.
@@ -69,9 +69,9 @@ class BridgeSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class FaultSpec:
-    """A fault on purpose: what happens to whom at which step; duration_ns: for how long [ns]."""
+    """A fault on purpose: its type, participant and step; duration_ns: for how long [ns]."""
 
-    kind: str
+    type: str
     participant: str
     step: int
     duration_ns: int | None = None
@@ -83,7 +83,7 @@ class ParticipantSpec:
 
     exec: the command as written in the scenario; `program.command` makes it one that can be run.
     every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
-    it reads its inputs. on_fault: how the run goes on when it fails; None: it ends. bridge: how
+    it reads its inputs. on_fault: how the run continues when it fails; None: it ends. bridge: how
     the program is reached where it does not speak Zenoh itself.
     """
 
@@ -114,9 +114,9 @@ class BusSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A whole scenario, checked.
+    """A complete scenario, checked.
 
-    step_ns: length of a communication step [ns]. steps: how many; none: until somebody ends the
+    step_ns: length of a communication step [ns]. steps: how many; none: until something ends the
     run. participants: in the order of the file. window: steps that may be in flight. batch:
     outputs of a participant per log message. faults: what is done to it on purpose. folder: what
     relative file names are relative to. file: where it was read from. Two scenarios are equal when

@@ -66,13 +66,13 @@ def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
 
 
 def check_command(words: Sequence[str], folder: Path) -> None:
-    """Raise WiringError when the program, or what `python` shall run, is missing."""
+    """Raise WiringError when the program, or what `python` is to run, is missing."""
     command(words, folder)
     if words[0] == "python":
-        kind, name = python_target(words[1:])
-        if kind == "module":
+        launch, name = python_target(words[1:])
+        if launch == "module":
             _check_module(name, folder)
-        elif kind == "script" and not (is_file(folder / name) or is_folder(folder / name)):
+        elif launch == "script" and not (is_file(folder / name) or is_folder(folder / name)):
             scripts = [item.name for item in folder.glob("*.py")]
             raise WiringError(f"no file {name!r} in {folder}{suggest(name, sorted(scripts))}")
 
@@ -143,7 +143,7 @@ def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts) or parts[0] == "__main__":
         return None
-    # A file may have been written since this process last looked.
+    # A file may have been written since this process last checked.
     importlib.invalidate_caches()
     # `python -m` puts the working directory, which is the scenario's folder, first.
     spec = PathFinder.find_spec(parts[0], [str(folder)]) or importlib.util.find_spec(parts[0])

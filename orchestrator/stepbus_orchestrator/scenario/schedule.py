@@ -17,7 +17,7 @@ class Schedule:
     order: the participants within a step, each after those whose output of the same step it
     reads; where that leaves a choice, as in the scenario. every: participant → it fires at
     multiples of this [steps]. first: those that publish before they read. steps: length of the
-    run; none: until somebody ends it.
+    run; none: until something ends it.
     """
 
     order: tuple[str, ...]
@@ -78,7 +78,7 @@ class Schedule:
 def find_loops(participants: Iterable[ParticipantSpec]) -> list[tuple[str, ...]]:
     """Return algebraic loops, each as (`controller`, `mission`, `controller`) along the data.
 
-    A loop of undelayed inputs can never start unless somebody in it publishes before it reads.
+    A loop of undelayed inputs can never start unless one in it publishes before it reads.
     All participants fire at step 0, so different rates do not break a loop either.
     """
     return _sorted(participants)[1]

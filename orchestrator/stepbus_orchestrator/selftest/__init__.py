@@ -61,17 +61,17 @@ def selftest(
     """Run the plant of a scenario alone with a tester, and judge each of its joints.
 
     angle: to send rotary joints to [rad], or as near as their stops allow. A joint that gets
-    there on neither side is sent half as far: the robot may have been in its own way.
+    there on neither side is sent half as far: the robot may have been in its own path.
     Raises WiringError where the scenario has no plant that is commanded by joint, SelfTestFailed
     when its run fails; its files are then kept.
     """
     plant, port = _plant_of(scenario)
-    said = _said(scenario, plant.name, port, interrupt)
+    description = _described(scenario, plant.name, port, interrupt)
 
     def attempt(angle: float, only: list[str]) -> SelfTest:
         folder = Path(tempfile.mkdtemp(prefix="selftest-stepbus-"))
         aim = {"angle": angle, "only": only}
-        tested = _test_scenario(scenario, plant, port, said, aim)
+        tested = _test_scenario(scenario, plant, port, description, aim)
         result = run(tested, Options(out=folder / "run"), observer, interrupt)
         if result.exit_code:
             raise SelfTestFailed(result.reason, result.exit_code)
@@ -80,7 +80,7 @@ def selftest(
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
-    found = attempt(angle, list(said.names))
+    found = attempt(angle, list(description.names))
     missed = [verdict.joint for verdict in found.joints if not verdict.ok]
     if not missed:
         return found
@@ -112,26 +112,26 @@ def _command_inputs(scenario: Scenario, spec: ParticipantSpec) -> list[str]:
     ]
 
 
-def _said(
+def _described(
     scenario: Scenario, plant: str, port: str, interrupt: threading.Event | None
 ) -> Description:
     participant = next(p for p in describe(scenario, interrupt) if p.participant == plant)
-    said = next(output.description for output in participant.outputs if output.port == port)
-    if not modes_of(said):
+    description = next(output.description for output in participant.outputs if output.port == port)
+    if not modes_of(description):
         raise WiringError(f"{plant}.{port}: names no joint that has a motor; nothing to test")
-    return said
+    return description
 
 
 def _test_scenario(
     scenario: Scenario,
     plant: ParticipantSpec,
     port: str,
-    said: Description,
+    description: Description,
     aim: Mapping[str, object],
 ) -> Scenario:
     """Return a scenario of the plant and a tester, which has an output for each mode."""
-    modes = modes_of(said)
-    joints = read_joints(said, [0.0] * len(said.names))
+    modes = modes_of(description)
+    joints = read_joints(description, [0.0] * len(description.names))
     spare = [f"command_{mode}" for mode in modes]
     ports = dict(zip(modes, [*_command_inputs(scenario, plant), *spare], strict=False))
     kept = {name: out for name, out in plant.outputs.items() if out.type in (_STATE, _EVENT)}

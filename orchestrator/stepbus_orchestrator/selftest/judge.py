@@ -67,7 +67,7 @@ def better(verdicts: Sequence[Verdict], others: Sequence[Verdict]) -> list[Verdi
 def _merged(first: Verdict, second: Verdict) -> Verdict:
     if not second.ok:
         return first
-    rows = (*(_told(first, text) for text in first.findings), first.note, second.note)
+    rows = (*(_finding(first, text) for text in first.findings), first.note, second.note)
     return msgspec.structs.replace(second, note="; ".join(filter(None, rows)))
 
 
@@ -78,7 +78,7 @@ def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -
     """
     return [
         _best([_verdict(joint, t, joints, state) for t in plan if t.joint is joint])
-        or Verdict(joint=joint.name, type=_kind(joint), mode=joint.mode)
+        or Verdict(joint=joint.name, type=_joint_type(joint), mode=joint.mode)
         for joint in joints
     ]
 
@@ -87,7 +87,7 @@ def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
     """Return the first verdict without findings, or else the first; None where there is none."""
     best = next((verdict for verdict in verdicts if verdict.ok), None) or next(iter(verdicts), None)
     note = "; ".join(
-        _told(verdict, text)
+        _finding(verdict, text)
         for verdict in verdicts
         for text in verdict.findings
         if verdict is not best
@@ -95,7 +95,7 @@ def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
     return best if best is None else msgspec.structs.replace(best, note=note)
 
 
-def _told(verdict: Verdict, finding: str) -> str:
+def _finding(verdict: Verdict, finding: str) -> str:
     goal = verdict.commanded or 0.0
     is_rotary = verdict.type != "prismatic"
     return f"sent to {math.degrees(goal):.2f}° it {finding}" if is_rotary else f"else it {finding}"
@@ -116,7 +116,7 @@ def _verdict(
     ]
     return Verdict(
         joint=joint.name,
-        type=_kind(joint),
+        type=_joint_type(joint),
         mode=joint.mode,
         commanded=trial.goal,
         measured=float(found.after[joint.index]),
@@ -126,20 +126,20 @@ def _verdict(
     )
 
 
-def _kind(joint: TestedJoint) -> str:
+def _joint_type(joint: TestedJoint) -> str:
     return "revolute" if joint.is_rotary else "prismatic"
 
 
-def _evidence(state: Signal, joints: Sequence[TestedJoint], begin: int, at: int) -> _Evidence:
+def _evidence(state: Signal, joints: Sequence[TestedJoint], first: int, at: int) -> _Evidence:
     def largest(quantity: str) -> Array:
         rows = [state.of(quantity, joint.name) for joint in joints]
         return np.array(
-            [math.nan if row is None else np.abs(row[begin : at + 1]).max() for row in rows]
+            [math.nan if row is None else np.abs(row[first : at + 1]).max() for row in rows]
         )
 
     position = state.fields["position"]
     return _Evidence(
-        before=position[begin],
+        before=position[first],
         after=position[at],
         speed=largest("velocity"),
         effort=largest("effort"),
@@ -149,7 +149,7 @@ def _evidence(state: Signal, joints: Sequence[TestedJoint], begin: int, at: int)
 def _arrived(
     trial: Trial, joints: Sequence[TestedJoint], found: _Evidence, close: dict[bool, float]
 ) -> Iterator[str]:
-    """Say how a joint missed its goal: not at all, the other way, in another unit, or short."""
+    """Describe how a joint missed its goal: still, other direction, another unit, or short."""
     joint = trial.joint
     moved = found.after - found.before
     mine = float(moved[joint.index])
@@ -170,7 +170,7 @@ def _arrived(
         tail = f"; {', '.join(instead)} moves in its place: are they swapped?" if instead else ""
         yield f"does not move{tail or _at_its_limit(joint, found)}"
     elif mine * wanted < 0:
-        yield f"moves the other way, by {_amount(joint, mine)}"
+        yield f"moves in the other direction, by {_amount(joint, mine)}"
     else:
         end = _amount(joint, abs(measured - trial.goal))
         yield f"ends {end} from where it was sent{_at_its_limit(joint, found)}"

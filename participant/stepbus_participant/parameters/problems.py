@@ -22,7 +22,7 @@ _SHOWN_CHARACTERS = 60
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Place:
-    """A line of a file, counted from 1; 0 stands for the whole file."""
+    """A line of a file, counted from 1; 0 stands for the entire file."""
 
     file: str
     line: int
@@ -69,7 +69,7 @@ class Problems:
         *,
         above: Keys = (),
     ) -> None:
-        self._whole = Place(file=file, line=0)
+        self._file_place = Place(file=file, line=0)
         self._places = places or {}
         self._found = list(found)
         self._above = above
@@ -92,7 +92,7 @@ class Problems:
         self.plain.append((keys, message))
         keys = self.path(keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
-        place = self._places.get(next(known, ()), self._whole)
+        place = self._places.get(next(known, ()), self._file_place)
         self._found.append(
             Problem(file=place.file, line=place.line, path=dotted(keys), message=message)
         )
@@ -119,7 +119,7 @@ class Problems:
 
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; what it finds counts here too."""
-        part = Problems(self._whole.file, self._places, above=(*self._above, *above))
+        part = Problems(self._file_place.file, self._places, above=(*self._above, *above))
         part._found = self._found
         return part
 

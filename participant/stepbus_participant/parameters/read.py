@@ -1,7 +1,7 @@
 """Plain data, as YAML and MessagePack have it, into `Settings`; every problem is collected.
 
 One function for each type of a field. Each returns a value of that type, also for data that is
-wrong, so that reading goes on and the rest is checked too; the caller refuses in the end.
+wrong, so that reading continues and the rest is checked too; the caller refuses in the end.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def read(
     """Return plain data as settings; what is wrong is added to the problems.
 
     A value that is wrong is replaced by its default or by something empty. folder: what relative
-    file names are relative to; None: files are not looked for. keys: where the data stands.
+    file names are relative to; None: files are not checked. keys: where the data stands.
     """
     found = _Reader(problems, folder).struct(inspect.type_info(settings), data, keys)
     assert isinstance(found, settings)  # noqa: S101  for mypy: the node is of this class
@@ -240,7 +240,7 @@ class _Reader:
         if isinstance(data, str) and not _is_name(data):
             text = (
                 f"{data!r} is no name; it takes 1 to {LONGEST_NAME} letters, digits, '_' and '-', "
-                "and begins with a letter or digit"
+                "and starts with a letter or digit"
             )
             return self.wrong(keys, text, "")
         return text
@@ -326,7 +326,7 @@ class _Fields:
             field.type, self.data[key], (*self.keys, *_without(self.short, (key,)))
         )
         wrong = len(self.reader.problems) > before
-        # What is right in a map goes on; a participant without outputs would be a second problem.
+        # What is right in a map is kept; a participant without outputs would be a second problem.
         replaced = wrong and not field.required and not isinstance(value, Settings | dict)
         return default(field) if replaced else value
 

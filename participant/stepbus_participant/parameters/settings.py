@@ -63,7 +63,7 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
     def of(cls, data: Mapping[str, Any], folder: Path | None = None) -> Self:
         """Return plain data as these settings.
 
-        folder: what relative file names are relative to; None: files are not looked for.
+        folder: what relative file names are relative to; None: files are not checked.
         Raises SettingsError that lists every problem.
         """
         from .read import read  # noqa: PLC0415  `read` needs this class

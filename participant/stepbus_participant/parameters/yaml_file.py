@@ -84,7 +84,7 @@ def parse_yaml(file: str, text: str) -> Any:
 
 
 def texts_in(file: str, text: str) -> list[str]:
-    """Return all texts of a YAML text, which may be of any kind; file: named in messages.
+    """Return all texts of a YAML text, which may be of any form; file: named in messages.
 
     Raises SettingsError where it is no YAML.
     """

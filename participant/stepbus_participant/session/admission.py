@@ -40,7 +40,7 @@ def join(
 
     inputs, outputs: port → type, for a program that only works with certain ones.
 
-    The first valid `Welcome` counts; an answer from anybody else only where there is none.
+    The first valid `Welcome` counts; an answer from another one only where there is none.
     Raises AdmissionRefused, or RunError when nobody answers within the join time-out.
     """
     hello = Hello(

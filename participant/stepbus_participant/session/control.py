@@ -78,7 +78,7 @@ class Control:
                 queue.put(None)
 
     def enter(self, step: int) -> None:
-        """Begin a step; raises Stopped when the run ends before it."""
+        """Start a step; raises Stopped when the run ends before it."""
         self._step = step
         if self._stop is not None:
             self._end_if_due(self._stop)

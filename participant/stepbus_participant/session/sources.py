@@ -16,7 +16,7 @@ _decode_outputs = Decoder(Outputs)
 
 
 class _Signed(msgspec.Struct):
-    """The one field that tells a broken message of a peer from noise."""
+    """The one field that distinguishes a broken message of a peer from noise."""
 
     token: str
 

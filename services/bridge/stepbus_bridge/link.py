@@ -55,8 +55,8 @@ class Prefixed:
 
     def partly(self, data: bytes | bytearray) -> str:
         """See `Framing`."""
-        whole = self.length(data)
-        return f"{len(data)} of {whole} bytes" if whole > 0 else f"{len(data)} of at least 4 bytes"
+        total = self.length(data)
+        return f"{len(data)} of {total} bytes" if total > 0 else f"{len(data)} of at least 4 bytes"
 
 
 class Block:
@@ -88,7 +88,7 @@ class Link:
 
     def ask(self, data: bytes | bytearray) -> bytes | bytearray:
         """Send a message and return the program's answer."""
-        # A look costs as much as a write, and what is unasked does not go away.
+        # A poll costs as much as a write, and what was not polled for stays.
         self._asked += 1
         if self._asked % _LOOK_EVERY == 1 and self.program.has_written():
             self._refuse_unasked()
@@ -138,7 +138,7 @@ class Link:
         """Return the error of a program from which nothing comes any more."""
         ended = self.program.how_it_ended()
         error = last_error(_OWN_LOG)
-        tail = f'; it last said: "{error}"' if error else ""
+        tail = f'; its last error: "{error}"' if error else ""
         return self.wrong(f"{ended}{half}{tail}")
 
     def wrong(self, what: str) -> BridgeError:

@@ -113,16 +113,16 @@ class MapBridge(Bridge):
     def describe(self) -> Mapping[str, Description]:
         """Describe the run to the program, and return how it describes its outputs."""
         self.link.send(self._codec.encode({"welcome": _welcome(self.config)}))
-        said: _Ready = self._read(self._codec.decoder(_Ready), self.link.receive())
-        self._versions = said.ready.versions
-        return {**self._described, **said.ready.outputs}
+        answer: _Ready = self._read(self._codec.decoder(_Ready), self.link.receive())
+        self._versions = answer.ready.versions
+        return {**self._described, **answer.ready.outputs}
 
     def versions(self) -> Mapping[str, str]:
-        """Return what the program said of its libraries."""
+        """Return the versions of the program's libraries."""
         return self._versions
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Tell the program what its inputs are."""
+        """Describe its inputs to the program."""
         self.link.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
 
     def output(self, step: Step) -> Mapping[str, Message]:
@@ -130,7 +130,7 @@ class MapBridge(Bridge):
         return self._ask({"output": {"step": step.index, "t_ns": step.t_ns}}, step, True)
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Hand the inputs of a step to the program and return its outputs."""
+        """Send the inputs of a step to the program and return its outputs."""
         get, is_new = step.get, step.is_new
         update = {
             "step": step.index,

@@ -24,7 +24,7 @@ _LONGEST_NAME = 80
 class Program:
     """A running program and its two pipes.
 
-    It stays in the bridge's process group, which the orchestrator, or its guardian, kills as a
+    It stays in the bridge's process group, which the orchestrator, or its reaper, kills as a
     whole; and it sees the end of descriptor 3 when the bridge dies.
 
     words: its command, with the path of an executable first. form: put into its environment.
@@ -64,7 +64,7 @@ class Program:
         return os.read(self._from, _CHUNK)
 
     def has_written(self, timeout_s: float = 0.0) -> bool:
-        """Return whether there is something to read within a time [s], be it the end."""
+        """Return whether there is something to read, or the end, within a time [s]."""
         return bool(self._poll.poll(timeout_s * 1000))
 
     def has_ended(self, *, wait: bool = False) -> bool:
@@ -96,7 +96,7 @@ class Program:
 
 
 def _pipe() -> tuple[int, int]:
-    """Return a pipe, both ends above the numbers that the program shall find."""
+    """Return a pipe, both ends above the numbers that the program finds."""
     ends = os.pipe()
     high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _LOWEST_FREE) for end in ends]
     for end in ends:

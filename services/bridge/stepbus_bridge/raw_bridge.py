@@ -120,8 +120,8 @@ class RawBridge(Bridge):
 
     def _joints(self, output: str, inputs: Mapping[str, Description]) -> Sequence[str]:
         """Return the joints of an output; raises WiringError where they are not known."""
-        said = self._described.get(output, Description())
-        names = said.names if said.like is None else inputs[said.like].names
+        description = self._described.get(output, Description())
+        names = description.names if description.like is None else inputs[description.like].names
         if not names:
             raise WiringError(
                 f"participants.{self.config.name}.bridge: raw has to know the joints of "
@@ -141,7 +141,7 @@ class RawBridge(Bridge):
         return [float(PROTOCOL_VERSION), dt, *map(float, rest), *params]
 
     def update(self, step: Step) -> Mapping[str, Message]:
-        """Hand the inputs of a step to the program and return its outputs."""
+        """Send the inputs of a step to the program and return its outputs."""
         numbers: Row = [float(step.index), step.t]
         for name, type_name, n, order in self._in:
             message = step.get(name)
@@ -160,14 +160,14 @@ class RawBridge(Bridge):
 
     def _messages(self, numbers: Sequence[float]) -> dict[str, Message]:
         found: dict[str, Message] = {}
-        begin = 0
+        start = 0
         for name, type_name, n in self._out:
-            end = begin + width(type_name, n)
+            end = start + width(type_name, n)
             try:
-                found[name] = UNFLATTEN[type_name](numbers[begin:end], n)
+                found[name] = UNFLATTEN[type_name](numbers[start:end], n)
             except ValueError as exc:
                 raise self.link.wrong(f"answered wrongly: {name}: {exc}") from exc
-            begin = end
+            start = end
         return found
 
 

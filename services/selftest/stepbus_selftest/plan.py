@@ -12,7 +12,7 @@ from stepbus_schemas import Description, JointCommand
 _SPEED = {True: 2.0, False: 0.1}
 _SHARE_OF_SPEED = 0.8
 _SHARE_OF_EFFORT = 0.2
-# A prismatic joint goes this far [m]; less than _LEAST is hard to tell from noise [rad, m].
+# A prismatic joint goes this far [m]; less than _LEAST is hard to distinguish from noise [rad, m].
 _STROKE = 0.05
 _LEAST = {True: math.radians(10), False: 0.005}
 _SETTLE_S = 0.5
@@ -24,10 +24,10 @@ _PEAK = 1.875
 
 @dataclass(frozen=True, kw_only=True)
 class TestedJoint:
-    """What a description tells of one joint; prismatic ones in [m] and [N].
+    """One joint, as its description gives it; prismatic ones in [m] and [N].
 
-    index: its place in the joint state. lower, upper: stops [rad]. speed [rad/s] and effort
-    [N·m]: largest ones; infinite where it is not said. start: where it stands before its trial.
+    index: its index in the joint state. lower, upper: stops [rad]. speed [rad/s] and effort
+    [N·m]: largest ones; infinite where it is not given. start: where it stands before its trial.
     """
 
     index: int
@@ -43,10 +43,10 @@ class TestedJoint:
     def goals(self, angle: float) -> list[float]:
         """Return where it is sent: to plus and minus an angle [rad], as far as its stops allow.
 
-        Two, since on one side the robot may be in its own way. Fewer where a stop is too near.
+        Two, since on one side the robot may be in its own path. Fewer where a stop is too near.
         """
         want = angle if self.is_rotary else math.copysign(_STROKE, angle)
-        ends = [min(max(way, self.lower), self.upper) for way in (want, -want)]
+        ends = [min(max(end, self.lower), self.upper) for end in (want, -want)]
         far = [end for end in ends if abs(end - self.start) >= _LEAST[self.is_rotary]]
         if self.mode in _THERE_AND_BACK:
             return far or [max(ends, key=lambda end: abs(end - self.start))]
@@ -67,7 +67,7 @@ class TestedJoint:
 class Trial:
     """What is done to one joint once; steps are those of the tester.
 
-    begin: first step. goal: where it is sent [rad]. rise: steps on the way. settle: steps it is
+    begin: first step. goal: where it is sent [rad]. rise: steps of the motion. settle: steps it is
     then given. measure: step at which it is measured. end: first step of the next trial.
     """
 
@@ -80,7 +80,7 @@ class Trial:
 
     @property
     def measure(self) -> int:
-        """Return the step at which the joint shall have arrived."""
+        """Return the step at which the joint should have arrived."""
         return self.begin + self.rise + self.settle
 
     @property
@@ -94,32 +94,34 @@ class Trial:
         return self.begin + (2 * (2 + self.rise) + 1 if self.joint.mode == "torque" else 0)
 
 
-def read_joints(said: Description, start: Sequence[float]) -> list[TestedJoint]:
+def read_joints(description: Description, start: Sequence[float]) -> list[TestedJoint]:
     """Return the joints of a description; start: their positions, shape (n,) [rad]."""
-    count = len(said.names)
+    count = len(description.names)
     unlimited = [math.inf] * count
-    limits = {key: said.limits.get(key, unlimited) for key in ("upper", "velocity", "effort")}
-    lower = said.limits.get("lower", [-math.inf] * count)
+    limits = {
+        key: description.limits.get(key, unlimited) for key in ("upper", "velocity", "effort")
+    }
+    lower = description.limits.get("lower", [-math.inf] * count)
     return [
         TestedJoint(
             index=i,
             name=name,
-            is_rotary=said.details.get("type", ["revolute"] * count)[i] != "prismatic",
-            mode=said.details.get("mode", ["position"] * count)[i],
+            is_rotary=description.details.get("type", ["revolute"] * count)[i] != "prismatic",
+            mode=description.details.get("mode", ["position"] * count)[i],
             lower=lower[i],
             upper=limits["upper"][i],
-            # A velocity limit of 0 is a URDF's way to say that there is none.
+            # A velocity limit of 0 is how a URDF states that there is none.
             speed=limits["velocity"][i] or math.inf,
             effort=limits["effort"][i],
             start=start[i],
         )
-        for i, name in enumerate(said.names)
+        for i, name in enumerate(description.names)
     ]
 
 
-def modes_of(said: Description) -> list[str]:
+def modes_of(description: Description) -> list[str]:
     """Return the modes that commands are needed for, in the order of the joints."""
-    joints = read_joints(said, [0.0] * len(said.names))
+    joints = read_joints(description, [0.0] * len(description.names))
     return list(dict.fromkeys(joint.mode for joint in joints if joint.mode != "passive"))
 
 
@@ -135,10 +137,10 @@ def make_plan(
     plan: list[Trial] = []
     moved = [joint for joint in joints if joint.mode != "passive" and joint.name in only]
     for joint, goal in ((item, goal) for item in moved for goal in item.goals(angle)):
-        way = abs(goal - joint.start)
+        distance = abs(goal - joint.start)
         rises = {
-            "position": math.ceil(_PEAK * way / joint.pace / step_s),
-            "velocity": max(1, round(way / joint.pace / step_s)),
+            "position": math.ceil(_PEAK * distance / joint.pace / step_s),
+            "velocity": max(1, round(distance / joint.pace / step_s)),
             "torque": max(1, round(_PUSH_S / step_s)),
         }
         rise = rises.get(joint.mode, 0)
@@ -216,12 +218,12 @@ def _torque(group: Sequence[TestedJoint], step: int, trial: Trial | None) -> Joi
     if trial is None:
         return JointCommand(mode="torque", values=values)
     half = 2 + trial.rise
-    turn, place = divmod(step - trial.begin, half)
+    turn, index = divmod(step - trial.begin, half)
     if step == trial.jump:
         return _teleport(group, trial)
-    if (turn < 2 and place == 1) or step == trial.end - 1:
+    if (turn < 2 and index == 1) or step == trial.end - 1:
         return _teleport(group, None)
-    if turn < 2 and place >= 2:
+    if turn < 2 and index >= 2:
         values[group.index(trial.joint)] = trial.joint.push * (1 if turn == 0 else -1)
     return JointCommand(mode="torque", values=values)
 

@@ -18,7 +18,7 @@ class Tester(Participant):
     """
 
     def describe(self) -> Mapping[str, Description]:
-        """Return the names of each output; they are known only when the plant has told them."""
+        """Return the names of each output; known once the plant has described them."""
         return {
             mode: Description(names=self.config.params["names"][mode])
             for mode in self.config.outputs
@@ -26,7 +26,7 @@ class Tester(Participant):
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Take in what the plant says of its joints."""
-        (self._said,) = inputs.values()
+        (self._description,) = inputs.values()
         (self._input,) = inputs
         self._plan: list[Trial] = []
 
@@ -38,7 +38,7 @@ class Tester(Participant):
             state = step.read(self._input, JointState)
             if state.position is None:
                 raise RunError(f"{self.config.name}: the plant senses no positions")
-            self._joints = read_joints(self._said, state.position)
+            self._joints = read_joints(self._description, state.position)
             params = self.config.params
             self._plan = make_plan(self._joints, step_s, params["angle"], params["only"])
         if not self._plan or count >= self._plan[-1].end:

@@ -90,7 +90,7 @@ def test_outputs_before_the_start_are_a_fault(run):
 
 def test_whoever_waits_for_somebody_who_is_no_source_is_at_fault(run):
     waiting = Waiting(step=0, sources=["mission"])
-    with pytest.raises(ParticipantFault, match="waits for somebody who is no source of it"):
+    with pytest.raises(ParticipantFault, match="waits for a participant that is no source of it"):
         run.handler.take_log("plant", log("plant", waiting=waiting))
 
 

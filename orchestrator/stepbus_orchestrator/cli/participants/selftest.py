@@ -92,7 +92,7 @@ COMMAND = Command(
     description="Runs the plant of a scenario without its controller and mission, moves one joint "
     "after the other to 90° and to -90°, or as far as its stops allow, and checks that this joint "
     "moves, in this direction, by this much, within its limits, and that no other does. One side "
-    "is enough: on the other the robot may be in its own way. Joints of mode torque are pushed "
+    "is enough: on the other the robot may be in its own path. Joints of mode torque are pushed "
     "forward and back and put at the angle. Exit code 0: every joint passes, 11: one fails; "
     "otherwise those of run.",
     examples=(

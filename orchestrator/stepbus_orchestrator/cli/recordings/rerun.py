@@ -10,7 +10,7 @@ from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import make_display
-from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
 
@@ -70,7 +70,7 @@ def _run(preparation: Preparation, *, quiet: bool) -> Rerun:
 def _conclude(rerun: Rerun, found: Diff | None) -> None:
     result = rerun.result
     if result.exit_code:
-        complain(result.reason)
+        print_error(result.reason)
     if found is None:
         say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
     elif found.equal:

@@ -55,11 +55,11 @@ def _show(described: list[ParticipantDescription]) -> None:
 
 
 def _headline(output: OutputPort) -> str:
-    said = output.description
+    description = output.description
     facts = [f"taken by {', '.join(output.taken_by) or 'nobody'}"]
-    if said.shape:
-        facts.append(f"shape {' × '.join(map(str, said.shape))}")
-    facts += [f"{field} in {unit}" for field, unit in said.units.items()]
+    if description.shape:
+        facts.append(f"shape {' × '.join(map(str, description.shape))}")
+    facts += [f"{field} in {unit}" for field, unit in description.units.items()]
     return f"  output  {output.port}: {output.type}, {'; '.join(facts)}"
 
 
@@ -90,12 +90,12 @@ def _empty_table(columns: list[str]) -> Table:
     return table
 
 
-def _table(said: Description) -> Table:
+def _table(description: Description) -> Table:
     """Return one row per name: index, name, details, limits."""
-    table = _empty_table(["index", "name", *said.details, *said.limits])
-    for index, name in enumerate(said.names):
-        details = [values[index] for values in said.details.values()]
-        numbers = [_number(values[index]) for values in said.limits.values()]
+    table = _empty_table(["index", "name", *description.details, *description.limits])
+    for index, name in enumerate(description.names):
+        details = [values[index] for values in description.details.values()]
+        numbers = [_number(values[index]) for values in description.limits.values()]
         table.add_row(str(index), name, *details, *numbers)
     return table
 

@@ -10,7 +10,7 @@ from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import make_display
-from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.result import Result
@@ -101,7 +101,7 @@ def _report(result: Result) -> list[str]:
 
 def _summarise(result: Result, lines: list[str]) -> None:
     if result.exit_code:
-        complain(result.reason)
+        print_error(result.reason)
     why = "" if result.exit_code or result.reason == "finished" else f" ({result.reason})"
     say(
         f"{result.scenario}: {result.outcome}{why} after {result.steps} steps of "

@@ -11,7 +11,7 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
-from stepbus_orchestrator.cli.terminal.output import complain, say, say_json
+from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.scenario import load
 
@@ -93,10 +93,10 @@ def _line(found: TrialResult, count: int) -> str:
 def _conclude(found: Verification) -> None:
     first = found.results[0].result
     if found.failed:
-        complain(found.failed.result.reason)
+        print_error(found.failed.result.reason)
     elif found.different:
         one, other = found.different
-        complain(
+        print_error(
             f"run {other.trial.number} differs from run {one.trial.number}: the same scenario "
             "gave two results"
         )

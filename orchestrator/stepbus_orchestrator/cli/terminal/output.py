@@ -25,7 +25,7 @@ def say(text: str) -> None:
     sys.stdout.flush()
 
 
-def complain(text: str) -> None:
+def print_error(text: str) -> None:
     """Print an error."""
     sys.stderr.write(f"stepbus: {text}\n")
     sys.stderr.flush()

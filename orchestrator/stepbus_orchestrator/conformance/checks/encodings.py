@@ -81,8 +81,10 @@ def _pack(value: Any) -> bytes:
     if isinstance(value, list):
         return b"\xdd" + len(value).to_bytes(4, "big") + b"".join(map(_pack, value))
     if isinstance(value, float):
-        whole = value.is_integer() and str(value) != "-0.0"
-        return msgspec.msgpack.encode(int(value)) if whole else b"\xca" + struct.pack(">f", value)
+        integral = value.is_integer() and str(value) != "-0.0"
+        return (
+            msgspec.msgpack.encode(int(value)) if integral else b"\xca" + struct.pack(">f", value)
+        )
     return msgspec.msgpack.encode(value)
 
 

@@ -41,7 +41,7 @@ def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
 def _walk_to_fault(kit: Kit, harness: Harness, source: str, spoil: Spoil) -> None:
     at = _where(kit, source)
     harness.walk(kit.material.feed, 0, at)
-    # All peers go on, so that it meets what is wrong, however late it looks.
+    # All peers continue, so that it meets what is wrong, however late it checks.
     harness.release(kit.steps)
     for step in range(at, kit.steps):
         for name, rows in kit.material.feed.items():

@@ -31,7 +31,7 @@ def late_input(kit: Kit) -> str:
         harness.walk(kit.material.feed, held + 1, kit.steps)
 
     kit.same(kit.play(play=play), "with late inputs", reference)
-    return f"waited at step {held}, said for whom, then the same outputs"
+    return f"waited at step {held}, named its source, then the same outputs"
 
 
 def _await_waiting(kit: Kit, harness: Harness, step: int, sources: set[str]) -> None:
@@ -107,12 +107,12 @@ def _without(kit: Kit, name: str) -> str:
             if not harness.transcript.faults:
                 raise Failed(f"without {name} at first: {exc}; no Fault came (P10.1)") from exc
             return f"a fault ({harness.transcript.faults[0].message[:80]})"
-    return "goes on"
+    return "continues"
 
 
-def _from_step(feed: Feed, source: str, port: str, begin: int) -> Feed:
+def _from_step(feed: Feed, source: str, port: str, first: int) -> Feed:
     rows = {
-        step: {p: data for p, data in row.items() if p != port or step >= begin}
+        step: {p: data for p, data in row.items() if p != port or step >= first}
         for step, row in feed[source].items()
     }
     return {**feed, source: rows}

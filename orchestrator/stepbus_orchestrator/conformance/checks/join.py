@@ -58,7 +58,7 @@ def join(kit: Kit) -> str:
 
 
 def port_types(kit: Kit) -> str:
-    """Compare the ports it says it has with those of the scenario."""
+    """Compare the ports it reports with those of the scenario."""
     with kit.harness() as harness:
         harness.open_bus()
         harness.start_program()
@@ -67,13 +67,15 @@ def port_types(kit: Kit) -> str:
     welcome: Any = Setup().answer(kit.material.scenario, kit.spec, "")
     if hello is None or (hello.inputs is None and hello.outputs is None):
         raise Skipped("its Hello names no ports, so that it takes those of the scenario")
-    for kind, said, ports in (
+    for direction, hello_ports, ports in (
         ("inputs", hello.inputs, welcome.inputs),
         ("outputs", hello.outputs, welcome.outputs),
     ):
         wanted = {port: item.type for port, item in ports.items()}
-        if said is not None and said != wanted:
-            raise Failed(f"its Hello names the {kind} {said}, the scenario has {wanted}")
+        if hello_ports is not None and hello_ports != wanted:
+            raise Failed(
+                f"its Hello names the {direction} {hello_ports}, the scenario has {wanted}"
+            )
     return "its Hello names the ports of the scenario"
 
 
@@ -92,7 +94,7 @@ def nobody_answers(kit: Kit) -> str:
     """Give it a ticket to a run in which nobody answers."""
     with kit.harness(Setup(join_timeout_s=1.0)) as harness:
         harness.start_program()
-        # Starting takes its time, and the last query may begin just before the time is over.
+        # Starting takes its time, and the last query may start just before the time is over.
         limit_s = kit.spec.deadlines.spawn_s + 2.0
         code = harness.await_end("its start; nobody answers, join_timeout_s is 1", limit_s)
     return _refused(code, "when nobody answered for 1 s")
@@ -120,7 +122,7 @@ def welcome_protocol(kit: Kit) -> str:
 
 
 def welcome_name(kit: Kit) -> str:
-    """Welcome somebody else."""
+    """Welcome another participant."""
     return _not_let_in(kit, Setup(welcome={"name": "somebody"}), "a Welcome for another name")
 
 

@@ -141,17 +141,17 @@ def unauthenticated(kit: Kit) -> str:
 def control_noise(kit: Kit) -> str:
     """Send Stop, Start and Trigger with another token, and garbage on their keys."""
     messages: list[tuple[str, bytes]] = [
-        ("stop", encode(Stop(token=_OTHER_RUN, reason="a stranger", at_step=-1))),
+        ("stop", encode(Stop(token=_OTHER_RUN, reason="another run", at_step=-1))),
         ("trigger", encode(Trigger(token=_OTHER_RUN, step_limit=1 << 40))),
         ("start", encode(Start(token=_OTHER_RUN, inputs={}))),
         *((key, data) for data in _garbage() for key in ("stop", "trigger", "start")),
     ]
 
     def noise(harness: Harness, step: int) -> None:
-        for kind, data in messages[step % 4 :: 4]:
-            harness.send_control(kind, data)
+        for channel, data in messages[step % 4 :: 4]:
+            harness.send_control(channel, data)
 
-    return _undisturbed(kit, noise, "with a stranger's Stop, Trigger and Start")
+    return _undisturbed(kit, noise, "with an unauthenticated Stop, Trigger and Start")
 
 
 def _with_ports(kit: Kit, ports: Ports) -> Feed:

@@ -64,7 +64,7 @@ def peers_last(kit: Kit) -> str:
         harness.start()
         harness.walk(kit.material.feed, 0, kit.steps)
         kit.same(Trace.of(transcript), "with late peers", reference)
-    return "told whom it waits for, then the same outputs"
+    return "named its source, then the same outputs"
 
 
 def descriptions(kit: Kit) -> str:

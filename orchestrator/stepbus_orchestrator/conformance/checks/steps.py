@@ -27,23 +27,23 @@ def steps(kit: Kit) -> str:
 
 
 def content(kit: Kit) -> str:
-    """Look at what it published in the plain run."""
+    """Check what it published in the plain run."""
     trace = kit.reference()
     for clause in ("P3.4", "P7.2", "P7.3"):
         if clause in trace.transcript.problems:
             raise Failed(trace.transcript.problems[clause])
     silent = [port for port in kit.spec.outputs if not any(port in p for p in trace.ports.values())]
-    note = f"; nothing on {', '.join(silent)}" if silent else ""
-    return f"all messages are of their port's type{note}"
+    tail = f"; nothing on {', '.join(silent)}" if silent else ""
+    return f"all messages are of their port's type{tail}"
 
 
 def encodings(kit: Kit) -> str:
-    """Look at the Zenoh encodings of the plain run."""
+    """Check the Zenoh encodings of the plain run."""
     transcript = kit.reference().transcript
-    for kind, type_name in _TYPES.items():
-        wrong = transcript.encodings.get(kind, set()) - {encoding_of(type_name)}
+    for channel, type_name in _TYPES.items():
+        wrong = transcript.encodings.get(channel, set()) - {encoding_of(type_name)}
         if wrong:
-            raise Failed(f"on {kind}/: {min(wrong)!r}, not {encoding_of(type_name)!r}")
+            raise Failed(f"on {channel}/: {min(wrong)!r}, not {encoding_of(type_name)!r}")
     return "each names its type"
 
 
@@ -113,7 +113,7 @@ def waits_for_trigger(kit: Kit) -> str:
         harness.walk(kit.material.feed, held + 1, kit.steps)
 
     kit.same(kit.play(play=play), "after waiting")
-    return f"waited for the trigger of step {held}, and said so"
+    return f"waited for the trigger of step {held}, and reported it"
 
 
 def triggers(kit: Kit) -> str:
@@ -212,7 +212,7 @@ CHECKS = (
     Check(
         name="waits-for-trigger",
         clause="P5.1",
-        summary="it begins no step before its trigger, and reports that it waits",
+        summary="it starts no step before its trigger, and reports that it waits",
         run=waits_for_trigger,
     ),
     Check(

@@ -18,7 +18,7 @@ def _ends(harness: Harness, at_step: int, when: str) -> None:
     """Stop it and check its exit code."""
     harness.stop(at_step)
     limit_s = harness.spec.deadlines.stop_s
-    # Said again, as the orchestrator does.
+    # Sent again, as the orchestrator does.
     code = harness.await_end(f"the Stop {when}", limit_s, lambda: harness.stop(at_step))
     if harness.transcript.faults:
         raise Failed(
@@ -85,10 +85,10 @@ def stop_at_end(kit: Kit) -> str:
         harness.walk(kit.material.feed, 0, kit.steps)
         harness.await_logged()
         _ends(harness, kit.steps, "at the end")
-        return _ended_whole(kit, harness, kit.steps)
+        return _ended_complete(kit, harness, kit.steps)
 
 
-def _ended_whole(kit: Kit, harness: Harness, end: int) -> str:
+def _ended_complete(kit: Kit, harness: Harness, end: int) -> str:
     """Check what was published and logged, closing outputs included."""
     transcript = harness.transcript
     closes = kit.spec.publishes == "first" and end % kit.spec.every == 0
@@ -121,7 +121,7 @@ def stop_overtakes(kit: Kit) -> str:
         harness.idle(_WAITING_S)
         harness.feed(kit.material.feed, last)
         _ends(harness, last + 1, f"at step {last + 1} that came before its inputs")
-        return _ended_whole(kit, harness, last + 1)
+        return _ended_complete(kit, harness, last + 1)
 
 
 def orchestrator_gone(kit: Kit) -> str:

@@ -135,9 +135,9 @@ class Harness(Session):
             self.repeat,
         )
 
-    def walk(self, feed: Feed, begin: int, end: int) -> None:
-        """Do the steps from `begin` to below `end` in lockstep, one after the other."""
-        for step in range(begin, end):
+    def walk(self, feed: Feed, first: int, end: int) -> None:
+        """Do the steps from `first` to below `end` in lockstep, one after the other."""
+        for step in range(first, end):
             self.release(step + 1)
             self.feed(feed, step)
             self.await_output(step)

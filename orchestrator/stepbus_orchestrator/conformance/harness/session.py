@@ -86,7 +86,7 @@ class Session:
 
     def __exit__(
         self,
-        kind: type[BaseException] | None,
+        error_type: type[BaseException] | None,
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
@@ -99,12 +99,12 @@ class Session:
         bus = self._bus = self._open(self._mesh.orchestrator)
         name = self.spec.name
         bus.answer("join", self._to(self._take_join))
-        for kind in ("out", "log", "ready", "fault"):
-            bus.subscribe(f"{kind}/{name}", self._to(partial(self._take, kind)))
+        for channel in ("out", "log", "ready", "fault"):
+            bus.subscribe(f"{channel}/{name}", self._to(partial(self._take, channel)))
         alive = self._to(self._take_alive)
         bus.watch_alive(f"alive/{name}", lambda _key, is_alive: alive(is_alive))
-        for kind in ("start", "trigger", "stop"):
-            self._control[kind] = bus.publisher(kind, encoding_of(f"{kind.title()}/1"))
+        for channel in ("start", "trigger", "stop"):
+            self._control[channel] = bus.publisher(channel, encoding_of(f"{channel.title()}/1"))
         bus.declare_alive("alive/orchestrator")
         if not self._setup.own_peers:
             self._open_publishers(bus)
@@ -150,9 +150,9 @@ class Session:
         put = self._inbox.put
         return lambda item: put((take, item))
 
-    def _take(self, kind: str, sample: Any) -> None:
+    def _take(self, channel: str, sample: Any) -> None:
         if self._bus is not None:
-            self._recorder.add(kind, self._bus.payload(sample), self._bus.encoding(sample))
+            self._recorder.add(channel, self._bus.payload(sample), self._bus.encoding(sample))
 
     def _take_alive(self, is_alive: bool) -> None:
         self.transcript.alive = is_alive
@@ -191,14 +191,14 @@ class Session:
         faults: bool = False,
     ) -> None:
         """Wait for a condition; tick: repeated meanwhile. faults: whether it may report one."""
-        waited_s, looked = 0.0, time.monotonic()
+        waited_s, checked = 0.0, time.monotonic()
         while not condition():
             self._check(what, waited_s, timeout_s, condition, faults=faults)
             if not self.poll() and tick is not None:
                 tick()
             now = time.monotonic()
-            waited_s += min(now - looked, _LONGEST_TICK_S)
-            looked = now
+            waited_s += min(now - checked, _LONGEST_TICK_S)
+            checked = now
 
     def _check(
         self,

@@ -63,8 +63,10 @@ class Setup:
     def mesh(self, scenario: Scenario, spec: ParticipantSpec, folder: Path, token: str) -> Mesh:
         """Return the links: orchestrator, peers where they have their own, and the participant."""
         first = next(iter(spec.inputs.values()), None)
-        members: tuple[ParticipantSpec, ...] = (spec,)
+        participants: tuple[ParticipantSpec, ...] = (spec,)
         if self.own_peers and first is not None:
-            members = (scenario.participant(first.source), spec)
+            participants = (scenario.participant(first.source), spec)
         bus = dataclasses.replace(scenario.bus, low_latency=low_latency(scenario))
-        return make_mesh(dataclasses.replace(scenario, participants=members, bus=bus), folder, None)
+        return make_mesh(
+            dataclasses.replace(scenario, participants=participants, bus=bus), folder, None
+        )

@@ -15,14 +15,14 @@ _LONGEST_S = 60.0
 
 
 class Announcer:
-    """Publishes, under a watchdog: a put to somebody who reads nothing blocks (P2.5).
+    """Publishes, under a watchdog: a put to a process that reads nothing blocks (P2.5).
 
     Start, trigger and stop are repeated until their effect is seen, since what is published before
     a link is complete is lost; less and less often, since each message to a frozen participant
     fills a buffer.
 
     limit_s: how long a put may block [s]. on_block: is called on the watchdog's thread when one
-    takes longer, and has to end whoever reads nothing.
+    takes longer, and has to end the process that reads nothing.
     """
 
     def __init__(self, bus: Bus, token: str, limit_s: float) -> None:
@@ -42,10 +42,10 @@ class Announcer:
     def publisher(self, key: str, type_name: str) -> Callable[..., None]:
         """Return a function that publishes bytes on a key; it takes `attachment=` bytes too."""
         put = self._bus.publisher(key, encoding_of(type_name))
-        begin, end = self._watchdog.begin, self._watchdog.end
+        start, end = self._watchdog.start, self._watchdog.end
 
         def watched_put(data: bytes, **options: bytes) -> None:
-            begin()
+            start()
             try:
                 put(data, **options)
             finally:

@@ -1,4 +1,4 @@
-"""What the bus delivers, on its way to the run's own thread; the one place where a run waits."""
+"""Carries what the bus delivers to the run's own thread; a run waits nowhere else."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Inbox:
         except Empty:
             return
         take(item)
-        # Not until it is empty: somebody who floods the bus must not keep us from the deadlines.
+        # Not until it is empty: a process that floods the bus must not keep us from the deadlines.
         for _ in range(self._queue.qsize()):
             take, item = self._queue.get()
             take(item)

@@ -132,17 +132,18 @@ class Calls:
         now = time.monotonic()
         call.waited_s += min(now - call.checked_at, _LONGEST_CHECK_S)
         call.checked_at = now
-        member = self._state.participants[call.asked.participant]
-        if call.waited_s > seconds(member.spec, "step"):
+        participant = self._state.participants[call.asked.participant]
+        if call.waited_s > seconds(participant.spec, "step"):
             raise StepTimeout(
-                f"{self._state.at(call.step)}: {member.who()} has not answered the call "
-                f"{call.asked.method} for {call.waited_s:.1f} s; {deadline(member.spec, 'step')}",
-                participant=member.name,
+                f"{self._state.at(call.step)}: {participant.who()} has not answered the call "
+                f"{call.asked.method} for {call.waited_s:.1f} s; "
+                f"{deadline(participant.spec, 'step')}",
+                participant=participant.name,
                 step=call.step,
             )
         if now - call.sent_at > _REPEAT_S:
             call.sent_at = now
-            self._puts[member.name](encode(call.message))
+            self._puts[participant.name](encode(call.message))
 
     def take_request(self, data: bytes, reply: Reply) -> None:
         """Take a user's request; one without the run's token is counted and not answered."""
@@ -177,9 +178,9 @@ class Calls:
         return {
             name: {
                 method: {"help": item.help, "changes": item.changes}
-                for method, item in _methods(member).items()
+                for method, item in _methods(participant).items()
             }
-            for name, member in self._state.participants.items()
+            for name, participant in self._state.participants.items()
         }
 
     def _mistake(self, request: CallRequest) -> str | None:
@@ -187,15 +188,16 @@ class Calls:
         state = self._state
         if not state.phase.is_stepping:
             return f"the run is {state.phase.shown}; calls are answered between its steps"
-        member = state.participants.get(request.participant)
-        if member is None:
+        participant = state.participants.get(request.participant)
+        if participant is None:
             name = request.participant
             return f"no participant {name!r}{suggest(name, state.participants)}"
-        methods = _methods(member)
+        methods = _methods(participant)
         if request.method not in methods:
             if not methods:
-                return f"{member.name} offers no calls"
-            return f"{member.name} has no call {request.method!r}{suggest(request.method, methods)}"
+                return f"{participant.name} offers no calls"
+            near = suggest(request.method, methods)
+            return f"{participant.name} has no call {request.method!r}{near}"
         return None
 
     def take_called(self, key_name: str, data: bytes) -> None:
@@ -241,8 +243,8 @@ class Calls:
             asked.reply(CallReply(error="the run has ended"))
 
 
-def _methods(member: ParticipantState) -> dict[str, CallDescription]:
-    return dict(member.ready.calls) if member.ready is not None else {}
+def _methods(participant: ParticipantState) -> dict[str, CallDescription]:
+    return dict(participant.ready.calls) if participant.ready is not None else {}
 
 
 def recorded_calls(recording: Recording, participant: str | None = None) -> list[CallRecord]:

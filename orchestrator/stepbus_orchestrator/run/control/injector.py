@@ -13,8 +13,8 @@ from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.participants import Participants, Process
 from stepbus_orchestrator.scenario import (
-    MESSAGE_KINDS,
-    PROCESS_KINDS,
+    MESSAGE_FAULTS,
+    PROCESS_FAULTS,
     FaultSpec,
     faults_of,
     format_fault,
@@ -32,8 +32,8 @@ class Injector:
     """
 
     def __init__(self, faults: Sequence[FaultSpec], injected: Callable[[FaultSpec], None]) -> None:
-        self._faults = faults_of(faults, PROCESS_KINDS)
-        self._messages = faults_of(faults, MESSAGE_KINDS)
+        self._faults = faults_of(faults, PROCESS_FAULTS)
+        self._messages = faults_of(faults, MESSAGE_FAULTS)
         self._injected = injected
         self._frozen: list[tuple[float, Process]] = []
         self._over = threading.Event()
@@ -47,7 +47,8 @@ class Injector:
                 raise StartFailed(
                     f"before the first step: the fault '{format_fault(fault)}' needs a participant "
                     f"that uses the Python library; {fault.participant} is written in "
-                    f"{language or 'an unnamed language'}; {', '.join(PROCESS_KINDS)} work for any",
+                    f"{language or 'an unnamed language'}; "
+                    f"{', '.join(PROCESS_FAULTS)} work for any",
                     participant=fault.participant,
                 )
 
@@ -70,16 +71,16 @@ class Injector:
 
     def _inject(self, fault: FaultSpec, process: Process) -> None:
         lasts_s = (fault.duration_ns or 0) * 1e-9
-        if fault.kind == "freeze":
+        if fault.type == "freeze":
             process.signal(signal.SIGSTOP)
             if fault.duration_ns is not None:
                 self._frozen.append((time.monotonic() + lasts_s, process))
-        elif fault.kind == "slow":
+        elif fault.type == "slow":
             thread = threading.Thread(target=self._slow_down, args=(process, lasts_s), daemon=True)
             thread.start()
             self._threads.append(thread)
         else:
-            _end(process, signal.SIGKILL if fault.kind == "kill" else signal.SIGSEGV)
+            _end(process, signal.SIGKILL if fault.type == "kill" else signal.SIGSEGV)
 
     def _thaw(self) -> None:
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""What brings to rest whoever reads a port of a participant that has failed."""
+"""Messages that bring the readers of a failed participant to rest."""
 
 from __future__ import annotations
 

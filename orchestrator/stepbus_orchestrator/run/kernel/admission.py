@@ -83,13 +83,13 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
 
 
 def _mismatches(
-    name: str, kind: str, program: Mapping[str, str] | None, scenario: Mapping[str, str]
+    name: str, direction: str, program: Mapping[str, str] | None, scenario: Mapping[str, str]
 ) -> list[str]:
     """Return where the program's ports are not those of the scenario."""
     if program is None:
         return []
     return [
-        f"{kind} {name}.{port}: the program has {program.get(port, 'no such port')}, "
+        f"{direction} {name}.{port}: the program has {program.get(port, 'no such port')}, "
         f"the scenario {scenario.get(port, 'no such port')}"
         for port in [*scenario, *(extra for extra in program if extra not in scenario)]
         if program.get(port) != scenario.get(port)

@@ -53,7 +53,7 @@ class Barrier:
     def holders(self) -> list[str]:
         """Return those who hold the oldest incomplete step (P12.2).
 
-        They owe an output although all they need for it has been reported; whoever waits for
+        They owe an output although all they need for it has been reported; one that waits for
         them is not among them.
         """
         if self.finished:
@@ -63,7 +63,7 @@ class Barrier:
         return [name for name in owing if not self.missing(name)]
 
     def missing(self, name: str) -> list[str]:
-        """Return the participants whose outputs somebody still needs for its next output."""
+        """Return the participants whose outputs are missing for its next output."""
         step = self.next_step(name)
         if name in self._first:
             # What it publishes next is the result of the step before (P5.3).

@@ -19,19 +19,19 @@ from .state import RunState
 
 def check_start(participants: Participants, elapsed_s: float) -> None:
     """Advance the clock of all who are not ready; raises StartFailed for one who is late."""
-    for member in participants.values():
-        if member.phase == Phase.READY or _waits_for_others(member, participants):
+    for participant in participants.values():
+        if participant.phase == Phase.READY or _waits_for_others(participant, participants):
             continue
-        member.in_phase_s += elapsed_s
-        if member.in_phase_s > seconds(member.spec, PHASE_DEADLINES[member.phase]):
-            raise late_to_start(member)
+        participant.in_phase_s += elapsed_s
+        if participant.in_phase_s > seconds(participant.spec, PHASE_DEADLINES[participant.phase]):
+            raise late_to_start(participant)
 
 
-def _waits_for_others(member: ParticipantState, participants: Participants) -> bool:
-    """Return whether it waits for a handshake of somebody who is not that far yet (P4.6)."""
-    if member.phase != Phase.JOINED or member.waiting is None:
+def _waits_for_others(participant: ParticipantState, participants: Participants) -> bool:
+    """Return whether it waits for a handshake of a participant that is not that far yet (P4.6)."""
+    if participant.phase != Phase.JOINED or participant.waiting is None:
         return False
-    sources = [participants[name] for name in member.waiting.sources if name in participants]
+    sources = [participants[name] for name in participant.waiting.sources if name in participants]
     return any(source.phase < Phase.READY and source.waiting is None for source in sources)
 
 
@@ -42,11 +42,15 @@ def check_step(state: RunState, elapsed_s: float) -> None:
         name for name in participants if barrier.next_step(name) <= barrier.completed
     ]
     held_by = [participants[name] for name in holders]
-    for member in held_by:
-        member.hold(owed_step(member.name, participants, barrier), elapsed_s)
-    late = [member for member in held_by if member.holds_s > seconds(member.spec, "step")]
-    # Whoever publishes to a stopped process may be blocked by it.
-    late = [member for member in late if member.process.is_stopped()] or late
+    for participant in held_by:
+        participant.hold(owed_step(participant.name, participants, barrier), elapsed_s)
+    late = [
+        participant
+        for participant in held_by
+        if participant.holds_s > seconds(participant.spec, "step")
+    ]
+    # A publisher to a stopped process may be blocked by it.
+    late = [participant for participant in late if participant.process.is_stopped()] or late
     if late:
         raise late_for_step(late, barrier, state.scenario.step_ns)
 
@@ -57,16 +61,18 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
     for name in closing:
         if state.barrier.reported[name] >= end:
             continue
-        member = state.participants[name]
-        if member.process.exit_code() is not None:
-            raise death(member, state.participants, state.barrier, step_ns)
-        member.hold(end, elapsed_s)
-        if member.holds_s > seconds(member.spec, "stop"):
-            raise late_to_close(member, end, step_ns)
+        participant = state.participants[name]
+        if participant.process.exit_code() is not None:
+            raise death(participant, state.participants, state.barrier, step_ns)
+        participant.hold(end, elapsed_s)
+        if participant.holds_s > seconds(participant.spec, "stop"):
+            raise late_to_close(participant, end, step_ns)
 
 
 def check_bulk(state: RunState, waited_s: float) -> None:
     """Raise StepTimeout when announced bulk content has not come for the longest stop deadline."""
-    deadline_s = max(seconds(member.spec, "stop") for member in state.participants.values())
+    deadline_s = max(
+        seconds(participant.spec, "stop") for participant in state.participants.values()
+    )
     if waited_s > deadline_s:
         raise missing_bulk(state.last_step, waited_s, deadline_s, state.scenario.step_ns)

@@ -57,21 +57,21 @@ def check_descriptions(
 
     Raises StartFailed that lists all that is wrong with those of one participant.
     """
-    for member in participants.values():
-        problems = list(_problems(member, inputs[member.name]))
+    for participant in participants.values():
+        problems = list(_problems(participant, inputs[participant.name]))
         if problems:
             raise StartFailed(
-                f"before the first step: {member.who()} describes its outputs wrongly: "
+                f"before the first step: {participant.who()} describes its outputs wrongly: "
                 f"{'; '.join(problems)}",
-                participant=member.name,
+                participant=participant.name,
             )
 
 
-def _problems(member: ParticipantState, inputs: Mapping[str, Description]) -> Iterator[str]:
-    outputs = {} if member.ready is None else member.ready.outputs
+def _problems(participant: ParticipantState, inputs: Mapping[str, Description]) -> Iterator[str]:
+    outputs = {} if participant.ready is None else participant.ready.outputs
     for port, output in outputs.items():
-        if port not in member.spec.outputs:
-            yield f"{port!r} is no output of it; {_known(member.spec.outputs)}"
+        if port not in participant.spec.outputs:
+            yield f"{port!r} is no output of it; {_known(participant.spec.outputs)}"
         elif output.like is not None and output.like not in inputs:
             yield f"{port} is like {output.like!r}, which is no input of it; {_known(inputs)}"
         else:

@@ -37,7 +37,7 @@ def deadline(spec: ParticipantSpec, phase: str) -> str:
 def owed_step(name: str, participants: Participants, barrier: Barrier) -> int:
     """Return the step whose output a participant owes.
 
-    Its own reports lag behind by up to a log batch; whoever waits for it is ahead of them (P9.3).
+    Its own reports lag behind by up to a log batch; those that wait for it are ahead (P9.3).
     """
     every = participants[name].spec.every
     newest = participants[name].newest()
@@ -50,46 +50,48 @@ def owed_step(name: str, participants: Participants, barrier: Barrier) -> int:
     return owed
 
 
-def late_to_start(member: ParticipantState) -> StartFailed:
+def late_to_start(participant: ParticipantState) -> StartFailed:
     """Return the failure of a participant that is not ready in time."""
-    phase = PHASE_DEADLINES[member.phase]
+    phase = PHASE_DEADLINES[participant.phase]
     what = {
         "spawn": "has not reached the bus; does its program take part with stepbus?",
         "join": "has reached the bus and not asked to join; does it hang?",
-        "ready": f"has joined and {_worker(member)}is not ready; {_why_not_ready(member)}",
+        "ready": f"has joined and {_worker(participant)}is not ready; "
+        f"{_why_not_ready(participant)}",
     }[phase]
-    if phase == "ready" and member.waiting is not None:
-        sources = ", ".join(member.waiting.sources)
+    if phase == "ready" and participant.waiting is not None:
+        sources = ", ".join(participant.waiting.sources)
         what = f"is not connected to {sources}, which is up; can the two reach each other?"
     return StartFailed(
-        f"before the first step: {member.who()} {what} "
-        f"It had a {deadline(member.spec, phase)}; its log: {member.process.log}",
-        participant=member.name,
+        f"before the first step: {participant.who()} {what} "
+        f"It had a {deadline(participant.spec, phase)}; its log: {participant.process.log}",
+        participant=participant.name,
     )
 
 
-def refused(member: ParticipantState, reason: str) -> StartFailed:
+def refused(participant: ParticipantState, reason: str) -> StartFailed:
     """Return the failure of a participant that was not admitted (P4.3)."""
     return StartFailed(
-        f"before the first step: {member.who()} was refused: {reason}", participant=member.name
+        f"before the first step: {participant.who()} was refused: {reason}",
+        participant=participant.name,
     )
 
 
 def late_for_step(late: list[ParticipantState], barrier: Barrier, step_ns: int) -> StepTimeout:
     """Return the failure of the participants that hold a step past their deadline."""
     step = _stuck_at(late[0])
-    sentences = [_holds(member, barrier) for member in late]
+    sentences = [_holds(participant, barrier) for participant in late]
     return StepTimeout(
         f"{at(step, step_ns)}: {'; '.join(sentences)}", participant=late[0].name, step=step
     )
 
 
-def late_to_close(member: ParticipantState, end: int, step_ns: int) -> StepTimeout:
+def late_to_close(participant: ParticipantState, end: int, step_ns: int) -> StepTimeout:
     """Return the failure of a participant whose closing outputs do not come (P11.3)."""
     return StepTimeout(
-        f"{at(end, step_ns)}: {member.who()} has not published its closing outputs for "
-        f"{member.holds_s:.1f} s; {deadline(member.spec, 'stop')}",
-        participant=member.name,
+        f"{at(end, step_ns)}: {participant.who()} has not published its closing outputs for "
+        f"{participant.holds_s:.1f} s; {deadline(participant.spec, 'stop')}",
+        participant=participant.name,
         step=end,
     )
 
@@ -104,33 +106,33 @@ def missing_bulk(end: int, waited_s: float, deadline_s: float, step_ns: int) -> 
 
 
 def took_nothing(
-    member: ParticipantState, participants: Participants, barrier: Barrier, step_ns: int
+    participant: ParticipantState, participants: Participants, barrier: Barrier, step_ns: int
 ) -> StepTimeout:
     """Return the failure of a participant that was killed because it read nothing any more."""
-    step = owed_step(member.name, participants, barrier)
+    step = owed_step(participant.name, participants, barrier)
     return StepTimeout(
-        f"{at(step, step_ns)}: {member.who()} has read nothing for "
-        f"{seconds(member.spec, 'step'):g} s, and messages to it piled up; "
-        f"{deadline(member.spec, 'step')}",
-        participant=member.name,
+        f"{at(step, step_ns)}: {participant.who()} has read nothing for "
+        f"{seconds(participant.spec, 'step'):g} s, and messages to it piled up; "
+        f"{deadline(participant.spec, 'step')}",
+        participant=participant.name,
         step=step,
     )
 
 
 def death(
-    member: ParticipantState, participants: Participants, barrier: Barrier, step_ns: int
+    participant: ParticipantState, participants: Participants, barrier: Barrier, step_ns: int
 ) -> RunFailure:
     """Return the failure of a participant whose process has ended (P10.4)."""
-    is_ready = member.phase == Phase.READY
-    step = owed_step(member.name, participants, barrier) if is_ready else -1
-    output = member.process.last_error()
+    is_ready = participant.phase == Phase.READY
+    step = owed_step(participant.name, participants, barrier) if is_ready else -1
+    output = participant.process.last_error()
     sentence = (
-        f"{at(step, step_ns)}: {member.who()} {member.process.how_it_ended()}"
-        f"{_quoted(output)}; its log: {member.process.log}"
+        f"{at(step, step_ns)}: {participant.who()} {participant.process.how_it_ended()}"
+        f"{_quoted(output)}; its log: {participant.process.log}"
     )
     if not is_ready:
-        return StartFailed(sentence, participant=member.name)
-    return ParticipantDied(sentence, participant=member.name, step=step)
+        return StartFailed(sentence, participant=participant.name)
+    return ParticipantDied(sentence, participant=participant.name, step=step)
 
 
 def _quoted(output: str) -> str:
@@ -138,69 +140,73 @@ def _quoted(output: str) -> str:
 
 
 def skipped(
-    member: ParticipantState, step: int, barrier: Barrier, step_ns: int
+    participant: ParticipantState, step: int, barrier: Barrier, step_ns: int
 ) -> ParticipantFault:
     """Return the failure of a participant that left out a step (P7.1)."""
-    expected = barrier.next_step(member.name)
+    expected = barrier.next_step(participant.name)
     return ParticipantFault(
-        f"{at(expected, step_ns)}: {member.who()} reported step {step} instead; "
+        f"{at(expected, step_ns)}: {participant.who()} reported step {step} instead; "
         "it must publish at every step it fires at, in order",
-        participant=member.name,
+        participant=participant.name,
         step=expected,
     )
 
 
-def _stuck_at(member: ParticipantState) -> int:
+def _stuck_at(participant: ParticipantState) -> int:
     """Return the step a participant does not complete.
 
     One that publishes first owes the outputs of the next step when it waits for inputs of this.
     """
-    waiting = member.waiting
-    if waiting is not None and waiting.sources and _waits_in_held_step(member):
+    waiting = participant.waiting
+    if waiting is not None and waiting.sources and _waits_in_held_step(participant):
         return waiting.step
-    return member.held_step
+    return participant.held_step
 
 
-def _waits_in_held_step(member: ParticipantState) -> bool:
-    ahead = member.spec.every if member.spec.publishes == "first" else 0
-    return member.waiting is not None and member.waiting.step + ahead == member.held_step
+def _waits_in_held_step(participant: ParticipantState) -> bool:
+    ahead = participant.spec.every if participant.spec.publishes == "first" else 0
+    return (
+        participant.waiting is not None
+        and participant.waiting.step + ahead == participant.held_step
+    )
 
 
-def _holds(member: ParticipantState, barrier: Barrier) -> str:
+def _holds(participant: ParticipantState, barrier: Barrier) -> str:
     """Return why a participant holds the step, as far as the orchestrator can see it."""
-    limit = deadline(member.spec, "step")
-    held = f"{member.holds_s:.1f} s"
-    missing = barrier.missing(member.name)
-    waiting = member.waiting
-    if member.process.is_stopped():
+    limit = deadline(participant.spec, "step")
+    held = f"{participant.holds_s:.1f} s"
+    missing = barrier.missing(participant.name)
+    waiting = participant.waiting
+    if participant.process.is_stopped():
         return (
-            f"{member.who()} has been stopped by a signal or a debugger, and has held the step "
-            f"for {held}; {limit}"
+            f"{participant.who()} has been stopped by a signal or a debugger, and has held the "
+            f"step for {held}; {limit}"
         )
     if missing:
-        return f"{member.who()} still waits for {', '.join(missing)}; {limit}"
-    if waiting is not None and waiting.sources and _waits_in_held_step(member):
-        dropped = sum(member.drops.values())
+        return f"{participant.who()} still waits for {', '.join(missing)}; {limit}"
+    if waiting is not None and waiting.sources and _waits_in_held_step(participant):
+        dropped = sum(participant.drops.values())
         return (
-            f"{member.who()} has been waiting for {', '.join(waiting.sources)} for {held}, whose "
-            f"outputs were published; was a message lost or dropped ({dropped} dropped so far)? "
+            f"{participant.who()} has been waiting for {', '.join(waiting.sources)} for {held}, "
+            f"whose outputs were published; was a message lost or dropped ({dropped} "
+            f"dropped so far)? "
             f"{limit}"
         )
-    if member.spec.bridge is not None:
+    if participant.spec.bridge is not None:
         return (
-            f"{member.who()} has been waiting for {_worker(member)}for {held}; "
+            f"{participant.who()} has been waiting for {_worker(participant)}for {held}; "
             f"inputs arrived; does it answer every message? {limit}"
         )
-    return f"{member.who()} has been computing for {held}; inputs arrived; {limit}"
+    return f"{participant.who()} has been computing for {held}; inputs arrived; {limit}"
 
 
-def _why_not_ready(member: ParticipantState) -> str:
+def _why_not_ready(participant: ParticipantState) -> str:
     loading = "is its model still loading?"
-    if member.spec.bridge is None:
+    if participant.spec.bridge is None:
         return loading
     return f"{loading} Does it write its answers to descriptor 4, and flush them?"
 
 
-def _worker(member: ParticipantState) -> str:
+def _worker(participant: ParticipantState) -> str:
     """Return the program behind a bridge, which does the participant's work."""
-    return "" if member.spec.bridge is None else f"`{' '.join(member.spec.exec)}` "
+    return "" if participant.spec.bridge is None else f"`{' '.join(participant.spec.exec)}` "

@@ -61,14 +61,14 @@ class MessageHandler:
         self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
 
     def take_alive(self, name: str, is_alive: bool) -> None:
-        """Take that somebody has come to the bus, or left it."""
-        member = self._state.participants.get(name)
-        if member is None:
+        """Record that a participant has come to the bus, or left it."""
+        participant = self._state.participants.get(name)
+        if participant is None:
             self._state.unauthenticated += is_alive and name != ORCHESTRATOR
         elif not is_alive:
             # Its process may have ended; that is seen at the next check, which need not wait.
             self._state.is_check_due = True
-        elif member.advance(Phase.ALIVE):
+        elif participant.advance(Phase.ALIVE):
             self._timing.event("alive", name)
 
     def take_join(self, data: bytes, reply: Callable[[Welcome | Refusal], None]) -> None:
@@ -92,31 +92,31 @@ class MessageHandler:
         else:
             raise refused(participants[hello.name], answer.reason)
 
-    def _admit(self, member: ParticipantState, hello: Hello) -> None:
-        member.language = hello.language
-        if member.advance(Phase.JOINED):
-            self._timing.event("join", member.name, f"{hello.language} {hello.sdk}".strip())
+    def _admit(self, participant: ParticipantState, hello: Hello) -> None:
+        participant.language = hello.language
+        if participant.advance(Phase.JOINED):
+            self._timing.event("join", participant.name, f"{hello.language} {hello.sdk}".strip())
 
     def _sender(self, token: str, name: str, key_name: str) -> ParticipantState | None:
         """Return who sent a message; None, and counted, where it is unauthenticated (P3.5)."""
-        member = self._state.participants.get(name)
-        if token != self._token or member is None or name != key_name:
+        participant = self._state.participants.get(name)
+        if token != self._token or participant is None or name != key_name:
             self._state.unauthenticated += 1
             return None
         # What comes late from a participant that is replaced has been published already.
-        return None if name == self._state.replaced else member
+        return None if name == self._state.replaced else participant
 
     def take_ready(self, key_name: str, data: bytes) -> None:
-        """Take that somebody is ready, and its descriptions (P4.7)."""
+        """Record that a participant is ready, and its descriptions (P4.7)."""
         try:
             ready = _decode_ready(data)
         except MessageError:
             self._state.unauthenticated += 1
             return
-        member = self._sender(ready.token, ready.name, key_name)
-        if member is not None and member.advance(Phase.READY):
-            member.ready = ready
-            self._timing.event("ready", member.name)
+        participant = self._sender(ready.token, ready.name, key_name)
+        if participant is not None and participant.advance(Phase.READY):
+            participant.ready = ready
+            self._timing.event("ready", participant.name)
 
     def take_log(self, key_name: str, data: bytes) -> None:
         """Take a batch of outputs (P9)."""
@@ -125,51 +125,53 @@ class MessageHandler:
         except MessageError:
             self._state.unauthenticated += 1
             return
-        member = self._sender(log.token, log.name, key_name)
-        if member is None:
+        participant = self._sender(log.token, log.name, key_name)
+        if participant is None:
             return
-        self._check_waiting(member, log)
-        member.waiting, member.drops = log.waiting, log.drops
+        self._check_waiting(participant, log)
+        participant.waiting, participant.drops = log.waiting, log.drops
         for raw in log.outputs:
-            self._take_outputs(member, raw)
+            self._take_outputs(participant, raw)
         if log.timing:
             self._add_timing(log)
 
-    def _check_waiting(self, member: ParticipantState, log: Log) -> None:
+    def _check_waiting(self, participant: ParticipantState, log: Log) -> None:
         if log.waiting is None:
             return
-        sources = [item.source for item in member.spec.inputs.values()]
+        sources = [item.source for item in participant.spec.inputs.values()]
         if any(name not in sources for name in log.waiting.sources):
-            raise self._broken(member, "reports that it waits for somebody who is no source of it")
+            raise self._broken(
+                participant, "reports that it waits for a participant that is no source of it"
+            )
 
     def take_outputs(self, name: str, data: bytes) -> None:
         """Take outputs that the orchestrator publishes for a participant that has failed."""
         self._take_outputs(self._state.participants[name], data)
 
-    def _take_outputs(self, member: ParticipantState, raw: Any) -> None:
+    def _take_outputs(self, participant: ParticipantState, raw: Any) -> None:
         state = self._state
         if not state.started_at:
-            raise self._broken(member, "logged outputs before the start")
+            raise self._broken(participant, "logged outputs before the start")
         try:
             outputs = _decode_outputs(raw)
         except MessageError as exc:
-            raise self._broken(member, f"logged something that is {exc}") from exc
+            raise self._broken(participant, f"logged something that is {exc}") from exc
         if outputs.token != self._token or outputs.t_ns != outputs.step * self._step_ns:
-            raise self._broken(member, f"sent a wrong token or time (t_ns = {outputs.t_ns})")
-        wrong = self._ports[member.name].wrong(outputs)
+            raise self._broken(participant, f"sent a wrong token or time (t_ns = {outputs.t_ns})")
+        wrong = self._ports[participant.name].wrong(outputs)
         if wrong:
-            raise self._broken(member, wrong)
-        if not state.barrier.report(member.name, outputs.step):
-            raise skipped(member, outputs.step, state.barrier, self._step_ns)
-        self._recorder.offer(member.name, outputs)
+            raise self._broken(participant, wrong)
+        if not state.barrier.report(participant.name, outputs.step):
+            raise skipped(participant, outputs.step, state.barrier, self._step_ns)
+        self._recorder.offer(participant.name, outputs)
         if outputs.end is not None:
-            state.ask_end(outputs.step + 1, f"{member.name}: {outputs.end}")
+            state.ask_end(outputs.step + 1, f"{participant.name}: {outputs.end}")
 
-    def _broken(self, member: ParticipantState, what: str) -> ParticipantFault:
-        step = self._state.barrier.next_step(member.name)
+    def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:
+        step = self._state.barrier.next_step(participant.name)
         return ParticipantFault(
-            f"{self._state.at(step)}: {member.who()} {what}; see docs/protocol.md",
-            participant=member.name,
+            f"{self._state.at(step)}: {participant.who()} {what}; see docs/protocol.md",
+            participant=participant.name,
             step=step,
         )
 
@@ -185,8 +187,8 @@ class MessageHandler:
         if name in self._replayed:
             return
         step = read_stamp(stamp, self._token)
-        member = self._state.participants.get(name)
-        output = member.spec.outputs.get(port) if member is not None else None
+        participant = self._state.participants.get(name)
+        output = participant.spec.outputs.get(port) if participant is not None else None
         if step is None or output is None or not output.bulk:
             self._state.unauthenticated += 1
         elif step >= 0:
@@ -199,20 +201,20 @@ class MessageHandler:
         except MessageError:
             self._state.unauthenticated += 1
             return
-        member = self._sender(fault.token, fault.name, key_name)
-        if member is None:
+        participant = self._sender(fault.token, fault.name, key_name)
+        if participant is None:
             return
-        blamed = self._state.participants.get(fault.blames or fault.name, member)
-        seen = "" if blamed is member else f" (seen by {member.who()})"
-        failed = StartFailed if member.phase < Phase.READY else ParticipantFault
+        blamed = self._state.participants.get(fault.blames or fault.name, participant)
+        seen = "" if blamed is participant else f" (seen by {participant.who()})"
+        failed = StartFailed if participant.phase < Phase.READY else ParticipantFault
         failure = failed(
             f"{self._state.at(fault.step)}: {blamed.who()}: {fault.message}{seen}; "
             f"its log: {blamed.process.log}",
             participant=blamed.name,
             step=fault.step,
         )
-        if isinstance(failure, ParticipantFault) and blamed is not member:
-            failure.witness = member.name
+        if isinstance(failure, ParticipantFault) and blamed is not participant:
+            failure.witness = participant.name
         raise failure
 
 

@@ -67,7 +67,7 @@ class ParticipantState:
 
     in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. waiting: what
     it waited for when it last sent its log. newest: returns the newest step it was seen to
-    publish, where somebody watches; −1 elsewhere.
+    publish, with an observer; −1 elsewhere.
     """
 
     spec: ParticipantSpec

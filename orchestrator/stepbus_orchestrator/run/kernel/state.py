@@ -21,7 +21,7 @@ class RunState:
 
     participants: those whose processes have been started. released: the newest trigger; steps
     below it may be worked on. unauthenticated: how many messages were dropped. end: the step
-    before which the run ends, and why, once somebody has asked for it. compute: participant →
+    before which the run ends, and why, once it was requested. compute: participant →
     total computing time [ns] and number of steps. started_at: when the first trigger was sent, by
     the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
     is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
@@ -84,7 +84,7 @@ class RunState:
     @property
     def is_ready(self) -> bool:
         """Return whether every participant is ready."""
-        return all(member.phase == Phase.READY for member in self.participants.values())
+        return all(participant.phase == Phase.READY for participant in self.participants.values())
 
     def at(self, step: int) -> str:
         """Return `step 1042 (t = 5.210 s)`."""

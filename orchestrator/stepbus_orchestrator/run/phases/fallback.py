@@ -15,20 +15,20 @@ from .stepping import step
 def fall_back(loop: RunLoop, failure: RunFailure) -> RunPhase:
     """Replace the participant that failed for as long as the scenario says (`on_fault`)."""
     state = loop.state
-    member = state.participants[failure.participant or ""]
-    member.process.signal(signal.SIGKILL)
-    member.process.wait(LONGEST_TICK_S)
-    state.replaced = member.name
+    participant = state.participants[failure.participant or ""]
+    participant.process.signal(signal.SIGKILL)
+    participant.process.wait(LONGEST_TICK_S)
+    state.replaced = participant.name
     loop.receive_for(LAST_REPORTS_S)
-    first, until = loop.safe_stop.start(member.name, loop.descriptions)
-    state.end = (until, f"{member.name} has failed; the run was held")
+    first, until = loop.safe_stop.start(participant.name, loop.descriptions)
+    state.end = (until, f"{participant.name} has failed; the run was held")
     loop.recorder.add_metadata(
         layout.FALLBACK_METADATA,
-        {"participant": member.name, "first": str(first), "until": str(until)},
+        {"participant": participant.name, "first": str(first), "until": str(until)},
     )
-    loop.timing.event("hold", member.name, f"steps {first} to {until - 1}")
+    loop.timing.event("hold", participant.name, f"steps {first} to {until - 1}")
     loop.controls.observer.event(
-        "error", member.name, first, f"{failure}; holding until step {until}"
+        "error", participant.name, first, f"{failure}; holding until step {until}"
     )
     return step(loop)
 

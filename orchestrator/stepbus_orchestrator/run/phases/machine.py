@@ -1,4 +1,4 @@
-"""The state machine of a run: start-up, stepping, closing, shutdown, and fallback on the way."""
+"""The state machine of a run: start-up, stepping, closing, shutdown, and the fallback."""
 
 from __future__ import annotations
 

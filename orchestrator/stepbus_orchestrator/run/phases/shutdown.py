@@ -19,31 +19,35 @@ def shut_down(loop: RunLoop, culprit: str | None) -> list[ParticipantState]:
     """
     participants = loop.state.participants
     if culprit is not None and culprit in participants:
-        # Before the others: a process that reads nothing blocks whoever publishes to it.
+        # Before the others: a process that reads nothing blocks those that publish to it.
         participants[culprit].process.end()
-    ready = [member for member in participants.values() if member.phase == Phase.READY]
-    late = _await_ends(loop, [member for member in ready if member.name != culprit])
-    for member in participants.values():
-        member.process.end()
+    ready = [
+        participant for participant in participants.values() if participant.phase == Phase.READY
+    ]
+    late = _await_ends(loop, [participant for participant in ready if participant.name != culprit])
+    for participant in participants.values():
+        participant.process.end()
     loop.receive_after_failure(0.0)
     loop.announcer.close()
     return late
 
 
-def _await_ends(loop: RunLoop, members: list[ParticipantState]) -> list[ParticipantState]:
+def _await_ends(loop: RunLoop, participants: list[ParticipantState]) -> list[ParticipantState]:
     began = time.monotonic()
     while True:
-        left = [member for member in members if member.process.exit_code() is None]
+        left = [
+            participant for participant in participants if participant.process.exit_code() is None
+        ]
         waited_s = time.monotonic() - began
-        if not any(waited_s < _patience_s(loop, member) for member in left):
+        if not any(waited_s < _patience_s(loop, participant) for participant in left):
             return left
         loop.announcer.repeat_stop()
         loop.receive_after_failure(SHORT_TICK_S)
 
 
-def _patience_s(loop: RunLoop, member: ParticipantState) -> float:
+def _patience_s(loop: RunLoop, participant: ParticipantState) -> float:
     """Return how long a participant may take to end [s]; not long after Ctrl-C."""
-    stop_s = seconds(member.spec, "stop")
+    stop_s = seconds(participant.spec, "stop")
     return min(stop_s, Deadlines.stop_s) if loop.controls.interrupt.is_set() else stop_s
 
 
@@ -51,18 +55,18 @@ def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
     """Raise for a participant that did not end in time, or with another exit code than 0."""
     if late:
         raise StopTimeout(
-            f"{', '.join(member.who() for member in late)} did not end within "
+            f"{', '.join(participant.who() for participant in late)} did not end within "
             f"{seconds(late[0].spec, 'stop'):g} s of the stop and was killed "
             f"(participants.{late[0].name}.stop_timeout); the recording is complete",
             participant=late[0].name,
             step=loop.state.steps,
         )
-    for member in loop.state.participants.values():
-        process = member.process
+    for participant in loop.state.participants.values():
+        process = participant.process
         if process.exit_code() != 0:
             raise ParticipantDied(
-                f"after the last step: {member.who()} {process.how_it_ended()} while stopping; "
-                f"the recording is complete; its log: {process.log}",
-                participant=member.name,
+                f"after the last step: {participant.who()} {process.how_it_ended()} while "
+                f"stopping; the recording is complete; its log: {process.log}",
+                participant=participant.name,
                 step=loop.state.steps,
             )

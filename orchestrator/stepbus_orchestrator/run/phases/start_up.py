@@ -33,7 +33,7 @@ def start_up(loop: RunLoop) -> RunPhase:
 
 
 def _open_channels(loop: RunLoop) -> None:
-    ready = {name: member.ready for name, member in loop.state.participants.items()}
+    ready = {name: participant.ready for name, participant in loop.state.participants.items()}
     loop.recorder.open_channels(
         {name: dict(item.outputs) for name, item in ready.items() if item is not None},
         {name: dict(item.versions) for name, item in ready.items() if item is not None},

@@ -16,7 +16,7 @@ def step(loop: RunLoop) -> RunPhase:
         before = sum(reported.values())
         loop.turn(lambda elapsed_s: _check(loop, elapsed_s))
         if sum(reported.values()) == before:
-            # Somebody may have missed it: it was published before the link was complete.
+            # A participant may have missed it: it was published before the link was complete.
             loop.announcer.repeat(with_start=min(reported.values()) < 0)
     return RunPhase.CLOSING
 

@@ -30,7 +30,7 @@ def default_folder(scenario: Scenario, parent: Path) -> Path:
 
 
 def _is_made(folder: Path) -> bool:
-    """Make a folder; return False where somebody else has made it."""
+    """Make a folder; return False where another process has made it."""
     try:
         folder.mkdir()
     except FileExistsError:

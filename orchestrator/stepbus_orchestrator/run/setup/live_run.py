@@ -7,7 +7,7 @@ from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
-from stepbus_orchestrator.scenario import MESSAGE_KINDS, Scenario, start_command
+from stepbus_orchestrator.scenario import MESSAGE_FAULTS, Scenario, start_command
 from stepbus_participant import MessageFault
 
 from .options import Options
@@ -48,7 +48,7 @@ class LiveRun:
 
 def _message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
     return [
-        MessageFault(type=fault.kind, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
+        MessageFault(type=fault.type, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
         for fault in scenario.faults
-        if fault.participant == name and fault.kind in MESSAGE_KINDS
+        if fault.participant == name and fault.type in MESSAGE_FAULTS
     ]

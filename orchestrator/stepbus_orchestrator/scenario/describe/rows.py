@@ -103,13 +103,13 @@ def _texts(node: ast.ClassDef) -> dict[str, str]:
 
 
 def _row(field: types.Field, text: str) -> Row:
-    said = _DEFAULT.search(text)
-    meaning = text[: said.start()] if said else text
+    stated = _DEFAULT.search(text)
+    meaning = text[: stated.start()] if stated else text
     shown = "required" if field.required else show_default(field)
     return Row(
         key=field.encode_name,
         value=form(field.type),
-        default=said[1] if said else shown,
+        default=stated[1] if stated else shown,
         meaning=_with_condition(field, meaning),
     )
 

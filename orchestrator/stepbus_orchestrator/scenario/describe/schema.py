@@ -28,7 +28,7 @@ class SchemaWriter:
         self._partial = partial
 
     def document(self, settings: type[Settings], title: str) -> dict[str, Any]:
-        """Return a whole schema."""
+        """Return a complete schema."""
         root = self.struct(settings)
         return {"$schema": _DRAFT, "title": title, **root, "$defs": self.definitions}
 

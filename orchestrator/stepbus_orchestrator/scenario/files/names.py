@@ -21,7 +21,7 @@ class FileUnreadable(WiringError):
 
 
 def names_in(path: Path) -> list[str]:
-    """Return the texts in a file that may be names of files; none for kinds that name none.
+    """Return the texts in a file that may be names of files; none for types that name none.
 
     Raises FileUnreadable.
     """

@@ -75,7 +75,7 @@ class FileSearch:
                 self.mistakes.append((keys, f"{self._relative(path)}{exc}"))
 
     def value(self, keys: Keys, value: Any) -> None:
-        """Look at every text in a value of `params`."""
+        """Check every text in a value of `params`."""
         if isinstance(value, dict):
             for key, item in value.items():
                 self.value((*keys, key), item)
@@ -123,8 +123,8 @@ def search_files(scenario: Scenario) -> FileSearch:
         for keys, text, program in _words(spec):
             search.name(keys, text, [scenario.folder], program=program)
         if spec.exec[:1] == ("python",):
-            kind, name = python_target(spec.exec[1:])
-            if kind == "module":
+            launch, name = python_target(spec.exec[1:])
+            if launch == "module":
                 search.module(("participants", spec.name, "exec"), name, [scenario.folder])
         search.value(("participants", spec.name, "params"), spec.params)
     search.run()

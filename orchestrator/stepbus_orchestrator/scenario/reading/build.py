@@ -10,7 +10,7 @@ from stepbus_participant import LONGEST_NS, format_duration
 from stepbus_participant.parameters import Keys, Problems, read
 from stepbus_schemas import WiringError
 
-from ..faults import Setting, parse_fault
+from ..faults import FaultContext, parse_fault
 from ..model import (
     BridgeSpec,
     BusSpec,
@@ -59,7 +59,7 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         bus=_bus(row, problems),
         window=row.window,
         batch=_batch(row, problems),
-        faults=_faults(row.faults, Setting(participants, steps, row.seed), problems),
+        faults=_faults(row.faults, FaultContext(participants, steps, row.seed), problems),
         folder=file.parent,
         file=file,
     )
@@ -100,14 +100,16 @@ def _bus(row: ScenarioFile, problems: Problems) -> BusSpec:
     return BusSpec(transport=bus.transport, port=bus.port, low_latency=bus.low_latency)
 
 
-def _faults(texts: tuple[str, ...], setting: Setting, problems: Problems) -> tuple[FaultSpec, ...]:
+def _faults(
+    texts: tuple[str, ...], context: FaultContext, problems: Problems
+) -> tuple[FaultSpec, ...]:
     found: list[FaultSpec] = []
     for index, text in enumerate(texts):
         keys: Keys = ("faults", index)
         if problems.has(keys):
             continue
         try:
-            found += parse_fault(text, setting)
+            found += parse_fault(text, context)
         except WiringError as exc:
             problems.add(keys, str(exc))
     return tuple(found)
