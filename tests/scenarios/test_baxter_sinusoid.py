@@ -140,7 +140,7 @@ def test_describe_lists_the_motor_of_every_joint(capsys):
     ("joints", "sentence"),
     [
         ("[left_s0, left_s0]", "participants.plant.params.joints: names 'left_s0' twice"),
-        ("[left_so]", "params.joints: 'left_so' is unknown; did you mean 'left_s1' or 'left_s0'"),
+        ("[left_so]", "params.joints: 'left_so' is unknown; did you mean 'left_s1'"),
     ],
 )
 def test_joints_there_twice_or_unknown_are_errors(joints, sentence, capsys, own_temp):

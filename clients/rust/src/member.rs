@@ -19,9 +19,9 @@ const POLL: Duration = Duration::from_millis(100);
 
 /// Why a participant leaves the run other than by its end.
 pub enum Leave {
-    /// It cannot go on, and reports a fault.
+    /// It cannot continue, and reports a fault.
     Fault(Error),
-    /// It shall not go on, and there is nobody to tell.
+    /// It should not continue, and nobody is left to notify.
     Quit(String),
 }
 
@@ -33,7 +33,7 @@ impl<E: Into<Error>> From<E> for Leave {
 
 /// A participant that has been welcomed.
 pub struct Member {
-    /// What the orchestrator has told.
+    /// What the orchestrator has sent.
     pub welcome: Welcome,
     /// Where the inputs come from.
     pub sources: Vec<Source>,
@@ -116,8 +116,8 @@ impl Member {
         is_there: impl Fn(&Self) -> bool,
         sources: &[String],
     ) -> Result<bool, Leave> {
-        let told_at = Instant::now() + PATIENCE;
-        let mut told = false;
+        let report_at = Instant::now() + PATIENCE;
+        let mut reported = false;
         loop {
             if self.step >= self.stop_at {
                 return Ok(false);
@@ -125,12 +125,12 @@ impl Member {
             if is_there(self) {
                 return Ok(true);
             }
-            let left = told_at.saturating_duration_since(Instant::now());
-            if left.is_zero() && !told {
-                told = true;
+            let left = report_at.saturating_duration_since(Instant::now());
+            if left.is_zero() && !reported {
+                reported = true;
                 self.send_log(Some(Waiting { step: self.step, sources: sources.to_vec() }))?;
             }
-            self.take_in(if told { POLL } else { left })?;
+            self.take_in(if reported { POLL } else { left })?;
         }
     }
 

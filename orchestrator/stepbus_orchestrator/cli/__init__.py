@@ -94,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_error("interrupted")
         return ExitCode.INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has gone, as `head` does; nobody is left to tell.
+        # The reader of our output has gone, as `head` does; nobody is left to notify.
         return ExitCode.FINISHED
     except OSError as exc:
         # What no command expects of a file or folder, e.g. that the current one is gone.

@@ -17,7 +17,7 @@ import trustme
 
 ORCHESTRATOR = "orchestrator"
 CALLER = ".caller"
-"""Whoever calls a run from outside (`stepbus call`); no participant's name has a leading dot."""
+"""The caller of a run from outside (`stepbus call`); no participant's name has a leading dot."""
 
 _OWN_KEYS = ("out", "ready", "log", "fault", "called", "alive")
 _DECLARATIONS = (

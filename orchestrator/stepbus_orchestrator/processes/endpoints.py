@@ -22,7 +22,7 @@ _SOCKET_PATH_BYTES = 107
 class Mesh:
     """The endpoints of one run: each member links to the orchestrator and to those before it.
 
-    caller: of whoever calls the run from outside.
+    caller: the endpoint of a caller from outside.
     """
 
     orchestrator: Endpoint

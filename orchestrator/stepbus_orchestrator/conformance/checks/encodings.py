@@ -103,7 +103,7 @@ def joint_order(kit: Kit) -> str:
         raise Skipped("no input has more than one name")
     nameless = [name for name, d in kit.material.descriptions.items() if not d.names]
     if nameless:
-        raise Skipped(f"input {nameless[0]} has no names, so that nobody can tell its order")
+        raise Skipped(f"input {nameless[0]} has no names, so its order is unknown")
     whole = set(items.values())
     sets = [{pair} for pair in dict.fromkeys(items.values())] if kit.knows_names else []
     for pairs in [*sets, *([whole] if len(sets) != 1 else [])]:

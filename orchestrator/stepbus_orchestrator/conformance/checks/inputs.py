@@ -225,7 +225,7 @@ def held(kit: Kit) -> str:
 def _depends_on_held(kit: Kit, thin: Feed, given: Trace) -> None:
     """Raise Failed where the message that is held has no effect on the outputs of later steps.
 
-    One that differentiates its input may tell a held message from a repeated one. But then
+    One that differentiates its input may distinguish a held message from a repeated one. But then
     another message to hold gives other outputs, also while it is held.
     """
     at = next(s for s in range(kit.middle, kit.steps) if all(rows.get(s) for rows in thin.values()))
