@@ -34,28 +34,28 @@ def started(*reports, **options):
     ],
 )
 def test_each_phase_of_the_start_up_has_its_deadline(phase, seconds, sentence):
-    members = states(scenario(participant("plant")))
-    members["plant"].phase = phase
-    check_start(members, seconds)
+    participants = states(scenario(participant("plant")))
+    participants["plant"].phase = phase
+    check_start(participants, seconds)
     with pytest.raises(StartFailed, match=sentence):
-        check_start(members, 0.1)
+        check_start(participants, 0.1)
 
 
 def test_whoever_waits_for_a_source_that_loads_is_not_late():
-    members = states(scenario())
-    members["plant"].phase = Phase.SPAWNED
-    members["controller"].phase = Phase.JOINED
-    members["controller"].waiting = Waiting(step=-1, sources=["plant"])
-    check_start(members, 19.0)
-    assert (members["controller"].in_phase_s, members["plant"].in_phase_s) == (0.0, 19.0)
+    participants = states(scenario())
+    participants["plant"].phase = Phase.SPAWNED
+    participants["controller"].phase = Phase.JOINED
+    participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
+    check_start(participants, 19.0)
+    assert (participants["controller"].in_phase_s, participants["plant"].in_phase_s) == (0.0, 19.0)
 
 
 def test_a_participant_that_is_up_and_not_connected_is_late():
-    members = states(scenario())
-    members["controller"].phase = Phase.JOINED
-    members["controller"].waiting = Waiting(step=-1, sources=["plant"])
+    participants = states(scenario())
+    participants["controller"].phase = Phase.JOINED
+    participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
     with pytest.raises(StartFailed, match="is not connected to plant, which is up"):
-        check_start(members, 31.0)
+        check_start(participants, 31.0)
 
 
 def test_the_one_that_holds_the_step_is_late_and_those_that_wait_are_not():

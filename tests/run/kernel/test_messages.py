@@ -103,14 +103,14 @@ def test_of_two_requests_to_end_the_earlier_step_counts(run):
 
 def test_a_participant_that_is_alive_joined_and_ready_advances():
     run = Run(participant("plant"))
-    member = run.state.participants["plant"]
-    member.phase, phases, replies = Phase.SPAWNED, [], []
+    participant = run.state.participants["plant"]
+    participant.phase, phases, replies = Phase.SPAWNED, [], []
     run.handler.take_alive("plant", True)
-    phases.append(member.phase.name)
+    phases.append(participant.phase.name)
     run.handler.take_join(encode(hello("plant")), replies.append)
-    phases.append(member.phase.name)
+    phases.append(participant.phase.name)
     run.handler.take_ready("plant", encode(Ready(name="plant", token=TOKEN)))
-    phases.append(member.phase.name)
+    phases.append(participant.phase.name)
     assert " ".join(phases) == "ALIVE JOINED READY"
     assert isinstance(replies[0], Welcome)
 
