@@ -103,14 +103,14 @@ def test_of_two_requests_to_end_the_earlier_step_counts(run):
 
 def test_a_participant_that_is_alive_joined_and_ready_advances():
     run = Run(participant("plant"))
-    participant = run.state.participants["plant"]
-    participant.phase, phases, replies = Phase.SPAWNED, [], []
+    plant = run.state.participants["plant"]
+    plant.phase, phases, replies = Phase.SPAWNED, [], []
     run.handler.take_alive("plant", True)
-    phases.append(participant.phase.name)
+    phases.append(plant.phase.name)
     run.handler.take_join(encode(hello("plant")), replies.append)
-    phases.append(participant.phase.name)
+    phases.append(plant.phase.name)
     run.handler.take_ready("plant", encode(Ready(name="plant", token=TOKEN)))
-    phases.append(participant.phase.name)
+    phases.append(plant.phase.name)
     assert " ".join(phases) == "ALIVE JOINED READY"
     assert isinstance(replies[0], Welcome)
 
