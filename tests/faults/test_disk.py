@@ -1,5 +1,6 @@
 """A disk that fills up, a folder that is removed, a file that is changed while a run writes it."""
 
+import contextlib
 import os
 import shutil
 import subprocess
@@ -11,8 +12,8 @@ from pathlib import Path
 import pytest
 from recording_support import messages
 
-from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.recording import Recording, recover
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
@@ -56,13 +57,13 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     }
 
 
-def start(folder, *options):
+def start(folder, *options, bytes_written=20_000):
     """Start a run of two_link; return it, with its recording, when that has grown."""
     command = [STEPBUS, "run", "two_link", *options, "--out", folder / "run"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     recording = folder / "run" / "run.mcap"
     give_up = time.monotonic() + 60
-    while not recording.exists() or recording.stat().st_size < 20_000:
+    while not recording.exists() or recording.stat().st_size < bytes_written:
         assert process.poll() is None
         assert time.monotonic() < give_up
         time.sleep(0.005)
@@ -99,3 +100,20 @@ def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, 
     assert f"the recording {recording} {sentence}: somebody changed it" in errors
     assert "Traceback" not in errors
     assert process.returncode == ExitCode.RECORDING == 8
+
+
+def test_a_killed_orchestrator_has_recorded_what_was_complete_a_moment_before(tmp_path):
+    """The first chunk is far from full at step 100, and the run stays there."""
+    freeze = ["--fault", "freeze controller at 100 for 20s", "--set", "controller.step_timeout=30s"]
+    process, recording = start(tmp_path, "--no-report", *freeze, bytes_written=1)
+    give_up = time.monotonic() + 60
+    steps = -1
+    while steps < 99:
+        assert time.monotonic() < give_up
+        time.sleep(0.02)
+        with contextlib.suppress(RecordingFailed):
+            steps = Recording(recording).last_step
+    process.kill()
+    process.communicate()
+    recovery = recover(recording, tmp_path / "whole.mcap")
+    assert (recovery.last_step, recovery.holes) == (99, [])

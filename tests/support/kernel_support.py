@@ -154,6 +154,9 @@ class Transcript:
     def _write(self, step):
         self._written += [f"{item.participant}@{item.step}" for item in self._order.take(step)]
 
+    def flush(self):
+        pass
+
     def finish(self, closing_step, closing):
         self.write_below(closing_step)
         self._order.end(closing_step, closing)

@@ -87,6 +87,14 @@ class McapFile:
         except OSError as exc:
             raise self._failure(exc) from exc
 
+    def flush(self) -> None:
+        """Let the file have all messages even if this process is killed; it raises nothing.
+
+        It does not change the bytes of the closed file.
+        """
+        if not self._closed and self._failed is None:
+            self._writer.write_unfinished()
+
     def close(self) -> None:
         """Write what is left and the index; harmless when repeated.
 

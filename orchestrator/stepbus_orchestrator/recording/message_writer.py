@@ -77,6 +77,7 @@ class MessageWriter(Writer):
         self._statistics: Any = own["_Writer__statistics"]
         self._records: RecordBuilder = own["_Writer__record_builder"]
         self._attached = (own["_Writer__attachment_indexes"], own["_Writer__metadata_indexes"])
+        self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._chunk_indexes = _ChunkIndexes()
         if own["_Writer__index_types"] & IndexType.CHUNK:
             own["_Writer__chunk_indices"].append(self._chunk_indexes)
@@ -115,6 +116,21 @@ class MessageWriter(Writer):
         """Write a metadata record; raises OSError, and has not counted it, when it cannot be."""
         with self._whole():
             super().add_metadata(name, data)
+
+    def write_unfinished(self) -> None:
+        """Write what is new in the open chunk behind the file's end; the whole chunk replaces it.
+
+        The records stand there one by one, not compressed: a file that is cut off behind them has
+        them, and one that is closed has the same bytes as without.
+        """
+        chunk, offset = self._chunk, self._output.tell()
+        if chunk.num_messages == 0:
+            return
+        known = self._unfinished[1] if self._unfinished[0] == offset else 0
+        end = chunk.count
+        with vars(chunk.record_writer)["_buffer"].getbuffer() as records:
+            self._output.write_ahead(bytes(records[known:end]))
+        self._unfinished = (offset, end)
 
     def drop_chunk(self) -> None:
         """Forget the messages that are not in the file yet."""

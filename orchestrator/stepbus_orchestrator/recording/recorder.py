@@ -110,6 +110,10 @@ class Recorder:
         for complete in self._order.complete_below(step):
             self._write_step(complete, is_last=False)
 
+    def flush(self) -> None:
+        """Let the file have all that is written, even if this process is killed."""
+        self._file.flush()
+
     def finish(self, closing_step: int, closing: Sequence[str]) -> None:
         """Write the closing outputs of those named, the last chain, and close the file.
 

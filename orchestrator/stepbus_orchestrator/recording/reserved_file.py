@@ -5,9 +5,13 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import struct
 from pathlib import Path
 
 _RESERVE_BYTES = 512 * 1024
+_HEAD = struct.Struct("<BQ")
+_PRIVATE_OPCODE = 0x80
+"""A record of this type is skipped by every reader of MCAP."""
 
 
 class ReservedFile:
@@ -23,6 +27,7 @@ class ReservedFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._position = 0
+        self._ahead = 0
         self.sha256 = hashlib.sha256()
         self.closed = False
         self._reserve = -1
@@ -54,17 +59,37 @@ class ReservedFile:
         """
         if self.closed:
             raise ValueError(f"{self._path} is closed")
-        rest = memoryview(data)
+        over = self._ahead - len(data)
+        # Who is killed here leaves no rubbish behind `data`, but one record that nobody reads.
+        cover = _HEAD.pack(_PRIVATE_OPCODE, max(0, over - _HEAD.size)) if over > 0 else b""
         try:
-            while rest:
-                rest = rest[os.write(self._file, rest) :]
+            self._write_at(self._position, data + cover if cover else data)
+            if cover:
+                os.ftruncate(self._file, self._position + len(data))
         except OSError:
             os.ftruncate(self._file, self._position)
-            os.lseek(self._file, self._position, os.SEEK_SET)
             raise
+        finally:
+            self._ahead = 0
         self._position += len(data)
         self.sha256.update(data)
         return len(data)
+
+    def write_ahead(self, data: bytes) -> None:
+        """Append bytes that the next `write` replaces; left out where there is no room."""
+        end = self._position + self._ahead
+        try:
+            self._write_at(end, data)
+            self._ahead += len(data)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, end)
+
+    def _write_at(self, offset: int, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            count = os.pwrite(self._file, rest, offset)
+            rest, offset = rest[count:], offset + count
 
     def flush(self) -> None:
         """Nothing is held back."""

@@ -37,5 +37,8 @@ class Sink(Protocol):
     def write_below(self, step: int) -> None:
         """Process all steps below `step`: they are complete."""
 
+    def flush(self) -> None:
+        """Keep what is processed safe from a kill; called by the wall clock, changes no result."""
+
     def finish(self, closing_step: int, closing: Sequence[str]) -> None:
         """End at `closing_step`; closing: who published once more at it."""

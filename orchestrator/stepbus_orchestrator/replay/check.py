@@ -136,6 +136,9 @@ class Check:
         if self._reference is not None:
             self._reference.write_below(step)
 
+    def flush(self) -> None:
+        """Nothing: the reference can be made again."""
+
     def finish(self, closing_step: int, closing: Sequence[str]) -> None:
         """Close the new reference."""
         if self._reference is not None:
