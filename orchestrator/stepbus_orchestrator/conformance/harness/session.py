@@ -156,7 +156,6 @@ class Session:
 
     def _take_alive(self, is_alive: bool) -> None:
         self.transcript.alive = is_alive
-        self.transcript.was_alive |= is_alive
 
     def _take_join(self, request: Any) -> None:
         self._recorder.add_hello(request.payload)

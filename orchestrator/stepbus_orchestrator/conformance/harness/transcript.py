@@ -29,14 +29,13 @@ _decode_hello = Decoder(Hello)
 class Transcript:
     """All messages of a participant.
 
-    alive, was_alive: whether its liveliness token exists, and ever did. asked: number of its
+    alive: whether its liveliness token exists. asked: number of its
     requests to join. hello: its newest `Hello`. outputs: the published ones by step, handshakes
     excepted; packed: their bytes in the order they came. logged: bytes of the logged ones, in
     their order. encodings: first part of the key → encodings. problems: clause → how it was broken.
     """
 
     alive: bool = False
-    was_alive: bool = False
     alive_before_hello: bool = False
     asked: int = 0
     hello: Hello | None = None
