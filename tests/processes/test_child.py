@@ -71,3 +71,25 @@ def test_the_exit_code_stays_after_the_end(start, code, exit_code, sentence):
 def test_a_process_that_runs_has_no_exit_code(start):
     child = start("import time; time.sleep(1000)")
     assert (child.wait(0.05), child.exit_code()) == (False, None)
+
+
+def test_a_log_without_end_keeps_its_head_and_its_tail(start, tmp_path):
+    child = start(
+        "import os, time\nos.write(1, b'the first line')\n"
+        "for _ in range(300): os.write(1, b'y' * 100_000)\n"
+        "time.sleep(0.5)\nos.write(1, b'the last line')"
+    )
+    assert child.wait(20.0)
+    child.end()
+    log = (tmp_path / "log").read_bytes()
+    assert len(log) < 9 * 1024 * 1024
+    assert log.startswith(b"the first line")
+    assert log.endswith(b"the last line")
+    assert b"bytes are cut out here]" in log
+
+
+def test_a_short_log_stays_as_it_is(start, tmp_path):
+    child = start("print('all of it')")
+    assert child.wait(20.0)
+    child.end()
+    assert (tmp_path / "log").read_text() == "all of it\n"

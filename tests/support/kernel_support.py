@@ -65,6 +65,9 @@ class Process:
     def last_error(self):
         return ""
 
+    def limit_log(self):
+        pass
+
     def is_stopped(self):
         return self.stopped
 

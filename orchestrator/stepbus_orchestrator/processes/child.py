@@ -15,6 +15,8 @@ from pathlib import Path
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_participant import last_error
 
+from .bounded_log import BoundedLog
+
 _TERM_GRACE_S = 1.0
 _KILL_S = 5.0
 """How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
@@ -41,6 +43,7 @@ class Child:
     ) -> None:
         self.name = name
         self.log = log
+        self._bounded_log = BoundedLog(log)
         self._lock = threading.Lock()
         try:
             with log.open("ab") as file:
@@ -83,6 +86,7 @@ class Child:
         """Return whether it has ended within a time [s]."""
         deadline, pause_s = time.monotonic() + timeout_s, _FIRST_PAUSE_S
         while self.exit_code() is None:
+            self.limit_log()
             left_s = deadline - time.monotonic()
             if left_s <= 0:
                 return False
@@ -100,6 +104,11 @@ class Child:
         self.signal(signal.SIGKILL)
         with self._lock, contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_KILL_S)
+        self.limit_log()
+
+    def limit_log(self) -> None:
+        """Keep the head and the tail of its log, once that has become large."""
+        self._bounded_log.limit()
 
     def signal(self, number: int) -> None:
         """Send a signal to it and all it has started; nothing once it has been reaped."""

@@ -32,6 +32,9 @@ class Process(Protocol):
     def last_error(self) -> str:
         """Return the last error it printed, or its last line, or nothing."""
 
+    def limit_log(self) -> None:
+        """Keep the head and the tail of its log, once that has become large."""
+
     def is_stopped(self) -> bool:
         """Return whether a signal or a debugger has stopped it."""
 
