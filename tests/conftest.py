@@ -1,6 +1,7 @@
 """Fixtures that several test files share."""
 
 import subprocess
+import sys
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -43,6 +44,10 @@ def pytest_configure(config):
     settings.register_profile("fixed", derandomize=True, deadline=None)
     settings.register_profile("fresh", max_examples=10 * DEFAULT, deadline=None, print_blob=True)
     settings.load_profile("fresh" if config.getoption("--fresh-examples") else "fixed")
+
+
+MOST_CLIENTS = 1024
+"""Of PyBullet in one process."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -89,3 +94,13 @@ def own_temp(monkeypatch):
         monkeypatch.setenv("TMPDIR", folder)
         yield Path(folder)
         monkeypatch.undo()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _physics_is_closed():
+    """Close each physics client that the tests of a file have opened: one takes 25 MB and more."""
+    yield
+    if (pybullet := sys.modules.get("pybullet")) is not None:
+        for client in range(MOST_CLIENTS):
+            if pybullet.isConnected(client):
+                pybullet.disconnect(client)
