@@ -1,80 +1,17 @@
 """The orchestrator: starts participants, drives them in lockstep, records them.
 
 Users import the same from `stepbus`. Functions whose name is also that of a sub-package have a
-longer one here.
+longer one here. All is loaded when it is first used: the command `stepbus` takes signals before.
 """
 
-from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
-from .analysis.diff import Diff, diff
-from .analysis.verify import Verification, plan, verify
-from .errors import (
-    BusFailed,
-    ExitCode,
-    Interrupted,
-    ParticipantDied,
-    ParticipantFault,
-    RecordingFailed,
-    RunFailure,
-    StartFailed,
-    StepTimeout,
-    StopTimeout,
-)
-from .recording.reader import Recording
-from .recording.recover import Recovery, recover
-from .recording.timing import StepTiming
-from .replay import ReplayResult
-from .replay import replay as replay_participant
-from .replay.rerun import Preparation, Rerun
-from .run.control.live_file import call
-from .run.control.pace import Pace
-from .run.describe import ParticipantDescription, describe
-from .run.progress import Observer, Progress
-from .run.result import Result
-from .run.run_scenario import Options, default_folder
-from .run.run_scenario import run as run_scenario
-from .scenario import Problem, Scenario, ScenarioError, builtin_names, check_data, load
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "BusFailed",
-    "Diff",
-    "ExitCode",
-    "Interrupted",
-    "Observer",
-    "Options",
-    "Pace",
-    "ParticipantDescription",
-    "ParticipantDied",
-    "ParticipantFault",
-    "Preparation",
-    "Problem",
-    "Progress",
-    "Recording",
-    "RecordingFailed",
-    "Recovery",
-    "ReplayResult",
-    "Rerun",
-    "Result",
-    "RunFailure",
-    "Scenario",
-    "ScenarioError",
-    "StartFailed",
-    "StepTimeout",
-    "StepTiming",
-    "StopTimeout",
-    "Tolerance",
-    "Verification",
-    "builtin_names",
-    "call",
-    "check_data",
-    "default_folder",
-    "describe",
-    "diff",
-    "load",
-    "parse_tolerance",
-    "plan",
-    "read_tolerance",
-    "recover",
-    "replay_participant",
-    "run_scenario",
-    "verify",
-]
+if TYPE_CHECKING:
+    from .exports import *  # noqa: F403  (its `__all__`)
+
+
+def __getattr__(name: str) -> Any:
+    if name.startswith("_") and name != "__all__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.exports"), name)

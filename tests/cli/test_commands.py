@@ -9,7 +9,8 @@ from importlib.metadata import version
 import pytest
 from run_support import write_scenario
 
-from stepbus_orchestrator.cli import COMMANDS, main, make_parser
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.cli.commands import COMMANDS, make_parser
 from stepbus_orchestrator.errors import ExitCode
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stepbus_orchestrator.cli import COMMANDS
+from stepbus_orchestrator.cli.commands import COMMANDS
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import builtin_names
 

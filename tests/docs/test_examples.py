@@ -15,7 +15,7 @@ from sybil.parsers.markdown import CodeBlockParser, SkipParser
 from sybil.parsers.rest import DocTestParser
 
 import stepbus
-from stepbus_orchestrator.cli import make_parser
+from stepbus_orchestrator.cli.commands import make_parser
 from stepbus_orchestrator.errors import ExitCode
 
 CHECKOUT = Path(__file__).parents[2]

@@ -1,5 +1,6 @@
 """What ends an orchestrator from outside: Ctrl-C, kill -9, a full disk."""
 
+import json
 import os
 import signal
 import subprocess
@@ -56,12 +57,15 @@ def recorded_bytes(tmp_path):
     return path.stat().st_size if path.exists() else 0
 
 
-def test_ctrl_c_ends_the_run_cleanly_with_its_own_code(tmp_path, start):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_run_cleanly_with_its_own_code(tmp_path, start, number):
     process = start("--set", "duration=1000s")
     assert wait_until(lambda: recorded_bytes(tmp_path) > 20_000)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=20)
     assert (process.returncode, "interrupted by the user" in errors) == (ExitCode.INTERRUPTED, True)
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["exit_code"] == ExitCode.INTERRUPTED
     recording = Recording(tmp_path / "out" / "run.mcap")
     assert (recording.damage, len(recording["plant/joint_state"]) > 100) == ("", True)
 

@@ -13,7 +13,8 @@ class Command:
 
     name: as typed. summary: one line in the overview. description: above its own help. examples:
     command lines that work. add_arguments: declares its arguments. execute: does it and returns
-    the exit code; errors are raised.
+    the exit code; errors are raised. is_run: runs a scenario, and ends in time
+    though nobody reads what it prints.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Command:
     examples: tuple[str, ...]
     add_arguments: Callable[[argparse.ArgumentParser], None]
     execute: Callable[[argparse.Namespace], int]
+    is_run: bool = False
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:

@@ -104,4 +104,5 @@ COMMAND = Command(
     ),
     add_arguments=_add_arguments,
     execute=_execute,
+    is_run=True,
 )

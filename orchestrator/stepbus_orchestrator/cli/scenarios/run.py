@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import threading
 from contextlib import nullcontext
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.entry import settle
+from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import make_display
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
@@ -20,6 +22,7 @@ from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
+_NO_REPORT = "no plots  the report was interrupted; the recording and result.json are whole"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,34 +72,43 @@ def _execute(args: argparse.Namespace) -> int:
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
     options = Options(out=out, pace=pace, debug=args.debug)
-    result = _run(scenario, options, pace, quiet=args.json)
-    lines = [] if args.no_report else _report(result)
-    if args.json:
-        say_json(result)
-    else:
-        _summarise(result, lines)
+    with interruptible() as interrupt:
+        result = _run(scenario, options, pace, interrupt, quiet=args.json)
+        lines = [] if args.no_report else _report(result, interrupt)
+        if args.json:
+            say_json(result)
+        else:
+            _summarise(result, lines)
+        settle()
     return result.exit_code
 
 
-def _run(scenario: Scenario, options: Options, pace: Pace, *, quiet: bool) -> Result:
-    """Run with a display; Ctrl-C and SIGTERM end the run cleanly, keys control it."""
+def _run(
+    scenario: Scenario, options: Options, pace: Pace, interrupt: threading.Event, *, quiet: bool
+) -> Result:
+    """Run with a display; signals end the run cleanly, keys control it."""
     display = None if quiet else make_display(scenario.name, plain=bool(options.debug))
     try:
-        with interruptible() as interrupt:
-            # A participant in a debugger reads the keys itself.
-            keys = nullcontext() if quiet or options.debug else controlled(pace, interrupt)
-            with keys:
-                return run(scenario, options, display, interrupt)
+        # A participant in a debugger reads the keys itself.
+        keys = nullcontext() if quiet or options.debug else controlled(pace, interrupt)
+        with keys:
+            return run(scenario, options, display, interrupt)
     finally:
         if display is not None:
             display.close()
 
 
-def _report(result: Result) -> list[str]:
+def _report(result: Result, interrupt: threading.Event) -> list[str]:
     """Make the plots and return the lines of the summary about the recording."""
     if not result.recording.exists() or result.steps == 0:
         return []
-    return write_report(result.recording)
+    if interrupt.is_set() and not result.exit_code:
+        return [_NO_REPORT]
+    try:
+        with abortable():
+            return write_report(result.recording)
+    except KeyboardInterrupt:
+        return [_NO_REPORT]
 
 
 def _summarise(result: Result, lines: list[str]) -> None:
@@ -152,4 +164,5 @@ COMMAND = Command(
     ),
     add_arguments=_add_arguments,
     execute=_execute,
+    is_run=True,
 )

@@ -1,25 +1,44 @@
-"""Ctrl-C and SIGTERM end a run cleanly."""
+"""Ctrl-C, SIGTERM and SIGHUP end a run cleanly."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import FrameType
+from typing import Any
+
+from stepbus_orchestrator.cli.entry import on_signals
 
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C or SIGTERM sets; for `run`, which then ends cleanly."""
+    """Yield an event that such a signal sets; for `run`, which then ends cleanly."""
     interrupt = threading.Event()
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        interrupt.set()
-
-    before = {n: signal.signal(n, on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+    before = on_signals(lambda _number, _frame: interrupt.set())
     try:
         yield interrupt
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        _restore(before)
+
+
+@contextlib.contextmanager
+def abortable() -> Iterator[None]:
+    """Let the first such signal raise KeyboardInterrupt; the others do what they did before."""
+    before: dict[int, Any] = {}
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        _restore(before)
+        raise KeyboardInterrupt
+
+    before |= on_signals(on_signal)
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+def _restore(handlers: Mapping[int, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

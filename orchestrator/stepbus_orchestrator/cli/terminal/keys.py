@@ -42,7 +42,9 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+        # Not TCSADRAIN, which waits for whoever reads; and the terminal may be gone.
+        with contextlib.suppress(termios.error):
+            termios.tcsetattr(descriptor, termios.TCSANOW, before)
 
 
 def _listen(descriptor: int, pace: Pace, interrupt: threading.Event, over: threading.Event) -> None:
@@ -50,7 +52,10 @@ def _listen(descriptor: int, pace: Pace, interrupt: threading.Event, over: threa
         ready, _, _ = select.select([descriptor], [], [], _POLL_S)
         if not ready:
             continue
-        keys = os.read(descriptor, 64).decode(errors="ignore")
+        try:
+            keys = os.read(descriptor, 64).decode(errors="ignore")
+        except OSError:
+            return
         if not keys:
             return
         for key in keys:

@@ -1,0 +1,82 @@
+"""The process of the command `stepbus`: takes signals from its first moment to its last.
+
+It loads nothing but the standard library by itself: the rest takes a second or more.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any
+
+_INTERRUPTED = 130
+_SENTENCE = "stepbus: interrupted\n"
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, `kill`, and a terminal that is closed: each ends a command, with the same exit code."""
+
+_is_settled = False
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code (docs/exit-codes.md).
+
+    arguments: default: those of this process, whose signals and streams it then takes.
+    """
+    if arguments is None:
+        return _main()
+    from .commands import execute  # noqa: PLC0415  (loads everything)
+
+    return execute(arguments)
+
+
+def _main() -> int:
+    on_signals(_leave)
+    from .commands import execute  # noqa: PLC0415  (loads everything)
+    from .terminal.outlet import outlets  # noqa: PLC0415
+
+    with outlets():
+        code: int | None = None
+        try:
+            on_signals(_interrupt)
+            code = execute(sys.argv[1:])
+            on_signals(signal.SIG_IGN)
+        except SystemExit as exc:
+            code = exc.code if isinstance(exc.code, int) else 0
+        except KeyboardInterrupt:
+            if code is None:
+                code = _INTERRUPTED
+                sys.stderr.write(_SENTENCE)
+        finally:
+            on_signals(signal.SIG_IGN)
+    return code
+
+
+def settle() -> None:
+    """Keep the exit code of the command from now on, whatever signal comes."""
+    global _is_settled  # noqa: PLW0603  (a signal handler has no other way to know)
+    _is_settled = True
+
+
+def on_signals(
+    handler: Callable[[int, FrameType | None], None] | signal.Handlers,
+) -> dict[int, Any]:
+    """Handle the signals that end a command, and return their handlers before."""
+    # `nohup` ignores SIGHUP on purpose.
+    kept = {signal.SIGHUP} if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else set()
+    return {number: signal.signal(number, handler) for number in _SIGNALS if number not in kept}
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    """End at once: nothing has started that would have to end first."""
+    try:
+        os.write(2, _SENTENCE.encode())
+    finally:
+        os._exit(_INTERRUPTED)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    if not _is_settled:
+        raise KeyboardInterrupt

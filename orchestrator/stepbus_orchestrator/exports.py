@@ -1,0 +1,76 @@
+"""What `stepbus_orchestrator` exports."""
+
+from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
+from .analysis.diff import Diff, diff
+from .analysis.verify import Verification, plan, verify
+from .errors import (
+    BusFailed,
+    ExitCode,
+    Interrupted,
+    ParticipantDied,
+    ParticipantFault,
+    RecordingFailed,
+    RunFailure,
+    StartFailed,
+    StepTimeout,
+    StopTimeout,
+)
+from .recording.reader import Recording
+from .recording.recover import Recovery, recover
+from .recording.timing import StepTiming
+from .replay import ReplayResult
+from .replay import replay as replay_participant
+from .replay.rerun import Preparation, Rerun
+from .run.control.live_file import call
+from .run.control.pace import Pace
+from .run.describe import ParticipantDescription, describe
+from .run.progress import Observer, Progress
+from .run.result import Result
+from .run.run_scenario import Options, default_folder
+from .run.run_scenario import run as run_scenario
+from .scenario import Problem, Scenario, ScenarioError, builtin_names, check_data, load
+
+__all__ = [
+    "BusFailed",
+    "Diff",
+    "ExitCode",
+    "Interrupted",
+    "Observer",
+    "Options",
+    "Pace",
+    "ParticipantDescription",
+    "ParticipantDied",
+    "ParticipantFault",
+    "Preparation",
+    "Problem",
+    "Progress",
+    "Recording",
+    "RecordingFailed",
+    "Recovery",
+    "ReplayResult",
+    "Rerun",
+    "Result",
+    "RunFailure",
+    "Scenario",
+    "ScenarioError",
+    "StartFailed",
+    "StepTimeout",
+    "StepTiming",
+    "StopTimeout",
+    "Tolerance",
+    "Verification",
+    "builtin_names",
+    "call",
+    "check_data",
+    "default_folder",
+    "describe",
+    "diff",
+    "load",
+    "parse_tolerance",
+    "plan",
+    "read_tolerance",
+    "recover",
+    "replay_participant",
+    "run_scenario",
+    "verify",
+]
