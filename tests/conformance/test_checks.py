@@ -144,7 +144,7 @@ def test_each_mistake_fails_exactly_the_checks_that_find_it(patient_inputs, tmp_
         words = program("wrong_controller.py", mistake)
         return failed(outcomes(patient_inputs, words, tmp_path / mistake))
 
-    with ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(2) as pool:
         found = dict(zip(FOUND_BY, pool.map(run, FOUND_BY), strict=True))
     assert found == FOUND_BY
 

@@ -77,7 +77,7 @@ def replace(recording):
 
 def overwrite(recording):
     with recording.open("r+b") as file:
-        file.seek(10_000)
+        file.seek(1000)
         file.write(b"something else")
 
 
@@ -94,7 +94,7 @@ def overwrite(recording):
     ],
 )
 def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
-    process, recording = start(tmp_path, "--set", "duration=4s")
+    process, recording = start(tmp_path, "--no-report", "--set", "duration=60s")
     change(recording)
     _, errors = process.communicate(timeout=60)
     assert f"the recording {recording} {sentence}: somebody changed it" in errors

@@ -77,8 +77,8 @@ public class Controller {
 
     static void send(OutputStream out, Map<String, ?> message) throws IOException {
         byte[] body = MessagePack.pack(message);
-        ByteBuffer message = ByteBuffer.allocate(4 + body.length).order(ByteOrder.LITTLE_ENDIAN);
-        out.write(message.putInt(body.length).put(body).array());
+        ByteBuffer frame = ByteBuffer.allocate(4 + body.length).order(ByteOrder.LITTLE_ENDIAN);
+        out.write(frame.putInt(body.length).put(body).array());
     }
 }
 
