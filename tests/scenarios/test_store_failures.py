@@ -9,6 +9,7 @@ from store_support import last, moves, slow_with_robots, store, texts
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.scenario import ScenarioError
 
 pytestmark = slow_with_robots
 
@@ -113,9 +114,8 @@ def test_a_failure_has_its_sentence_and_everything_comes_to_rest(name, tmp_path)
 
 
 def test_a_grip_without_force_is_refused_before_anything_moves(tmp_path):
-    result = store(tmp_path, "mission.params.force=0")
-    assert (result.exit_code, result.steps) == (ExitCode.START, 0)
-    assert "participants.mission.params.force: is 0, has to be positive" in result.reason
+    with pytest.raises(ScenarioError, match=r"mission.params.force: must be above 0, not 0"):
+        store(tmp_path, "mission.params.force=0")
 
 
 @pytest.mark.parametrize(
