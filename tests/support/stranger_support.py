@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 from run_support import run_joints
 
+from stepbus_orchestrator import Pace
 from stepbus_participant import Endpoint, ZenohBus, load_ticket
 from stepbus_schemas import encode, encoding_of
 
@@ -27,6 +29,7 @@ class Stranger:
     def __init__(self, temp, act):
         self.temp, self.act = temp, act
         self.acted = False
+        self.pace = Pace(at=20)
         self.over = threading.Event()
         self.publishers = {}
 
@@ -57,19 +60,24 @@ class Stranger:
             self.ask(b"")
             self.acted = True
         finally:
+            self.pace.resume()
             os.kill(children["controller"].pid, signal.SIGCONT)
             self.over.wait(WAIT_S)
             for bus in self.buses.values():
                 bus.close()
 
     def hear_everybody(self):
-        """Wait until each link is up in both directions: outputs of all have come on each."""
-        for bus in self.buses.values():
-            heard = {name: threading.Event() for name in self.buses}
-            for name, event in heard.items():
-                bus.subscribe(f"out/{name}", lambda _sample, event=event: event.set())
-            if not all(event.wait(WAIT_S) for event in heard.values()):
+        """Step on from the pause until outputs of all have come on each link, then let it run."""
+        heard = [threading.Event() for _ in self.buses for _ in self.buses]
+        pairs = [(bus, name) for bus in self.buses.values() for name in self.buses]
+        for event, (bus, name) in zip(heard, pairs, strict=True):
+            bus.subscribe(f"out/{name}", lambda _sample, event=event: event.set())
+        give_up = time.monotonic() + WAIT_S
+        while not all(event.wait(0.05) for event in heard):
+            if time.monotonic() > give_up:
                 raise TimeoutError("the stranger does not hear everybody")
+            self.pace.step()
+        self.pace.resume()
         self.await_step(20)
 
     def await_step(self, count):
@@ -109,6 +117,6 @@ def open_bus(ticket, links):
 def disturbed(folder, temp, act, *settings):
     """Return the result of a run that a stranger has disturbed."""
     stranger = Stranger(temp, act)
-    result = run_joints(folder, *PATIENT, *settings, around=stranger.around)
+    result = run_joints(folder, *PATIENT, *settings, around=stranger.around, pace=stranger.pace)
     assert stranger.acted, result.reason
     return result
