@@ -26,6 +26,7 @@ from .material import Material
 from .setup import Setup
 from .transcript import Recorder
 
+_DRAIN_S = 5.0
 _TICK_S = 0.02
 # A poll counts for at most this long, as in a run: a machine that slept is nobody's fault.
 _LONGEST_TICK_S = 0.25
@@ -259,6 +260,10 @@ class Session:
                 raise Failed(f"it did not end within {timeout_s:g} s of {what}")
             if not self.poll() and tick is not None:
                 tick()
+        # Its liveliness token disappears behind the last of what it sent, on the same link.
+        ended = time.monotonic()
+        while self.transcript.alive and time.monotonic() - ended < _DRAIN_S:
+            self.poll()
         while self.poll(0.0):
             continue
         return self.exit_code() or 0
