@@ -219,6 +219,7 @@ def test_orders_shelves_and_outlet_have_to_fit_together(params, text):
             {"orders": [{"item": "cola_a1_8"}]},
             "item 'cola_a1_8' is unknown; did you mean 'cola_a1_",
         ),
+        ({"orders": ["cole"]}, "type 'cole' is unknown; did you mean 'cola'?"),
         (
             {"outlet": {"position": [0, 0, 0], "link": "outlt_top"}},
             "link 'outlt_top' is unknown; did you mean 'outlet_top'?",
@@ -230,6 +231,34 @@ def test_names_that_the_plant_lacks_are_refused(params, text):
     with pytest.raises(WiringError) as caught:
         mission.start({"poses": FakeStore(shelf_a(*GOODS)).description()})
     assert text in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("world", "text"),
+    [
+        (
+            "stock: {types: {cola: {}, water: {}}}",
+            "params.orders[1]: type 'cole' is unknown; did you mean 'cola'?",
+        ),
+        ("bodies: {}", "params.catalog: world.yaml has no stock.types"),
+        ("stock: [", "params.catalog: "),
+    ],
+)
+def test_orders_of_a_type_that_the_catalog_lacks_are_refused_before_the_start(
+    world, text, tmp_path
+):
+    (tmp_path / "world.yaml").write_text(world)
+    catalog = str(tmp_path / "world.yaml")
+    with pytest.raises(WiringError) as caught:
+        StoreMission(config(orders=["water", "cole"], catalog=catalog))
+    assert text in str(caught.value)
+
+
+def test_a_type_of_the_catalog_may_be_sold_out(tmp_path):
+    (tmp_path / "world.yaml").write_text("stock: {types: {cola: {}, soup: {}}}")
+    catalog = str(tmp_path / "world.yaml")
+    result = sell(FakeStore(shelf_a(*GOODS)), orders=["soup", "cola"], catalog=catalog)
+    assert result.end.startswith("mission: 1 of 2 sales are done; no soup: shelf empty")
 
 
 def test_an_item_without_measures_is_refused():

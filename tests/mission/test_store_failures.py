@@ -78,14 +78,6 @@ def failed(store, **params):
         ),
         (
             {},
-            {"orders": ["cole"]},
-            (
-                "sale 1 (cole) failed while choosing an item: shelf empty, no cole is "
-                "left; 0 sold, 0 missing; did you mean 'cola'?"
-            ),
-        ),
-        (
-            {},
             {"opening": 0.06},
             (
                 "sale 1 (cola_a1_2) failed while choosing an item: too wide, 0.066 m, and the gripper "
@@ -199,6 +191,41 @@ def test_the_sales_before_a_failure_are_in_the_summary():
     assert "cola_a1_2" in result.summary.splitlines()[1]
     assert "1 of 2 sales in " in result.summary
     assert result.error.startswith("sale 2 (water_a1_4) failed while driving to the shelf: jammed")
+
+
+def test_an_order_that_is_sold_out_is_left_out_and_the_others_are_sold():
+    result = sell(FakeStore(shelf_a(*GOODS)), orders=["cola", "cola", "cola", "water"])
+    reason = "shelf empty, no cola is left; 2 sold, 0 missing"
+    assert result.end == f"mission: 3 of 4 sales are done; no cola: {reason}"
+    (warning,) = [event.text for event in result.events if event.level == "warning"]
+    assert f"sale 3 (cola): {reason}" in warning.splitlines()
+    rows = [line.split()[:2] for line in result.summary.splitlines()[1:5]]
+    assert rows == [["1", "cola_a1_2"], ["2", "cola_a1_3"], ["3", "cola"], ["4", "water_a1_4"]]
+    assert f"not sold: {reason}" in result.summary.splitlines()[3]
+
+
+def test_the_table_lists_the_order_that_failed_and_those_that_were_not_tried():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 2): "jammed"})
+    lines = sell(store, orders=["cola", "water", "cola"]).summary.splitlines()
+    assert lines[2].split(maxsplit=2) == [
+        "2", "water_a1_4", "not sold: failed while driving to the shelf",
+    ]  # fmt: skip
+    assert lines[3].split(maxsplit=2) == ["3", "cola", "not sold: not tried"]
+
+
+@pytest.mark.parametrize(
+    ("column", "by"), [(9, 0.0031), (3, 0.3)], ids=["far from the robot", "faster than the robot"]
+)
+def test_an_item_that_others_move_fails_no_sale(column, by):
+    store = FakeStore(
+        shelf_a(("cola", 2), ("water", column)),
+        pushes={("down", 1): (f"water_a1_{column}", by)},
+    )
+    result = sell(store)
+    assert result.end == "mission: 1 of 1 sales are done"
+    text = f"water_a1_{column} was moved by {by * 1e3:.1f} mm, not by the robot"
+    assert [event.text for event in result.events if event.level == "warning"] == [text]
+    assert "other items moved up to 0.0 mm" in result.summary
 
 
 def test_the_run_fails_one_step_after_the_sentence_is_out():

@@ -58,6 +58,7 @@ def test_every_passage_of_the_table_is_walked():
             found |= walked({"safe_height": 0.25}, drops=((state, 1),))
     found |= walked(empty_grips=1) | walked(slips=9)
     found |= walked(hidden=("cola_a1_2", "cola_a1_3")) | walked({"opening": 0.05})
+    found |= walked({"orders": ["cola"] * 3})
     found |= walked(dark=("order", 0)) | walked(dark=("approach", 1))
     found |= walked(hides={("approach", 1): "cola_a1_2"}) | walked(place_shift=0.1)
     found |= walked(fails={("drive", 1): "jammed"}, drifts=True)

@@ -7,7 +7,8 @@ import pytest
 from stepbus_mission.store.geometry import Spot, nearest_quarter, tilt_of, yaw_of
 from stepbus_mission.store.report import SaleResult, summary
 from stepbus_mission.store.stock import Stock, measures
-from stepbus_schemas import Description, Poses, RunError, WiringError
+from stepbus_mission.store.witness import Moved, Witness
+from stepbus_schemas import Contacts, Description, Poses, RunError, WiringError
 
 HALF = math.sqrt(0.5)
 CAN = "cylinder 0.033 0.115 @ 0 0 0.0575 0 0 0 1"
@@ -46,18 +47,53 @@ def test_items_know_their_shelf_by_their_name():
     ]
 
 
+def watched(*points):
+    goods = stock(*(f"cola_a1_{number}" for number, _ in enumerate(points, 1)))
+    return Witness(goods, poses(*points), 0.002)
+
+
 def test_the_largest_move_leaves_out_the_item_that_is_sold():
-    goods = stock("cola_a1_1", "cola_a1_2", "cola_a1_3")
-    goods.take_inventory(poses((0, 0, 0), (1, 0, 0), (2, 0, 0)))
+    witness = watched((0, 0, 0), (1, 0, 0), (2, 0, 0))
     now = poses((0, 0.5, 0), (1, 0, 0.003), (2, 0.001, 0))
-    assert goods.largest_move(now, besides="cola_a1_1") == (pytest.approx(0.003), "cola_a1_2")
+    assert witness.watch(now, 0.1, [(1, 0, 0.1)], "cola_a1_1") == []
+    assert witness.largest(now, "cola_a1_1") == (pytest.approx(0.003), "cola_a1_2")
 
 
-def test_an_item_that_was_put_elsewhere_has_moved_from_there():
-    goods = stock("cola_a1_1")
-    goods.take_inventory(poses((0, 0, 0)))
-    goods.update("cola_a1_1", poses((5, 0, 0)))
-    assert goods.largest_move(poses((5, 0.001, 0)))[0] == pytest.approx(0.001)
+def test_an_item_that_was_put_elsewhere_belongs_there():
+    witness = watched((0, 0, 0))
+    witness.settle("cola_a1_1", poses((5, 0, 0)))
+    assert witness.largest(poses((5, 0.001, 0)), "")[0] == pytest.approx(0.001)
+
+
+def test_what_the_robot_has_touched_it_has_moved():
+    witness, now = watched((0, 0, 0)), poses((0.003, 0, 0))
+    touch = Contacts(
+        pairs=[("cola_a1_1", "forearm")], force=[3.0], distance=[0.0], position=[(0, 0, 0)]
+    )
+    witness.feel(touch, ["forearm"])
+    assert witness.watch(now, 0.1, [(9, 0, 0)], "") == []
+    assert witness.largest(now, "")[1] == "cola_a1_1"
+
+
+def test_what_the_robot_knocks_over_knocks_over_the_next_one():
+    witness = watched((0, 0, 0), (0.12, 0, 0))
+    witness.watch(poses((0.01, 0, 0), (0.12, 0, 0)), 0.1, [(-0.15, 0, 0)], "")
+    now = poses((0.04, 0, 0), (0.15, 0, 0))
+    assert witness.watch(now, 0.2, [], "") == []
+    assert witness.largest(now, "cola_a1_1") == (pytest.approx(0.03), "cola_a1_2")
+
+
+def test_what_others_moved_is_reported_once_and_may_be_moved_by_the_robot_later():
+    witness, here = watched((0, 0, 0)), [(0.5, 0, 0)]
+    assert witness.watch(poses((0.5, 0, 0)), 0.1, here, "") == [
+        Moved(item="cola_a1_1", distance=0.5)
+    ]
+    assert witness.watch(poses((0.501, 0, 0)), 0.2, here, "") == []
+    assert witness.largest(poses((0.501, 0, 0)), "") == (0.0, "")
+    witness.watch(poses((0.501, 0, 0)), 0.3, here, "")
+    pushed = poses((0.504, 0, 0))
+    assert witness.watch(pushed, 0.4, here, "") == []
+    assert witness.largest(pushed, "") == (pytest.approx(0.003), "cola_a1_1")
 
 
 def test_the_width_of_a_box_depends_on_the_side_that_is_gripped():

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from stepbus_participant import suggest
-
 from .detection import correct, find
 from .geometry import tilt_of
-from .report import SaleResult
+from .report import SaleResult, Unsold
 from .state import Outcome, Sale, StoreState
 from .stock import Item
 
@@ -28,7 +26,10 @@ _AT_REST = 0.005
 
 
 def choose(store: StoreState) -> Outcome | None:
-    """Choose the next item: another one for the same order if the last one was missing."""
+    """Choose the next item: another one for the same order if the last one was missing.
+
+    An order that cannot be fulfilled is left out, unless it is the last one and nothing was sold.
+    """
     settings = store.settings
     if store.sale is None:
         if store.started == len(settings.orders):
@@ -39,9 +40,23 @@ def choose(store: StoreState) -> Outcome | None:
     sale = store.sale
     sale.item = _next_item(store, sale)
     if sale.item is None:
-        return Outcome(name="sold_out", cause="shelf_empty", text=_sold_out(store, sale))
+        return _leave_out(store, sale, "shelf_empty", _sold_out(store, sale))
     sale.detected, sale.attempts = None, 0
-    return _fits(store, sale.item)
+    problem = _misfit(store, sale.item)
+    if problem:
+        return _leave_out(store, sale, "too_wide", problem)
+    store.report(f"fetching {sale.item.name}")
+    return Outcome(name="chosen")
+
+
+def _leave_out(store: StoreState, sale: Sale, cause: str, text: str) -> Outcome:
+    """Go on to the next order, if there is one or something was sold."""
+    store.unsold.append(Unsold(number=sale.number, order=str(sale.order), reason=text))
+    if not store.results and store.started == len(store.settings.orders):
+        return Outcome(name="nothing_sold", cause=cause, text=text)
+    store.report(text, "warning")
+    store.sale = None
+    return Outcome(name="skipped")
 
 
 def _next_item(store: StoreState, sale: Sale) -> Item | None:
@@ -59,19 +74,15 @@ def _sold_out(store: StoreState, sale: Sale) -> str:
     counts = f"{len(store.sold)} sold, {len(store.missing)} missing"
     if sale.order.item:
         return f"shelf empty, {sale.order.item} is not there; {counts}"
-    types = store.stock.types
-    hint = "" if sale.order.type in types else suggest(sale.order.type, types)
-    return f"shelf empty, no {sale.order.type} is left; {counts}{hint}"
+    return f"shelf empty, no {sale.order.type} is left; {counts}"
 
 
-def _fits(store: StoreState, item: Item) -> Outcome:
-    yaw = store.opening_yaw(item.yaw)
-    width, opening = item.width_along(yaw), store.settings.opening
-    if width >= opening:
-        text = f"too wide, {width:.3f} m, and the gripper opens to {opening:.3f} m"
-        return Outcome(name="unfit", cause="too_wide", text=text)
-    store.report(f"fetching {item.name}")
-    return Outcome(name="chosen")
+def _misfit(store: StoreState, item: Item) -> str:
+    """Return why an item does not fit into the open gripper; empty: it does."""
+    width, opening = item.width_along(store.opening_yaw(item.yaw)), store.settings.opening
+    if width < opening:
+        return ""
+    return f"too wide, {width:.3f} m, and the gripper opens to {opening:.3f} m"
 
 
 def arrived(store: StoreState) -> Outcome | None:
@@ -200,6 +211,7 @@ def verify(store: StoreState) -> Outcome | None:
     )
     store.sold.append(result.item)
     store.stock.update(result.item, store.inputs.poses)
+    store.witness.settle(result.item, store.inputs.poses)
     store.sale = None
     return Outcome(name="good")
 
@@ -215,7 +227,7 @@ def _measure(store: StoreState) -> SaleResult:
         attempts=sale.attempts,
         detection_error=sale.detection_error,
         place_error=math.hypot(x - spot.x, y - spot.y),
-        moved=store.stock.largest_move(store.inputs.poses, besides=item.name)[0],
+        moved=store.witness.largest(store.inputs.poses, item.name)[0],
         duration=store.since(sale.start_ns),
     )
 
@@ -233,7 +245,7 @@ def _fault(store: StoreState, result: SaleResult) -> str:
     if abs(raised) > allowed.placed:
         return f"misplaced, its bottom is {raised * 1e3:.1f} mm above the top of the outlet"
     if result.moved > allowed.moved:
-        other = store.stock.largest_move(store.inputs.poses, besides=item.name)[1]
+        other = store.witness.largest(store.inputs.poses, item.name)[1]
         return f"{other} was moved by {result.moved * 1e3:.1f} mm"
     return ""
 

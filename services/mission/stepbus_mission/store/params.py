@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import msgspec
 
-from stepbus_participant import Count, Finite, Positive, Settings, Text, Vector3
+from stepbus_participant import Count, File, Finite, Positive, Settings, Text, Vector3, suggest
 from stepbus_participant.parameters import Keys
 
+from .catalog import types_in
 from .geometry import Spot
 
 
@@ -107,6 +108,9 @@ class Params(Settings):
     """Where the robot puts sold items."""
     tuck: dict[str, Finite]
     """Joint → position of the arm while the base drives without an item [rad]."""
+    catalog: File | None = None
+    """World file whose `stock.types` may be ordered, sold out or not. Default: the types of the
+    items that the plant has."""
     home: Vector3 = (0.0, 0.0, 0.0)
     """x, y, yaw of the base before the outlet [m, m, rad]."""
     stand: Positive = 0.45
@@ -162,6 +166,7 @@ class Params(Settings):
         for key in ("shelves", "tuck"):
             if not getattr(self, key):
                 yield (key,), "is empty"
+        yield from self._unknown_types()
         items = [order.item for order in self.orders if order.item]
         for name in dict.fromkeys(items):
             if items.count(name) > 1:
@@ -170,6 +175,18 @@ class Params(Settings):
         if count * outlet.pitch > outlet.length + 1e-9:
             text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
             yield ("outlet",), text
+
+    def _unknown_types(self) -> Iterator[tuple[Keys, str]]:
+        if self.catalog is None:
+            return
+        try:
+            types = types_in(self.catalog)
+        except ValueError as exc:
+            yield ("catalog",), str(exc)
+            return
+        for number, order in enumerate(self.orders):
+            if order.type and order.type not in types:
+                yield ("orders", number), unknown_type(order.type, types)
 
     @property
     def home_spot(self) -> Spot:
@@ -183,3 +200,9 @@ class Params(Settings):
         middle = Spot(x=x, y=y, yaw=self.outlet.yaw)
         left = self.outlet.pitch * ((len(self.orders) - 1) / 2 - number)
         return middle.ahead(0.0, left=left)
+
+
+def unknown_type(given: str, types: Sequence[str]) -> str:
+    """Return the sentence about an order of a type that the shop does not have."""
+    known = suggest(given, types) or f"; it has {', '.join(types) or 'no items at all'}"
+    return f"type {given!r} is unknown{known}"

@@ -14,6 +14,7 @@ import msgspec
 from stepbus_participant import Config, Participant, Ports, Step, suggest
 from stepbus_schemas import (
     BaseState,
+    Contacts,
     Description,
     Detections,
     Event,
@@ -28,11 +29,12 @@ from stepbus_schemas import (
 
 from .checks import check_of
 from .goals import GOALS
-from .params import Params
-from .report import summary
+from .params import Params, unknown_type
+from .report import Unsold, summary
 from .state import Inputs, Level, LogEntry, Outcome, StoreState, Visit
 from .states import FIRST, LAST, STATES
 from .stock import Stock
+from .witness import Witness
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 
@@ -46,6 +48,7 @@ class _PortNames:
     gripper: str
     odometry: str
     status: str
+    contacts: str | None
     goal: str
     events: str
     summary: str
@@ -55,7 +58,8 @@ class StoreMission(Participant):
     """Fulfils one order after the other; any failure triggers an emergency stop and fails the run.
 
     Inputs: Poses/1, the true poses from the plant, for the inventory at the first step and for the
-    verification of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1. Outputs:
+    verification of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1; where the
+    scenario wires it, Contacts/1, to tell what the robot moved from what others moved. Outputs:
     Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the report.
     `Params` has the parameters; `docs/store_mission.md` lists them.
 
@@ -89,6 +93,11 @@ class StoreMission(Participant):
             where = f"participants.{self.config.name}.params"
             raise WiringError("\n".join(f"{where}.{problem}" for problem in problems))
         self._stock = stock
+        contacts = self._ports.contacts
+        self._robot_links = (
+            frozenset(inputs[contacts].names) if contacts is not None else frozenset()
+        )
+        self._tip = self._settings.tip if self._settings.tip in description.names else ""
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the goal of a new state, and the log entries of this step."""
@@ -110,11 +119,29 @@ class StoreMission(Participant):
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
             visit = Visit(state=FIRST, start_ns=step.t_ns)
+            tolerance = self._settings.tolerances.moved
             self._store = StoreState(
-                settings=self._settings, stock=self._stock, visit=visit, inputs=inputs
+                settings=self._settings,
+                stock=self._stock,
+                witness=Witness(self._stock, inputs.poses, tolerance),
+                visit=visit,
+                inputs=inputs,
             )
         self._store.inputs = inputs
+        if step.is_new(self._ports.poses):
+            self._witness(self._store)
         return self._store
+
+    def _witness(self, store: StoreState) -> None:
+        """Report items that others move."""
+        inputs, witness = store.inputs, store.witness
+        if inputs.contacts is not None:
+            witness.feel(inputs.contacts, self._robot_links)
+        sold = store.sale.item.name if store.sale and store.sale.item else ""
+        near = [self._stock.pose(name, inputs.poses)[0] for name in (self._tip, sold) if name]
+        for moved in witness.watch(inputs.poses, inputs.t_ns * 1e-9, near, sold):
+            text = f"{moved.item} was moved by {moved.distance * 1e3:.1f} mm, not by the robot"
+            store.log.append(("warning", text))
 
     def _read(self, step: Step) -> Inputs:
         ports = self._ports
@@ -128,6 +155,7 @@ class StoreMission(Participant):
             gripper=step.read(ports.gripper, GripperState),
             status=status if is_newest else None,
             detections=step.get(ports.detections, Detections) if fresh else None,
+            contacts=step.get(ports.contacts, Contacts) if ports.contacts else None,
         )
 
     def _advance(self, store: StoreState) -> Goal | None:
@@ -161,8 +189,10 @@ class StoreMission(Participant):
             self._failure = store.failure()
             store.log.append(("error", self._failure))
         else:
-            count = len(store.results)
-            step.end(f"{self.config.name}: {count} of {count} sales are done")
+            orders = len(self._settings.orders)
+            text = f"{self.config.name}: {len(store.results)} of {orders} sales are done"
+            unsold = "; ".join(f"no {row.order}: {row.reason}" for row in store.unsold)
+            step.end(f"{text}; {unsold}" if unsold else text)
 
     def _events(self, store: StoreState) -> dict[str, Message]:
         """Return the log of this step, and at the end the report."""
@@ -175,7 +205,25 @@ class StoreMission(Participant):
 
     def _report(self, store: StoreState) -> list[LogEntry]:
         orders, duration = len(self._settings.orders), store.since(0)
-        return [("info", summary(store.results, orders, duration, failure=self._failure))]
+        text = summary(
+            store.results, orders, duration, failure=self._failure, unsold=_all_unsold(store)
+        )
+        return [("info", text)]
+
+
+def _all_unsold(store: StoreState) -> list[Unsold]:
+    """Return the orders that were left out, the one that failed, and those after it."""
+    rows, problem = list(store.unsold), store.problem
+    known = {row.number for row in rows} | {result.number for result in store.results}
+    if problem and store.sale and store.sale.number not in known:
+        name = store.sale.item.name if store.sale.item else str(store.sale.order)
+        text = f"failed while {store.doing}"
+        rows.append(Unsold(number=store.sale.number, order=name, reason=text))
+    known |= {row.number for row in rows}
+    for number, order in enumerate(store.settings.orders, 1):
+        if number not in known:
+            rows.append(Unsold(number=number, order=str(order), reason="not tried"))
+    return rows
 
 
 def _find_ports(ports: Ports) -> _PortNames:
@@ -187,6 +235,7 @@ def _find_ports(ports: Ports) -> _PortNames:
         gripper=ports.input_of("GripperState/1"),
         odometry=ports.input_of("BaseState/1"),
         status=ports.input_of("GoalStatus/1"),
+        contacts=ports.optional_input_of("Contacts/1"),
         goal=ports.output_of("Goal/1"),
         events=events,
         summary=summary_port,
@@ -208,6 +257,12 @@ def _unknown(settings: Params, stock: Stock, links: Sequence[str]) -> list[str]:
         for order in settings.orders
         if order.item and order.item not in stock.names
     ]
+    if settings.catalog is None:
+        problems += [
+            f"orders: {unknown_type(order.type, stock.types)}"
+            for order in settings.orders
+            if order.type and order.type not in stock.types
+        ]
     link = settings.outlet.link
     if link not in links:
         problems.append(f"outlet.link: link {link!r} is unknown{suggest(link, links)}")

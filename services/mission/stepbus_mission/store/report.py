@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 _HEADER = ("sale", "item", "attempts", "detection", "place", "others", "duration")
 
@@ -38,17 +39,36 @@ class SaleResult:
         )
 
 
-def table(results: Sequence[SaleResult]) -> str:
-    """Return the sales as lines of aligned columns below a header."""
-    lines = [_HEADER, *(result.cells() for result in results)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+@dataclass(frozen=True, kw_only=True)
+class Unsold:
+    """An order that was not fulfilled; reason: a phrase."""
+
+    number: int
+    order: str
+    reason: str
+
+
+def table(results: Sequence[SaleResult], unsold: Sequence[Unsold] = ()) -> str:
+    """Return one line for each order, in columns below a header."""
+    sold = {result.number: result.cells() for result in results}
+    rest = {row.number: (str(row.number), row.order, f"not sold: {row.reason}") for row in unsold}
+    # The reason of an order that was not fulfilled does not widen the columns.
+    lines = [_HEADER, *sold.values(), *((*row[:2], "") for row in rest.values())]
+    widths = [max(map(len, column)) for column in zip_longest(*lines, fillvalue="")]
+    rows = [_HEADER, *(row for _, row in sorted({**sold, **rest}.items()))]
     return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=False)).rstrip()
+        for row in rows
     )
 
 
-def summary(results: Sequence[SaleResult], orders: int, duration: float, failure: str = "") -> str:
+def summary(
+    results: Sequence[SaleResult],
+    orders: int,
+    duration: float,
+    failure: str = "",
+    unsold: Sequence[Unsold] = (),
+) -> str:
     """Return the table and a summary line.
 
     orders: number of orders. duration: of the mission [s]. failure: why it ended early.
@@ -58,5 +78,5 @@ def summary(results: Sequence[SaleResult], orders: int, duration: float, failure
         place = max(result.place_error for result in results) * 1e3
         moved = max(result.moved for result in results) * 1e3
         last += f"; placed within {place:.1f} mm, other items moved up to {moved:.1f} mm"
-    parts = [table(results), last] if results else [last]
+    parts = [table(results, unsold), last] if results or unsold else [last]
     return "\n".join([*parts, failure] if failure else parts)

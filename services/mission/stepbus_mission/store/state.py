@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from stepbus_schemas import BaseState, Detections, GoalStatus, GripperState, Poses
+from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Poses
 
 from .geometry import Spot, nearest_quarter
 from .params import Order, Params
-from .report import SaleResult
+from .report import SaleResult, Unsold
 from .states import STATES
 from .stock import Item, Stock
+from .witness import Witness
 
 Level = Literal["info", "warning", "error"]
 LogEntry = tuple[Level, str]
@@ -35,7 +36,8 @@ class Outcome:
 class Inputs:
     """The inputs at one step.
 
-    status: of the latest goal; None: none yet. detections: None unless new at this step.
+    status: of the latest goal; None: none yet. detections: None unless new at this step. contacts:
+    of the robot; None where nothing senses them.
     """
 
     t_ns: int
@@ -44,6 +46,7 @@ class Inputs:
     gripper: GripperState
     status: GoalStatus | None = None
     detections: Detections | None = None
+    contacts: Contacts | None = None
 
 
 @dataclass(kw_only=True)
@@ -93,13 +96,15 @@ class Sale:
 class StoreState:
     """All that the states read and write.
 
-    settings: of the scenario. started: number of orders started. missing: names of items not
-    found. log: entries of this step. problem: the latest failure; doing: the activity that failed;
-    attempts_text: how many attempts failed. rest: how the emergency stop went.
+    settings: of the scenario. witness: of items that move. started: number of orders started.
+    missing: names of items not found. unsold: orders that were left out. log: entries of this step.
+    problem: the latest failure; doing: the activity that failed; attempts_text: how many attempts
+    failed. rest: how the emergency stop went.
     """
 
     settings: Params
     stock: Stock
+    witness: Witness
     visit: Visit
     inputs: Inputs
     sale: Sale | None = None
@@ -107,6 +112,7 @@ class StoreState:
     missing: list[str] = field(default_factory=list)
     sold: list[str] = field(default_factory=list)
     results: list[SaleResult] = field(default_factory=list)
+    unsold: list[Unsold] = field(default_factory=list)
     log: list[LogEntry] = field(default_factory=list)
     problem: Outcome | None = None
     doing: str = ""

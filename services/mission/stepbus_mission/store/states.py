@@ -41,7 +41,12 @@ LAST = ("end", "failed")
 STATES: Mapping[str, State] = {
     "order": State(
         doing="choosing an item",
-        then={"chosen": "tuck", "all_sold": "park", "sold_out": "stop", "unfit": "stop"},
+        then={
+            "chosen": "tuck",
+            "skipped": "order",
+            "all_sold": "park",
+            "nothing_sold": "stop",
+        },
     ),
     "tuck": _goal("tucking the arm in", "drive"),
     "drive": _goal("driving to the shelf", "open"),

@@ -17,7 +17,7 @@ from stepbus_schemas import (
     parse_shapes,
 )
 
-from .geometry import distance, extents, nearest_quarter, yaw_of
+from .geometry import extents, nearest_quarter, yaw_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,18 +144,6 @@ class Stock:
         """Record the new pose of an item that was moved on purpose."""
         position, turn = self.pose(name, poses)
         self._items[name] = replace(self._items[name], position=position, yaw=yaw_of(turn))
-
-    def largest_move(self, poses: Poses, besides: str = "") -> tuple[float, str]:
-        """Return the largest displacement of an item [m], and its name.
-
-        besides: the item that is meant to move. An empty name: there is no other item.
-        """
-        moves = (
-            (distance(item.position, self.pose(name, poses)[0]), name)
-            for name, item in self._items.items()
-            if name != besides
-        )
-        return max(moves, key=lambda move: move[0], default=(0.0, ""))
 
 
 def measures(name: str, shapes: str) -> Measures:
