@@ -36,7 +36,7 @@ test-slow: setup
 	@[ -z "$(FRESH)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH) --timeout 1200
 
 chaos: setup
-	@$(PYTHON) -m pytest -m slow tests/faults/test_chaos.py
+	@$(PYTHON) -m pytest -m slow tests/orchestrator/faults/test_chaos.py
 
 check: setup
 	@$(PYTHON) -m ruff format --check .
@@ -54,7 +54,7 @@ coverage: setup
 
 docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
-	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs -d build/doctrees . build/docs
+	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs/site -d build/doctrees . build/docs
 	@echo "build/docs/index.html"
 
 campaign: setup

@@ -55,7 +55,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library", type=Path, help="mermaid.min.js")
     args = parser.parse_args()
-    for page in sorted(DOCS.glob("*.md")):
+    for page in sorted(DOCS.rglob("*.md")):
         for text in BLOCK.findall(page.read_text(encoding="utf-8")):
             path = DOCS / "pictures" / f"{page.stem}.svg"
             path.write_text(f"{fingerprint(text)}\n{draw(text, args.library)}\n", encoding="utf-8")

@@ -8,23 +8,23 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from property_support import DEFAULT
+from support.properties import DEFAULT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run
 
 ROBOTS = ("cv2", "eaik", "ompl", "toppra", "xacro")
 NEED_ROBOTS = [
-    "motion/test_analytic.py",
-    "motion/test_manipulator.py",
-    "motion/test_paths.py",
+    "services/motion/test_analytic.py",
+    "services/motion/test_manipulator.py",
+    "services/motion/test_paths.py",
     "participant/test_models.py",
-    "perception/test_accuracy.py",
-    "perception/test_detector.py",
-    "perception/test_participant.py",
-    "planner/test_participant.py",
-    "planner/test_run.py",
-    "planner/test_paths.py",
+    "services/perception/test_accuracy.py",
+    "services/perception/test_detector.py",
+    "services/perception/test_participant.py",
+    "services/planner/test_participant.py",
+    "services/planner/test_run.py",
+    "services/planner/test_paths.py",
     "scenarios/test_store_scene.py",
 ]
 """Files whose imports need what the extra `robots` installs."""

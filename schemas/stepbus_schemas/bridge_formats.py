@@ -1,4 +1,4 @@
-"""The formats that the bridge speaks to a program (docs/bridge.md)."""
+"""The formats that the bridge speaks to a program (docs/guide/bridge.md)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Write what follows from the message types: `python -m stepbus_schemas.generate [--check]`.
 
-That is the JSON Schemas, the byte vectors and `docs/messages.md`. With `--check` it writes nothing
-and exits with 1 when a file is out of date.
+That is the JSON Schemas, the byte vectors and `docs/reference/messages.md`. With `--check`, it
+writes nothing and exits with 1 when a file is out of date.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def generated_files(root: Path) -> dict[Path, str]:
         for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
     }
     files[root / "schemas/vectors.json"] = _line_by_line(vectors(), 4) + "\n"
-    files[root / "docs/messages.md"] = messages_page()
+    files[root / "docs/reference/messages.md"] = messages_page()
     return files
 
 

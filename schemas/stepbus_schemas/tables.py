@@ -25,7 +25,7 @@ Machine-readable: JSON Schema in `schemas/json/`, byte vectors for your codec in
 
 
 def messages_page() -> str:
-    """Return the content of `docs/messages.md`."""
+    """Return the content of `docs/reference/messages.md`."""
     parts = [_HEADER, _INTRODUCTION, "## Port messages\n", port_table(), "## Protocol envelopes\n"]
     parts += [_envelope_section(name) for name in ENVELOPE_TYPES]
     parts += ["## Parts of envelopes\n", *_shared_sections()]

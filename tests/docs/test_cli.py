@@ -1,17 +1,16 @@
-"""docs/cli.md and docs/exit-codes.md say what the command line does."""
+"""docs/reference/cli.md and docs/exit-codes.md say what the command line does."""
 
 import argparse
 import re
-from pathlib import Path
 
 import pytest
+from support.paths import DOCS
 
 from stepbus_orchestrator.cli.commands import COMMANDS
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import builtin_names
 
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE = (DOCS / "cli.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "reference/cli.md").read_text(encoding="utf-8")
 INTRODUCTION, *PARTS = re.split(r"^## ", PAGE, flags=re.MULTILINE)
 SECTIONS = {part.partition("\n")[0]: part for part in PARTS}
 

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.paths import CHECKOUT
 from sybil import Sybil
 from sybil.document import PythonDocStringDocument
 from sybil.parsers.markdown import CodeBlockParser, SkipParser
@@ -18,10 +19,9 @@ import stepbus
 from stepbus_orchestrator.cli.commands import make_parser
 from stepbus_orchestrator.errors import ExitCode
 
-CHECKOUT = Path(__file__).parents[2]
 PAGES = [
     *sorted(CHECKOUT.glob("*.md")),
-    *sorted((CHECKOUT / "docs").glob("*.md")),
+    *sorted((CHECKOUT / "docs").rglob("*.md")),
     *sorted((CHECKOUT / "scenarios").glob("*/*/*.md")),
     CHECKOUT / "examples/README.md",
     CHECKOUT / "benchmarks/README.md",

@@ -1,16 +1,15 @@
 """What the docs name exists."""
 
 import re
-from pathlib import Path
 
 import pytest
+from support.paths import CHECKOUT
 
-CHECKOUT = Path(__file__).parents[2]
 PAGES = sorted(
     path
     for pattern in (
         "*.md",
-        "docs/*.md",
+        "docs/**/*.md",
         "scenarios/*/*/*.md",
         "examples/**/*.md",
         "benchmarks/*.md",

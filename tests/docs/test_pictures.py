@@ -1,11 +1,8 @@
 """The scripts that draw the pictures of the store still read what a run records."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-CHECKOUT = Path(__file__).parents[2]
+from support.paths import CHECKOUT
 
 
 @pytest.mark.slow

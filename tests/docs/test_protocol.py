@@ -2,13 +2,13 @@
 
 import json
 import re
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import pytest
 from mcap.reader import make_reader
-from run_support import run_joints
+from support.paths import DOCS, PROGRAMS
+from support.runs.joints import run_joints
 
 import stepbus_participant.session.admission
 import stepbus_participant.session.step_loop
@@ -24,7 +24,7 @@ from stepbus_participant import (
 from stepbus_participant.bus import zenoh_settings
 from stepbus_schemas import ENVELOPE_TYPES, Decoder, encode, encoding_of
 
-PAGE = (Path(__file__).parents[2] / "docs/protocol.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")
 EXAMPLE = re.compile(
     r"\*\*(\d+)\. (sent|received) on `(\S+)`: `(\S+)`, (\d+) bytes\*\*\n\n"
     r"```json\n(.*?)```\n\n```hex\n(.*?)```",
@@ -165,7 +165,7 @@ def outputs_of(result):
 
 @pytest.mark.parametrize("settings", [["window=64"], ["window=1", "batch=1"]])
 def test_a_program_written_from_the_page_alone_publishes_what_ours_does(tmp_path, settings):
-    program = Path(__file__).parents[1] / "programs/by_the_page.py"
+    program = PROGRAMS / "by_the_page.py"
     (tmp_path / "source").mkdir()
     (tmp_path / "source/by_the_page.py").write_bytes(program.read_bytes())
     theirs = run_joints(tmp_path, "controller.exec=[python, by_the_page.py]", *settings)

@@ -1,15 +1,15 @@
 """What the README shows is what happens."""
 
 import re
-from pathlib import Path
+
+from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.starters.starter import write_starter
 
-CHECKOUT = Path(__file__).parents[2]
 README = (CHECKOUT / "README.md").read_text(encoding="utf-8")
-START = (CHECKOUT / "docs/getting_started.md").read_text(encoding="utf-8")
+START = (CHECKOUT / "docs/guide/getting_started.md").read_text(encoding="utf-8")
 
 
 def file_of(name, page):

@@ -1,26 +1,26 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
-from scenario_support import write
+from support.paths import DOCS
+from support.runs.scenario import write
 
 from stepbus_orchestrator.scenario import builtin_names, files, load, resolved
 from stepbus_orchestrator.scenario.reading.declaration import ParticipantRow, ScenarioFile
 
-DOCS = (Path(__file__).parents[2] / "docs/scenario.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "reference/scenario.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
     "key", [*ScenarioFile.__struct_encode_fields__, *ParticipantRow.__struct_encode_fields__]
 )
 def test_the_reference_has_every_key(key):
-    assert f"\n| `{key}` |" in DOCS
+    assert f"\n| `{key}` |" in PAGE
 
 
 def test_the_first_example_of_the_reference_is_a_scenario(tmp_path):
-    text = re.findall(r"```yaml\n(.*?)```", DOCS, re.DOTALL)[0]
+    text = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[0]
     text = re.sub(r"-m, stepbus_\w+", "-c, pass", text)
     assert load(write(tmp_path, text)).name == "arm"
 

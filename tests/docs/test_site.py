@@ -3,13 +3,12 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from support.paths import CHECKOUT
 
 import stepbus
 
-CHECKOUT = Path(__file__).parents[2]
 pytest.importorskip("sphinx", reason="needs the extra docs: `make docs`")
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 LOADED = re.compile(
@@ -23,7 +22,7 @@ def site(tmp_path_factory):
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "-E", "-d", out / "doctrees"]
     done = subprocess.run(
-        [*command, "-c", "docs", ".", out / "html"],
+        [*command, "-c", "docs/site", ".", out / "html"],
         cwd=CHECKOUT, check=False, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -31,7 +30,9 @@ def site(tmp_path_factory):
 
 
 def test_every_public_name_is_in_the_reference(site):
-    anchors = set(re.findall(r'id="(stepbus\.[\w.]+)"', (site / "docs/api.html").read_text()))
+    anchors = set(
+        re.findall(r'id="(stepbus\.[\w.]+)"', (site / "docs/reference/api.html").read_text())
+    )
     public = {f"stepbus.{name}" for name in stepbus.__all__ if name != "testing"}
     testing = {f"stepbus.testing.{name}" for name in stepbus.testing.__all__}
     assert public | testing <= anchors
@@ -53,4 +54,4 @@ def test_no_page_loads_anything_from_another_host(site):
 
 
 def test_the_search_knows_the_glossary(site):
-    assert "docs/glossary" in (site / "searchindex.js").read_text()
+    assert "docs/reference/glossary" in (site / "searchindex.js").read_text()

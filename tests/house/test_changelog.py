@@ -3,8 +3,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.paths import CHECKOUT
 
-SCRIPT = Path(__file__).parents[2] / "scripts/check_changelog.py"
+SCRIPT = CHECKOUT / "scripts/check_changelog.py"
 
 
 def _git(folder: Path, *arguments: str) -> None:

@@ -1,8 +1,8 @@
 import re
 import tomllib
-from pathlib import Path
 
-CHECKOUT = Path(__file__).parents[2]
+from support.paths import CHECKOUT
+
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 DIRECT = {
     re.split(r"[<>=\[ ]", requirement)[0]

@@ -5,7 +5,8 @@ import importlib
 import subprocess
 from pathlib import Path
 
-CHECKOUT = Path(__file__).parents[2]
+from support.paths import CHECKOUT
+
 EXPORTING = {"stepbus_participant.parameters"}
 """Sub-packages that other packages may import from, beside the packages themselves."""
 ONE = {"stepbus_pytest": "stepbus"}

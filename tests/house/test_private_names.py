@@ -1,9 +1,9 @@
 """Tests use what users can use: no test reaches for a private name of an object."""
 
 import ast
-from pathlib import Path
 
-TESTS = Path(__file__).parents[1]
+from support.paths import TESTS
+
 THEIRS = {"_replace", "_asdict", "_fields", "_exit"}
 """Names with an underscore that are public all the same: of named tuples, and os._exit."""
 

@@ -1,10 +1,10 @@
 """The controllers in Octave and Java, on the bus through the bridge."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
+from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
@@ -12,7 +12,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 
-EXAMPLES = Path(__file__).parents[2] / "examples" / "controllers"
+EXAMPLES = CHECKOUT / "examples" / "controllers"
 PROGRAMS = {"octave": "octave-cli", "java": "java"}
 
 

@@ -5,10 +5,10 @@ import re
 import shutil
 import subprocess
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
@@ -16,7 +16,6 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 
-CHECKOUT = Path(__file__).parents[2]
 EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
 CRATE = CHECKOUT / "clients" / "rust"
 

@@ -4,9 +4,9 @@ import os
 import re
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
+from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
@@ -14,7 +14,6 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.starters.starter import STARTERS, write_starter
 
-CHECKOUT = Path(__file__).parents[2]
 TOOLS = {"c": "make", "java": "java", "js": "node", "octave": "octave-cli", "rust": "cargo"}
 # Zenoh builds for minutes, in the tests of the Rust example; Python runs in test_cli_commands.py.
 QUICK = sorted(set(STARTERS) - {"python", "rust"})

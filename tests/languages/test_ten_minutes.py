@@ -1,10 +1,10 @@
-"""The ten minutes of docs/getting_started.md, as written there."""
+"""The ten minutes of docs/guide/getting_started.md, as written there."""
 
 import re
 import shutil
-from pathlib import Path
 
 import pytest
+from support.paths import DOCS
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
@@ -12,7 +12,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.starters.starter import write_starter
 
-PAGE = (Path(__file__).parents[2] / "docs/getting_started.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "guide/getting_started.md").read_text(encoding="utf-8")
 
 
 def shown(name: str) -> str:

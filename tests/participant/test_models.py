@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from scenario_support import changed, load_text, write
+from support.runs.scenario import changed, load_text, write
 
 from stepbus_orchestrator.scenario import files
 from stepbus_participant import read_urdf_text

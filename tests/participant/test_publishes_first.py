@@ -1,7 +1,7 @@
 """What a participant with `publishes: first` may return, and how it ends a run."""
 
 import pytest
-from scripted_bus_support import command, run_plant, stop
+from support.messages.scripted_bus import command, run_plant, stop
 
 from stepbus_participant import JointCommand, JointState, Participant
 from stepbus_schemas import RunError

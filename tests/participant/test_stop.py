@@ -1,7 +1,7 @@
 """When a participant ends, whatever is still under way to it."""
 
 import pytest
-from scripted_bus_support import command, run_plant, stop
+from support.messages.scripted_bus import command, run_plant, stop
 
 from stepbus_participant import JointCommand, JointState, Participant
 

@@ -1,4 +1,4 @@
-"""The store of `mission_store_support` as a participant; its second argument are its faults."""
+"""The store of `support.services.mission_store` as a participant; its second argument are its faults."""
 
 import json
 import sys
@@ -6,7 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(sys.argv[2])))
 
-from mission_store_support import FakeStore, shelf_a
+from support.services.mission_store import FakeStore, shelf_a
 
 from stepbus import Participant, main
 from stepbus_schemas import Description, Goal

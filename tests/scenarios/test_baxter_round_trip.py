@@ -4,7 +4,7 @@ import re
 
 import msgpack
 import pytest
-from recording_support import messages
+from support.messages.recordings import messages
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from store_support import last, moves, slow_with_robots, store, texts
+from support.runs.store import last, moves, slow_with_robots, store, texts
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import ExitCode

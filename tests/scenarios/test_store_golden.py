@@ -1,11 +1,11 @@
-"""The participants of `store` against the golden log of a sale; docs/replay.md says how it is made.
+"""The participants of `store` against the golden log of a sale; docs/guide/replay.md says how it is made.
 
 Not the plant: its contacts, computed with other last bits on another processor, go another way.
 `test_store_sale.py` replays that as well, on the processor that recorded it.
 """
 
 import pytest
-from store_support import slow_with_robots
+from support.runs.store import slow_with_robots
 
 GOLDEN, TOLERANCE = "../golden/store.mcap", "../golden/store_tolerance.yaml"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from store_support import NAMES, PATIENT, moves, slow_with_robots, store, texts
+from support.runs.store import NAMES, PATIENT, moves, slow_with_robots, store, texts
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording

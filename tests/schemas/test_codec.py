@@ -3,8 +3,8 @@ from contextlib import suppress
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from property_support import examples
-from schemas_support import TYPES, messages
+from support.messages.vectors import TYPES, messages
+from support.properties import examples
 
 from stepbus_schemas import (
     MESSAGE_TYPES,

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from schemas_support import CHECKOUT, TYPES
+from support.messages.vectors import CHECKOUT, TYPES
 
 from stepbus_schemas import WiringError, json_schema
 from stepbus_schemas.generate import generated_files, main, stale_files, write
@@ -56,7 +56,7 @@ def test_writing_into_an_empty_folder_makes_every_file(tmp_path: Path) -> None:
 
 def test_a_changed_file_is_found_and_put_right(tmp_path: Path) -> None:
     write(tmp_path)
-    page = tmp_path / "docs/messages.md"
+    page = tmp_path / "docs/reference/messages.md"
     page.write_text("changed by hand")
     assert stale_files(tmp_path) == [page] == write(tmp_path)
 

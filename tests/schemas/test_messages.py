@@ -6,8 +6,17 @@ from types import SimpleNamespace
 
 import msgspec
 import pytest
-from fuzz_support import OLD_TOKEN, STEP_NS, TOKEN, HandBus, Mutator, Sample, envelopes, outputs
-from run_support import write_scenario
+from support.messages.fuzz import (
+    OLD_TOKEN,
+    STEP_NS,
+    TOKEN,
+    HandBus,
+    Mutator,
+    Sample,
+    envelopes,
+    outputs,
+)
+from support.runs.joints import write_scenario
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import RunFailure

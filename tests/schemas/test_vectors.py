@@ -4,7 +4,7 @@ from typing import Any
 import jsonschema
 import msgpack
 import pytest
-from schemas_support import TYPES, load_vectors
+from support.messages.vectors import TYPES, load_vectors
 
 from stepbus_schemas import Decoder, MessageError, encode, json_schema
 

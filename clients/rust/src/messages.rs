@@ -1,4 +1,4 @@
-//! Messages of ports; their units and shapes are in stepbus' `docs/messages.md`.
+//! Messages of ports; their units and shapes are in stepbus' `docs/reference/messages.md`.
 
 use crate::codec::{Field, Malformed, Message, Value};
 use crate::message;

@@ -58,7 +58,7 @@ class HoldSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class BridgeSpec:
-    """How a program takes part that does not speak Zenoh (docs/bridge.md).
+    """How a program takes part that does not speak Zenoh (docs/guide/bridge.md).
 
     format: `json`, `msgpack` or `raw`. describe: output → its description, where not the default.
     """

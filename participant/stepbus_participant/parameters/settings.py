@@ -9,7 +9,7 @@
         \"\"\"Proportional gain [N·m/rad].\"\"\"
 
 From it come the reading with all problems at once (`read.py`), the tables of the documentation
-and the JSON Schema for editors (`describe.py`). docs/parameters.md is the guide.
+and the JSON Schema for editors (`describe.py`). docs/reference/parameters.md is the guide.
 """
 
 from __future__ import annotations

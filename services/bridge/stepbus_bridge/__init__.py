@@ -1,4 +1,4 @@
-"""The bridge: takes part in a run on behalf of a program without Zenoh (docs/bridge.md)."""
+"""The bridge: takes part in a run on behalf of a program without Zenoh (docs/guide/bridge.md)."""
 
 from .bridge import Bridge, BridgedProgram
 from .errors import BridgeError

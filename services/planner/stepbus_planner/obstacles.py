@@ -43,8 +43,8 @@ class Obstacles:
     """All links that are not the robot's.
 
     described: of the input Poses/1: `names`, and `details` with `shape` and `body` per link, see
-    docs/world.md. frame: a link of the robot; placements are relative to it. unknown: names of
-    links with shapes that the planner cannot check, such as meshes and planes.
+    docs/reference/world.md. frame: a link of the robot; placements are relative to it. unknown:
+    names of links with shapes that the planner cannot check, such as meshes and planes.
     Raises WiringError for missing details and invalid shapes.
     """
 

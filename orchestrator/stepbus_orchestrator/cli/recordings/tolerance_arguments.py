@@ -21,7 +21,10 @@ def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:
         "--ignore", action="append", default=[], metavar=field, help="leave out a port or field"
     )
     parser.add_argument(
-        "--tolerance", type=Path, metavar="FILE", help="YAML file of tolerances (docs/replay.md)"
+        "--tolerance",
+        type=Path,
+        metavar="FILE",
+        help="YAML file of tolerances (docs/guide/replay.md)",
     )
 
 

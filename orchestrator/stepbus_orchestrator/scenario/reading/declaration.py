@@ -1,7 +1,7 @@
 """What a scenario file may say: every key, declared once.
 
-From here come reading, the tables of docs/scenario.md and the JSON Schema for editors. Defaults
-are those of the frozen types in `model.py`.
+From here come reading, the tables of docs/reference/scenario.md and the JSON Schema for editors.
+Defaults are those of the frozen types in `model.py`.
 """
 
 from __future__ import annotations
@@ -115,10 +115,10 @@ class ParticipantRow(Settings):
     """From the request to stop until its process has ended."""
     on_fault: Literal["stop", "hold"] | HoldRow = "stop"
     """What happens when it fails: the run ends, or everything is first brought to rest
-    ([faults.md](faults.md))."""
+    ([faults.md](../faults.md))."""
     bridge: BridgeRow | None = None
     """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
-    ([bridge.md](bridge.md))."""
+    ([bridge.md](../guide/bridge.md))."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the command, and with messages for outputs."""
@@ -184,7 +184,7 @@ class ScenarioFile(Settings):
     seed: Whole = 0
     """Every participant derives its own seed from this and its name."""
     faults: tuple[str, ...] = ()
-    """Faults on purpose: `kill plant at 120`, `random 3` ([faults.md](faults.md))."""
+    """Faults on purpose: `kill plant at 120`, `random 3` ([faults.md](../faults.md))."""
     participants: dict[Name, ParticipantRow]
     """Name → participant, at least one; where several could go first within a step, they go in
     this order."""

@@ -61,7 +61,7 @@ class StoreMission(Participant):
     verification of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1; where the
     scenario wires it, Contacts/1, to tell what the robot moved from what others moved. Outputs:
     Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the report.
-    `Params` has the parameters; `docs/store_mission.md` lists them.
+    `Params` has the parameters; `docs/services/store_mission.md` lists them.
 
     Raises RunError after a failed sale, at the step after the last event.
     """

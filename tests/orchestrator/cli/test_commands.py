@@ -1,0 +1,138 @@
+"""The command line as a user meets it."""
+
+import re
+import shlex
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+from support.runs.joints import write_scenario
+
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.cli.commands import COMMANDS, make_parser
+from stepbus_orchestrator.errors import ExitCode
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_example_of_every_command_can_be_parsed(command):
+    assert command.examples
+    for line in command.examples:
+        make_parser().parse_args(shlex.split(line)[1:])
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_help_shows_its_examples(command, capsys):
+    with pytest.raises(SystemExit):
+        main([command.name, "--help"])
+    said = capsys.readouterr().out
+    assert all(example in said for example in command.examples)
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"stepbus {version('stepbus')}\n"
+
+
+def test_validate_shows_the_schedule(capsys):
+    assert main(["validate", "two_link", "--steps", "2"]) == 0
+    expected = "plant@0 mission@0 controller@0 plant@1 mission@1 controller@1 …"
+    assert expected in capsys.readouterr().out
+
+
+def test_a_scenario_with_five_mistakes_lists_all_and_starts_nothing(tmp_path, capsys):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(
+        "name: five\n"
+        "step: 5 parsecs\n"
+        "duration: 1s\n"
+        "participants:\n"
+        "  plant:\n"
+        "    exec: [python, -m, no_such_module]\n"
+        "    publishes: fist\n"
+        "    inputs: {command: controler.command}\n"
+        "    outputs: {joint_state: JointState/7}\n"
+        "  controller:\n"
+        "    exec: [python, -c, pass]\n"
+        "    outputs: {command: JointCommand/1}\n"
+    )
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == ExitCode.SCENARIO
+    said = capsys.readouterr().err
+    lines = {int(n) for n in re.findall(r"scenario\.yaml:(\d+): ", said)}
+    assert {2, 6, 7, 8, 9} <= lines
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_new_scenario_runs_as_it_is(tmp_path, capsys):
+    folder = tmp_path / "mine"
+    assert main(["new", str(folder)]) == 0
+    run = ["run", str(folder), "--set", "duration=200ms", "--out", str(tmp_path / "out")]
+    assert main(run) == 0
+    assert "tracking RMSE" in capsys.readouterr().out
+    assert (tmp_path / "out" / "report.png").stat().st_size > 10_000
+
+
+def test_the_new_controller_has_at_most_15_lines(tmp_path):
+    main(["new", str(tmp_path / "mine")])
+    lines = (tmp_path / "mine" / "controller.py").read_text().splitlines()
+    code = [line for line in lines if line.strip() and not line.startswith('"""')]
+    assert len(code) <= 15
+
+
+def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):
+    (tmp_path / "mine.txt").touch()
+    assert main(["new", str(tmp_path)]) == ExitCode.SCENARIO
+    assert "holds something already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["run", "two_lonk"], "two_link"),
+        (["run", "two_link", "--set", "controler.params.kp=1"], "controller"),
+        (["run", "two_link", "--set", "nonsense"], "nonsense"),
+        (["run", "two_link", "--out", "/proc/no/such"], "cannot make the folder"),
+        (["validate", "/no/such/file.yaml"], "/no/such/file.yaml"),
+        (["describe", "/dev/null"], "/dev/null"),
+        (["new", "/proc/no/such"], "cannot be written"),
+        (["diff", "/dev/null", "/dev/null"], "/dev/null"),
+    ],
+    ids=str,
+)
+def test_an_error_is_sentences_and_never_a_traceback(arguments, sentence, capsys):
+    assert main(arguments) in {ExitCode.SCENARIO, ExitCode.RECORDING}
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert "Traceback" not in said
+
+
+def test_a_current_folder_that_is_gone_is_a_sentence(tmp_path, capsys, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert main(["validate", "my.yaml"]) == ExitCode.INTERNAL
+    assert capsys.readouterr().err == "stepbus: the current folder: No such file or directory\n"
+
+
+def test_a_negative_number_of_steps_is_refused(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["validate", "two_link", "--steps", "-3"])
+    assert "'-3' is not a number of steps" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_standard_streams_are_no_mistake(tmp_path, closed):
+    path = write_scenario(tmp_path / "source")
+    words = [sys.executable, "-m", "stepbus_orchestrator", "run", str(path), "--no-report"]
+    line = f"{shlex.join([*words, '--out', str(tmp_path / 'out')])} {closed}"
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_dropped_messages_are_counted_in_words(tmp_path, capsys):
+    path = write_scenario(tmp_path / "source")
+    words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
+    assert main([*words, "--fault", "duplicate controller at 5"]) == 0
+    assert "messages dropped: 1 by plant; unauthenticated: 0" in capsys.readouterr().out

@@ -1,0 +1,140 @@
+"""`stepbus describe`: what the participants say, and nothing left behind."""
+
+import json
+import textwrap
+import threading
+from pathlib import Path
+
+import pytest
+from support.runs.joints import leftovers
+
+from stepbus_orchestrator import load
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.describe import DescribeFailed, describe
+
+PROGRAM = """
+import stepbus
+
+class Sensor(stepbus.Participant):
+    def describe(self):
+        return {"state": stepbus.Description(%s)}
+
+    def update(self, step):
+        return {"state": stepbus.JointState(position=[0.0, 0.0])}
+
+raise SystemExit(stepbus.main(Sensor))
+"""
+
+SCENARIO = """
+name: sensor
+step: 5ms
+participants:
+  sensor: {exec: [python, sensor.py], outputs: {state: JointState/1}}
+"""
+
+
+def sensor(folder: Path, description: str) -> Path:
+    """Write a scenario with one participant that describes its output so; return its file."""
+    (folder / "sensor.py").write_text(PROGRAM % description)
+    (folder / "scenario.yaml").write_text(textwrap.dedent(SCENARIO))
+    return folder / "scenario.yaml"
+
+
+@pytest.fixture(scope="module")
+def two_link():
+    return {participant.participant: participant for participant in describe(load("two_link"))}
+
+
+def test_both_joints_have_their_limits(two_link):
+    said = two_link["plant"].outputs[0].description
+    assert said.names == ["joint1", "joint2"]
+    assert said.limits["effort"] == [50, 50]
+    assert said.details["mode"] == ["torque", "torque"]
+
+
+def test_participants_come_in_the_order_of_the_schedule(two_link):
+    assert list(two_link) == ["plant", "mission", "controller"]
+
+
+def test_inputs_have_types_and_sources(two_link):
+    rows = [(item.port, item.type, item.source) for item in two_link["controller"].inputs]
+    assert rows == [
+        ("joint_state", "JointState/1", "plant.joint_state"),
+        ("reference", "JointReference/1", "mission.reference"),
+    ]
+
+
+def test_outputs_say_who_takes_them(two_link):
+    taken = {output.port: output.taken_by for output in two_link["controller"].outputs}
+    assert taken == {"command": ["plant.command"], "status": []}
+
+
+def test_the_table_has_a_row_for_each_joint(capsys):
+    assert main(["describe", "two_link"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    cells = [
+        [cell.strip() for cell in line.split("│")[1:-1]] for line in lines if "revolute" in line
+    ]
+    assert cells == [
+        [str(index), name, "revolute", "torque", "-6.2832", "6.2832", "20", "50", "on"]
+        for index, name in enumerate(("joint1", "joint2"))
+    ]
+
+
+def test_an_infinite_limit_is_a_dash_and_null(tmp_path, capsys):
+    text = 'names=["a", "b"], limits={"upper": [1.0, float("inf")]}'
+    scenario = str(sensor(tmp_path, text))
+    assert (main(["describe", scenario]), main(["describe", scenario, "--json"])) == (0, 0)
+    table, _, told = capsys.readouterr().out.partition("[\n")
+    assert table.splitlines()[-2].split() == ["│", "1", "│", "b", "│", "-", "│"]
+    (participant,) = json.loads("[" + told)
+    assert participant["outputs"][0]["description"]["limits"]["upper"] == [1, None]
+
+
+def test_names_of_an_output_that_is_like_an_input_are_those_of_the_input(tmp_path):
+    main(["new", str(tmp_path / "mine")])
+    described = {
+        participant.participant: participant for participant in describe(load(tmp_path / "mine"))
+    }
+    said = described["controller"].outputs[0].description
+    assert (said.like, said.names) == ("joint_state", ["joint1", "joint2"])
+
+
+@pytest.mark.parametrize(
+    ("description", "sentence"),
+    [
+        ('names=["a", "b"], limits={"lower": [1.0]}', "limits.lower has 1 values for 2 names"),
+        ('names=["a"], details={"type": ["x", "y"]}', "details.type has 2 values for 1 names"),
+        ('names=["a", "a"]', "a is listed twice"),
+        ('like="stat"', "state is like 'stat', which is no input of it; it has none"),
+    ],
+)
+def test_a_description_that_does_not_fit_together_is_refused(tmp_path, description, sentence):
+    with pytest.raises(DescribeFailed, match=f"sensor .* wrongly: .*{sentence}") as caught:
+        describe(load(sensor(tmp_path, description)))
+    assert caught.value.code == ExitCode.START
+
+
+def test_no_file_and_no_process_is_left(own_temp, tmp_path):
+    describe(load(sensor(tmp_path, "")))
+    assert (list(own_temp.iterdir()), leftovers(tmp_path)) == ([], [])
+
+
+def test_an_interrupt_ends_it_and_leaves_nothing(own_temp, tmp_path):
+    interrupt = threading.Event()
+    interrupt.set()
+    with pytest.raises(DescribeFailed, match="interrupted") as caught:
+        describe(load(sensor(tmp_path, "")), interrupt)
+    assert caught.value.code == ExitCode.INTERRUPTED
+    assert (list(own_temp.iterdir()), leftovers(tmp_path)) == ([], [])
+
+
+def test_the_log_that_a_failure_names_is_there(own_temp, tmp_path, capsys):
+    path = sensor(tmp_path, "")
+    (tmp_path / "sensor.py").write_text("raise SystemExit('no such robot')")
+    assert main(["describe", str(path)]) == ExitCode.START
+    log = Path(capsys.readouterr().err.strip().rpartition("its log: ")[2])
+    assert log.read_text() == "no such robot\n"
+    assert log.is_relative_to(own_temp)
+    assert leftovers(tmp_path) == []

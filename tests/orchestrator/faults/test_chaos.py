@@ -1,0 +1,119 @@
+"""`make chaos`: faults of every type, each survived or blamed, and a killed orchestrator."""
+
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from support.messages.recordings import messages
+from support.runs.joints import leftovers
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.recording import Recording, recover
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.scenario import FAULT_TYPES
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+SEED = 20261121
+EACH = 20
+STEPS = 200
+NAMES = ("plant", "controller", "mission")
+OVERRIDES = ["duration=1s", *(f"{name}.step_timeout=1500ms" for name in NAMES)]
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """Return the messages of a run without faults."""
+    out = tmp_path_factory.mktemp("reference") / "out"
+    result = run(load("two_link", OVERRIDES), Options(out=out))
+    assert result.exit_code == 0, result.reason
+    return messages(result.recording)
+
+
+def draw(fault_type):
+    """Return the faults of one type: (text, participant, step), the same in every session."""
+    generator = random.Random(f"{SEED} {fault_type}")
+    for _ in range(EACH):
+        name, step = generator.choice(NAMES), generator.randrange(STEPS)
+        lasts_ms = generator.randrange(10, 400)
+        lasting = fault_type in {"delay", "slow"} or (
+            fault_type == "freeze" and generator.random() < 0.5
+        )
+        yield (
+            f"{fault_type} {name} at {step}" + (f" for {lasts_ms}ms" if lasting else ""),
+            name,
+            step,
+        )
+
+
+def costs_only_time(fault_type, text):
+    """Return whether a fault changes no message, so that the run survives it (docs/faults.md)."""
+    return fault_type in {"delay", "duplicate", "slow"} or (
+        fault_type == "freeze" and " for " in text
+    )
+
+
+@pytest.mark.parametrize("fault_type", FAULT_TYPES)
+def test_a_fault_that_costs_only_time_is_survived_and_any_other_is_blamed(
+    tmp_path, own_temp, reference, fault_type
+):
+    for number, (text, name, step) in enumerate(draw(fault_type)):
+        out = tmp_path / str(number)
+        result = run(load("two_link", OVERRIDES, [text]), Options(out=out))
+        recorded = messages(result.recording)
+        assert Recording(result.recording).damage == "", text
+        if costs_only_time(fault_type, text):
+            assert (result.exit_code, recorded == reference) == (0, True), (text, result.reason)
+        else:
+            assert result.exit_code != 0, text
+            assert name in result.reason, (text, result.reason)
+            assert re.search(rf"\bstep {step}\b", result.reason), (text, result.reason)
+            assert len(recorded) >= 4 * step, text
+        assert leftovers(own_temp) == [], text
+        assert list(own_temp.iterdir()) == [], text
+
+
+@pytest.mark.parametrize("fault_type", FAULT_TYPES)
+def test_the_faults_of_each_type_hit_every_participant(fault_type):
+    assert {name for _, name, _ in draw(fault_type)} == set(NAMES)
+
+
+def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_temp, reference):
+    generator = random.Random(SEED)
+    ends = []
+    for number in range(10):
+        out = tmp_path / str(number)
+        command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--no-report"]
+        sets = [word for override in OVERRIDES for word in ("--set", override)]
+        process = subprocess.Popen(
+            [*command, *sets, "--set", "duration=1000s", "--out", out],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        wait_for(
+            lambda out=out: (
+                (out / "run.mcap").exists() and (out / "run.mcap").stat().st_size > 50_000
+            )
+        )
+        time.sleep(generator.uniform(0, 0.3))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        wait_for(lambda: leftovers(own_temp) == [] and list(own_temp.iterdir()) == [])
+        recovery = recover(out / "run.mcap", out / "whole.mcap")
+        saved = [row for row in messages(out / "whole.mcap") if row[0] != "stepbus/chain"]
+        expected = [row for row in reference if row[0] != "stepbus/chain"]
+        common = min(len(saved), len(expected) - 4)
+        assert saved[:common] == expected[:common]
+        assert recovery.lost_bytes < 64 * 1024 + 1000
+        ends.append(recovery.last_step)
+    assert min(ends) > 100
+
+
+def wait_for(condition, seconds=60.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

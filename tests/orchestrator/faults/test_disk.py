@@ -1,0 +1,119 @@
+"""A disk that fills up, a folder that is removed, a file that is changed while a run writes it."""
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from support.messages.recordings import messages
+
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.recording import Recording, recover
+
+STEPBUS = str(Path(sys.executable).with_name("stepbus"))
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Return a function that makes a folder with room for so much."""
+    mounted = []
+
+    def make(size):
+        disk = tmp_path / f"disk{len(mounted)}"
+        disk.mkdir()
+        command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", disk]
+        if os.geteuid() != 0 or subprocess.run(command, check=False).returncode:
+            pytest.skip("this machine does not let us mount a tmpfs")
+        mounted.append(disk)
+        return disk
+
+    yield make
+    for disk in mounted:
+        subprocess.run(["umount", disk], check=True)
+
+
+@pytest.mark.parametrize("size", ["1800k", "2500k"])
+def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
+    disk = small_disk(size)
+    command = [STEPBUS, "run", "two_link", "--set", "duration=1000s", "--no-report"]
+    done = subprocess.run(
+        [*command, "--out", disk / "run"], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == ExitCode.RECORDING
+    assert "No space left on device" in done.stderr
+    path = disk / "run" / "run.mcap"
+    assert Recording(path).damage == ""
+    steps = {}
+    for topic, _, step, _ in messages(path):
+        steps.setdefault(topic, []).append(step)
+    assert len(steps["plant/joint_state"]) > 1000
+    assert {topic: {b - a for a, b in pairwise(own)} for topic, own in steps.items()} == {
+        topic: {64} if topic == "stepbus/chain" else {1} for topic in steps
+    }
+
+
+def start(folder, *options, bytes_written=20_000):
+    """Start a run of two_link; return it, with its recording, when that has grown."""
+    command = [STEPBUS, "run", "two_link", *options, "--out", folder / "run"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    recording = folder / "run" / "run.mcap"
+    give_up = time.monotonic() + 60
+    while not recording.exists() or recording.stat().st_size < bytes_written:
+        assert process.poll() is None
+        assert time.monotonic() < give_up
+        time.sleep(0.005)
+    return process, recording
+
+
+def replace(recording):
+    recording.unlink()
+    recording.write_bytes(b"another one's")
+
+
+def overwrite(recording):
+    with recording.open("r+b") as file:
+        file.seek(1000)
+        file.write(b"something else")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda path: shutil.rmtree(path.parent), "was removed"),
+        (lambda path: path.unlink(), "was removed"),
+        (lambda path: path.rename(path.with_name("moved.mcap")), "was removed"),
+        (lambda path: os.truncate(path, 0), "has another content than was written"),
+        (lambda path: os.truncate(path, 5000), "has another content than was written"),
+        (overwrite, "has another content than was written"),
+        (replace, "was replaced by another file"),
+    ],
+)
+def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
+    process, recording = start(tmp_path, "--no-report", "--set", "duration=60s")
+    change(recording)
+    _, errors = process.communicate(timeout=60)
+    assert f"the recording {recording} {sentence}: somebody changed it" in errors
+    assert "Traceback" not in errors
+    assert process.returncode == ExitCode.RECORDING == 8
+
+
+def test_a_killed_orchestrator_has_recorded_what_was_complete_a_moment_before(tmp_path):
+    """The first chunk is far from full at step 100, and the run stays there."""
+    freeze = ["--fault", "freeze controller at 100 for 20s", "--set", "controller.step_timeout=30s"]
+    process, recording = start(tmp_path, "--no-report", *freeze, bytes_written=1)
+    give_up = time.monotonic() + 60
+    steps = -1
+    while steps < 99:
+        assert time.monotonic() < give_up
+        time.sleep(0.02)
+        with contextlib.suppress(RecordingFailed):
+            steps = Recording(recording).last_step
+    process.kill()
+    process.communicate()
+    recovery = recover(recording, tmp_path / "whole.mcap")
+    assert (recovery.last_step, recovery.holes) == (99, [])

@@ -1,0 +1,50 @@
+"""Whatever becomes of the reaper, a run ends and leaves nothing."""
+
+import errno
+import signal
+import subprocess
+
+import psutil
+from support.runs.joints import leftovers, run_joints
+
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.progress import Silent
+
+
+class SignalReaper(Silent):
+    """Sends the run's reaper a signal as soon as the run makes progress."""
+
+    def __init__(self, number):
+        self._number = number
+        self.reaper = None
+
+    def progress(self, progress):
+        if self.reaper is None:
+            children = psutil.Process().children()
+            (self.reaper,) = [c for c in children if "reaper.py" in " ".join(c.cmdline())]
+            self.reaper.send_signal(self._number)
+
+
+def test_a_reaper_that_cannot_be_started_ends_the_run_in_a_sentence(
+    tmp_path, own_temp, monkeypatch
+):
+    def fail(*_args, **_options):
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(subprocess, "Popen", fail)
+    result = run_joints(tmp_path)
+    assert (result.exit_code, list(own_temp.iterdir())) == (ExitCode.START, [])
+    assert result.reason == "the reaper could not be started: Too many open files"
+
+
+def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp):
+    watcher = SignalReaper(signal.SIGSTOP)
+    result = run_joints(tmp_path, "duration=5s", observer=watcher)
+    assert (result.exit_code, watcher.reaper is None) == (0, False)
+    assert not watcher.reaper.is_running()
+    assert (list(own_temp.iterdir()), leftovers(tmp_path)) == ([], [])
+
+
+def test_a_killed_reaper_leaves_no_folder(tmp_path, own_temp):
+    result = run_joints(tmp_path, "duration=5s", observer=SignalReaper(signal.SIGKILL))
+    assert (result.exit_code, list(own_temp.iterdir())) == (0, [])

@@ -1,0 +1,63 @@
+"""What a killed orchestrator leaves behind, and that it changes no byte of a closed recording."""
+
+import os
+import random
+import shutil
+
+import pytest
+from support.messages.recordings import messages
+
+from stepbus_orchestrator.recording import McapFile, Recording, recover
+
+
+def fill(path, flush_at, seen=lambda _count: None):
+    """Write 2000 messages of random content; flush before those in `flush_at`."""
+    chance, file = random.Random(1), McapFile(path)
+    channels = [file.add_channel(f"plant/{port}", "Event/1", {}) for port in "ab"]
+    for step in range(1000):
+        for number, channel in enumerate(channels):
+            if 2 * step + number in flush_at:
+                file.flush()
+                seen(2 * step + number)
+            file.add(channel, step, chance.randbytes(chance.randrange(300)), step)
+        if step == 500:
+            file.add_metadata("in the midst", {})
+    file.close()
+    file.check()
+    return path
+
+
+@pytest.mark.parametrize("every", [1, 2, 7, 100, 333])
+def test_flushing_changes_no_byte_of_the_closed_file(tmp_path, every):
+    plain = fill(tmp_path / "plain.mcap", ())
+    flushed = fill(tmp_path / "flushed.mcap", range(0, 2000, every))
+    assert flushed.read_bytes() == plain.read_bytes()
+
+
+def test_all_that_was_flushed_can_be_recovered(tmp_path):
+    path, counts = tmp_path / "run.mcap", {}
+
+    def copy(count):
+        copied = shutil.copy(path, tmp_path / "cut.mcap")
+        counts[count] = recover(copied, tmp_path / "fixed.mcap", in_place=True).messages
+        assert sum(len(port) for port in Recording(copied).ports.values()) == count
+
+    fill(path, range(0, 2000, 101), copy)
+    assert counts == {count: count for count in range(0, 2000, 101)}
+
+
+def test_a_kill_between_a_chunk_and_the_cut_behind_it_leaves_no_rubbish(tmp_path, monkeypatch):
+    path, copies = tmp_path / "run.mcap", []
+
+    def copy(file, length):
+        copies.append(shutil.copy(path, tmp_path / f"cut{len(copies)}.mcap"))
+        truncate(file, length)
+
+    truncate = os.ftruncate
+    monkeypatch.setattr("os.ftruncate", copy)
+    whole = messages(fill(path, range(0, 2000, 10)))
+    assert len(copies) > 3
+    for number, copied in enumerate(copies):
+        found = messages(recover(copied, tmp_path / f"fixed{number}.mcap").target)
+        assert found == whole[: len(found)]
+        assert len(found) > 100

@@ -1,0 +1,68 @@
+"""What is missing in the midst of a recording is found, by every command that reads it."""
+
+import pytest
+from support.messages.recordings import rewrite
+
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.recording import Recording, recover
+
+CHAINS = "controller: the hash chain breaks at or before step 60"
+
+
+def lacks(topics, steps):
+    return lambda topic, step: topic in topics and step in steps
+
+
+@pytest.fixture
+def holed(two_link_recording, tmp_path):
+    """Return a recording without the controller's outputs of steps 20 to 24."""
+    topics = ("controller/command", "controller/status")
+    return rewrite(two_link_recording, tmp_path / "run.mcap", 4096, lacks(topics, range(20, 25)))
+
+
+def test_a_whole_recording_has_no_hole(two_link_recording, tmp_path):
+    assert Recording(two_link_recording).holes() == []
+    assert recover(two_link_recording, tmp_path / "fixed.mcap").holes == []
+
+
+def test_missing_steps_are_named(holed, tmp_path):
+    expected = [
+        "controller/command: nothing between steps 19 and 25",
+        "controller/status: nothing between steps 19 and 25",
+        CHAINS,
+    ]
+    assert Recording(holed).holes() == expected
+    assert recover(holed, tmp_path / "fixed.mcap").holes == expected
+
+
+@pytest.mark.parametrize("step", [0, 1, 30, 59])
+def test_one_message_that_is_missing_is_found(two_link_recording, tmp_path, step):
+    only = lacks(["controller/command"], [step])
+    holes = Recording(rewrite(two_link_recording, tmp_path / "run.mcap", 4096, only)).holes()
+    assert holes[-1] == CHAINS
+
+
+def test_a_port_that_falls_silent_behind_the_last_chain_is_found(two_link_recording, tmp_path):
+    def gone(topic, step):
+        return topic == "stepbus/chain" or (topic == "plant/joint_state" and step == 40)
+
+    recording = Recording(rewrite(two_link_recording, tmp_path / "run.mcap", 4096, gone))
+    assert recording.holes() == ["plant/joint_state: nothing between steps 39 and 41"]
+
+
+def test_recover_says_what_is_missing(holed, tmp_path, capsys):
+    main(["recover", str(holed), "--out", str(tmp_path / "fixed.mcap")])
+    output = capsys.readouterr().out
+    assert "run.mcap: it has holes" in output
+    assert "hole: controller/command: nothing between steps 19 and 25" in output
+    assert "undamaged" not in output
+
+
+def test_a_replay_of_a_recording_with_a_hole_blames_nobody(holed, capsys):
+    assert main(["replay", str(holed), "--participant", "controller"]) == 8
+    assert "has a hole: controller/command: nothing between" in capsys.readouterr().err
+
+
+def test_a_comparison_says_which_recording_has_a_hole(holed, two_link_recording, capsys):
+    assert main(["diff", str(two_link_recording), str(holed)]) == 10
+    assert f"{holed} has a hole: {CHAINS}" in capsys.readouterr().out

@@ -1,0 +1,119 @@
+"""The recorder writes a run once, and nothing after it."""
+
+import msgspec
+import pytest
+from support.messages.recordings import messages
+
+from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed
+from stepbus_orchestrator.recording import McapFile, Recorder
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import OutputSpec
+from stepbus_schemas import Event, JointCommand, Outputs, encode
+
+STEP_NS = 1_000_000
+
+
+def outputs(step, **ports):
+    raw = {port: msgspec.Raw(data) for port, data in ports.items()}
+    return Outputs(token="", step=step, t_ns=step * STEP_NS, ports=raw)
+
+
+def command(value=1.0):
+    return encode(JointCommand(mode="torque", values=[value]))
+
+
+WARNING = encode(Event(level="warning", text="hot"))
+
+
+@pytest.fixture
+def specs():
+    outputs = {"plant": {"events": "Event/1"}, "controller": {"command": "JointCommand/1"}}
+    return [
+        ParticipantSpec(
+            name=name, exec=("x",), outputs={port: OutputSpec(type=t) for port, t in ports.items()}
+        )
+        for name, ports in outputs.items()
+    ]
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run.mcap"
+
+
+@pytest.fixture
+def warned():
+    return []
+
+
+@pytest.fixture
+def recorder(path, specs, warned):
+    recorder = Recorder(McapFile(path), specs, STEP_NS, lambda *event: warned.append(event[:3]))
+    recorder.open_channels({}, {})
+    return recorder
+
+
+def schedule(path):
+    return " ".join(f"{topic}@{step}" for topic, _, step, _ in messages(path))
+
+
+def test_outputs_behind_the_closing_step_are_neither_recorded_nor_reported(recorder, path, warned):
+    for step in range(5):
+        recorder.offer("plant", outputs(step, events=WARNING))
+    recorder.finish(2, ["plant"])
+    recorder.abort()
+    assert schedule(path) == "plant/events@0 plant/events@1 plant/events@2 stepbus/chain@2"
+    assert warned == [("plant", "events", step) for step in range(3)]
+
+
+def test_those_who_do_not_close_publish_nothing_at_the_closing_step(recorder, path):
+    recorder.offer("plant", outputs(0, events=WARNING))
+    recorder.offer("controller", outputs(0, command=command()))
+    recorder.finish(0, ["controller"])
+    assert schedule(path) == "controller/command@0 stepbus/chain@0"
+
+
+def test_nothing_can_be_added_to_a_closed_recording(recorder, tmp_path):
+    recorder.finish(0, [])
+    with (tmp_path / "other").open("wb"):  # may get the descriptor that the recording had
+        recorder.offer("controller", outputs(0, command=command()))
+        with pytest.raises(RecordingFailed, match=r"run\.mcap is closed; nothing can be added"):
+            recorder.write_below(1)
+    assert (tmp_path / "other").read_bytes() == b""
+
+
+@pytest.mark.parametrize(
+    "add",
+    [
+        lambda file: file.add(0, 0, b"", 0),
+        lambda file: file.attach("a", "text/plain", b""),
+        lambda file: file.add_metadata("a", {}),
+        lambda file: file.add_channel("a/b", "Event/1", {}),
+    ],
+)
+def test_a_closed_file_refuses_whatever_is_added(path, add):
+    file = McapFile(path)
+    file.close()
+    content = path.read_bytes()
+    with pytest.raises(RecordingFailed, match="is closed"):
+        add(file)
+    file.close()
+    assert path.read_bytes() == content
+
+
+def test_an_aborted_run_keeps_what_is_valid_around_broken_messages(recorder, path):
+    for step in range(3):
+        recorder.offer("plant", outputs(step, events=b"\xc1" if step == 1 else WARNING))
+        recorder.offer("controller", outputs(step, command=command()))
+    recorder.abort()
+    written = schedule(path)
+    assert "plant/events@1" not in written
+    assert "controller/command@1 plant/events@2 controller/command@2" in written
+
+
+def test_a_broken_closing_message_fails_and_leaves_a_complete_recording(recorder, path):
+    recorder.offer("plant", outputs(0, events=b"\xc1"))
+    recorder.offer("controller", outputs(0, command=command()))
+    with pytest.raises(ParticipantFault, match=r"step 0 \(t = 0.000 s\): plant.events is"):
+        recorder.finish(0, ["plant", "controller"])
+    assert schedule(path) == "controller/command@0 stepbus/chain@0"

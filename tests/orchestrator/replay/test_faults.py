@@ -1,0 +1,118 @@
+"""A participant that fails in a replay is blamed in one sentence, and nothing is left of it."""
+
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+import psutil
+import pytest
+from support.runs.joints import fault, run_joints
+from support.runs.large import write_large
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
+from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.run.run_scenario import run
+
+STEP = "controller.step_timeout=500ms"
+STOP = "controller.stop_timeout=500ms"
+READY = "controller.ready_timeout=500ms"
+SPAWN = "controller.spawn_timeout=500ms"
+NEVER_JOINS = [sys.executable, "-c", "import time; time.sleep(100)"]
+
+
+@pytest.fixture(scope="module")
+def joints_recording(tmp_path_factory):
+    result = run_joints(tmp_path_factory.mktemp("joints"))
+    assert result.exit_code == 0, result.reason
+    return result.recording
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(monkeypatch):
+    with tempfile.TemporaryDirectory() as folder:
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield
+        assert psutil.Process().children(recursive=True) == []
+        assert list(Path(folder).glob("stepbus-*")) == []
+
+
+def failure_of(recording, *overrides, **options):
+    with pytest.raises(RunFailure) as caught:
+        replay(recording, "controller", overrides=overrides, **options)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("program", "kind", "code", "sentence"),
+    [
+        ("controller", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        ("controller", "exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        ("controller", "kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
+        ("controller", "hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 0\.\d s; inputs arrived; deadline 0\.5 s"),
+        ("controller", "deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        ("controller", "port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("nonsense", "message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: .*\$\.values"),
+        ("nonsense", "skip", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),
+    ],
+)  # fmt: skip
+def test_a_fault_in_a_step_is_blamed_with_its_step(joints_recording, program, kind, code, sentence):
+    deadlines = [STEP] if code == ExitCode.STEP_TIMEOUT else []
+    failure = failure_of(joints_recording, fault("controller", program, kind, 7), *deadlines)
+    assert (failure.code, failure.participant, failure.step) == (code, "controller", 7)
+    assert re.search(sentence, str(failure))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
+        ("hang", r"has joined and is not ready.*0\.5 s \(participants\.controller\.ready_timeout\)"),
+    ],
+)  # fmt: skip
+def test_a_fault_before_the_first_step_is_blamed(joints_recording, kind, sentence):
+    deadlines = [READY] if kind == "hang" else []
+    failure = failure_of(joints_recording, fault("controller", "controller", kind, -1), *deadlines)
+    assert (failure.code, failure.participant) == (ExitCode.START, "controller")
+    assert re.search(sentence, str(failure))
+
+
+def test_a_program_of_another_version_of_a_message_is_refused(joints_recording):
+    failure = failure_of(joints_recording, fault("controller", "future", "none", 0))
+    assert failure.code == ExitCode.START
+    assert "was refused: output controller.command: the program has JointCommand/2" in str(failure)
+
+
+def test_a_program_that_never_joins_is_blamed(joints_recording):
+    failure = failure_of(joints_recording, SPAWN, program=NEVER_JOINS)
+    assert failure.code == ExitCode.START
+    assert "has not reached the bus" in str(failure)
+
+
+def test_one_that_does_not_end_is_blamed_and_killed(joints_recording):
+    failure = failure_of(
+        joints_recording, fault("controller", "controller", "hang-at-close", 0), STOP
+    )
+    assert failure.code == ExitCode.STOP_TIMEOUT
+
+
+def test_the_log_of_one_that_failed_is_kept(joints_recording):
+    failure = failure_of(joints_recording, fault("controller", "controller", "raise", 7))
+    log = Path(re.search(r"its log: (\S+)", str(failure))[1])
+    assert "ValueError: the knee" in log.read_text()
+
+
+def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
+    failure_of(
+        joints_recording, fault("controller", "controller", "exit", 7), update=tmp_path / "new.mcap"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_path, own_temp):
+    recording = run(load(write_large(tmp_path)), Options(out=tmp_path / "out")).recording
+    program = [sys.executable, str(tmp_path / "talk.py"), "frozen"]
+    with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read nothing for .* piled up"):
+        replay(recording, "reader", program=program, overrides=["reader.step_timeout=1s"])
+    assert replay(recording, "reader").equal

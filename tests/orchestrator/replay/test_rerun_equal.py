@@ -1,0 +1,155 @@
+"""A recording is run again from nothing but itself."""
+
+import os
+import shutil
+import textwrap
+
+import pytest
+from support.runs.joints import fault, run_joints
+
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.recording import McapFile
+from stepbus_orchestrator.replay.rerun import Preparation, read_origin, unpack
+from stepbus_orchestrator.run.result import own_versions
+
+
+def write_log(path, scenario="name: x", files=None, versions=None):
+    """Write a recording without messages."""
+    file = McapFile(path)
+    if scenario is not None:
+        file.attach("scenario.yaml", "application/yaml", scenario.encode())
+    for name, content in (files or {}).items():
+        file.attach(f"files/{name}", "application/octet-stream", content)
+    for name, content in (versions or {}).items():
+        file.add_metadata(f"versions/{name}", content)
+    file.close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def again(two_link_recording, tmp_path_factory):
+    """Run the recorded two_link again, in other circumstances."""
+    out = tmp_path_factory.mktemp("again") / "run"
+    circumstances = ["window=2", "batch=1", "bus.transport=tcp"]
+    return Preparation(two_link_recording, out, circumstances).run()
+
+
+def test_a_recording_run_again_is_equal_to_the_byte(again, two_link_recording):
+    assert again.result.exit_code == 0
+    assert again.equal
+    assert again.result.recording.read_bytes() == two_link_recording.read_bytes()
+
+
+def test_on_the_same_machine_there_is_nothing_to_note(again):
+    assert list(again.notes) == []
+
+
+def test_the_scenario_and_its_files_are_unpacked_beside_the_new_run(again):
+    source = again.result.recording.parent / "source"
+    names = {path.name for path in source.iterdir()}
+    assert names >= {"scenario.yaml", "world.yaml", "two_link.urdf"}
+
+
+def test_the_log_alone_is_enough(tmp_path):
+    recorded = run_joints(tmp_path, "duration=50ms")
+    (tmp_path / "source").rename(tmp_path / "elsewhere")
+    assert Preparation(recorded.recording, tmp_path / "again").run().equal
+
+
+def test_a_program_of_the_log_can_be_executed_again(tmp_path):
+    files = {"bin/start.sh": b"#!/bin/sh\n", "world.yaml": b"{}"}
+    log = write_log(tmp_path / "run.mcap", files=files)
+    unpack(read_origin(log), tmp_path / "source")
+    assert os.access(tmp_path / "source" / "bin" / "start.sh", os.X_OK)
+    assert not os.access(tmp_path / "source" / "world.yaml", os.X_OK)
+
+
+def test_a_cut_recording_runs_again_and_the_damage_is_noted(tmp_path):
+    recorded = run_joints(tmp_path, "duration=50ms").recording
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recorded.read_bytes()[:-20])
+    again = Preparation(cut, tmp_path / "again").run()
+    assert again.notes[0].startswith("the recording is damaged: the footer")
+    assert again.result.recording.read_bytes() == recorded.read_bytes()
+
+
+def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
+    recorded = run_joints(tmp_path, fault("controller", "controller", "raise", 7))
+    again = Preparation(recorded.recording, tmp_path / "again").run()
+    assert again.result.exit_code == recorded.exit_code == ExitCode.FAULT
+    assert again.result.at_step == 7
+
+
+def test_other_versions_and_another_processor_are_noted(tmp_path):
+    recorded = run_joints(tmp_path, "duration=50ms").recording
+    origin = read_origin(recorded)
+    versions = {**origin.versions, "orchestrator": {**own_versions(), "cpu": "Z80", "mcap": "0.1"}}
+    old = write_log(tmp_path / "old.mcap", origin.scenario.decode(), origin.files, versions)
+    notes = Preparation(old, tmp_path / "again").notes
+    now = own_versions()
+    assert f"the orchestrator ran with cpu Z80, now it is {now['cpu']}" in notes
+    assert f"the orchestrator ran with mcap 0.1, now it is {now['mcap']}" in notes
+
+
+def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path):
+    origin = read_origin(two_link_recording)
+    plant = dict.fromkeys(origin.versions["plant"], "0.1")
+    versions = {**origin.versions, "plant": plant}
+    old = write_log(tmp_path / "old.mcap", origin.scenario.decode(), origin.files, versions)
+    again = Preparation(old, tmp_path / "again", ["duration=20ms"]).run()
+    assert len(plant) > 0
+    assert [note.startswith("plant ran with") for note in again.notes].count(True) == len(plant)
+
+
+def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
+    notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
+    assert notes == ["the scenario is not the recorded one: --set seed=3"]
+
+
+def test_files_and_programs_outside_the_log_are_named(tmp_path):
+    scenario = textwrap.dedent("""
+        name: outside
+        step: 1s
+        participants:
+          a:
+            exec: [sh, -c, "exit 1"]
+            outputs: {event: Event/1}
+            params: {model: "package://robots/arm.urdf"}
+    """)
+    versions = {"orchestrator": own_versions()}
+    log = write_log(
+        tmp_path / "run.mcap", scenario, {"a.urdf": b'"package://robots/a.stl"'}, versions
+    )
+    notes = [note for note in Preparation(log, tmp_path / "out").notes if "not in" in note]
+    named = [note.removeprefix("not in the recording, taken from this machine: ") for note in notes]
+    assert named == [shutil.which("sh"), "package://robots/a.stl", "package://robots/arm.urdf"]
+
+
+def test_a_scenario_without_a_duration_is_noted(tmp_path):
+    recorded = run_joints(tmp_path, fault("controller", "controller", "end", 9))
+    origin = read_origin(recorded.recording)
+    endless = "\n".join(
+        line for line in origin.scenario.decode().splitlines() if not line.startswith("duration")
+    )
+    log = write_log(tmp_path / "run.mcap", endless, origin.files, origin.versions)
+    assert "the scenario has no duration" in " ".join(Preparation(log, tmp_path / "again").notes)
+
+
+@pytest.mark.parametrize("name", ["../evil.py", "/etc/evil", "a/../../evil", ""])
+def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
+    log = write_log(tmp_path / "run.mcap", files={name: b"print()"})
+    with pytest.raises(RecordingFailed, match="leads out of its folder"):
+        Preparation(log, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_a_recording_without_a_scenario_is_refused(tmp_path):
+    log = write_log(tmp_path / "timing.mcap", scenario=None)
+    with pytest.raises(RecordingFailed, match=r"holds no scenario\.yaml: is it the run\.mcap"):
+        Preparation(log, tmp_path / "out")
+
+
+def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
+    with pytest.raises(RecordingFailed, match="holds a run already; choose another --out"):
+        Preparation(two_link_recording, two_link_recording.parent)
+    assert not (two_link_recording.parent / "source").exists()

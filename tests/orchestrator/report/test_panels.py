@@ -1,0 +1,177 @@
+"""The plots of a run: which panels there are, and what they show."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from support.messages.recordings import write
+
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.report import write_report
+from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
+from stepbus_orchestrator.report.joint_panels import draw_panels
+from stepbus_orchestrator.report.report import draw_report
+from stepbus_orchestrator.report.style import thinned
+from stepbus_orchestrator.report.summary import summary_lines
+from stepbus_orchestrator.report.tracking_panels import draw_error
+from stepbus_participant import extra_hint
+from stepbus_schemas import (
+    BaseState,
+    Goal,
+    GripperState,
+    JointCommand,
+    JointState,
+    Poses,
+)
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def record(tmp_path):
+    """Return a function that records ports: name → type, names, messages."""
+    return lambda **ports: Recording(write(tmp_path / "run.mcap", **ports))
+
+
+def arm(mode="position", **state):
+    states = [JointState(position=[0.1 * n], velocity=[0.0], **state) for n in range(4)]
+    commands = [JointCommand(mode=mode, values=[7.0]) for _ in range(4)]
+    return {
+        "arm": ("JointState/1", ["j"], states),
+        "command": ("JointCommand/1", ["j"], commands),
+    }
+
+
+def mobile():
+    bases = [BaseState(x=0.5 * n, y=0.0, yaw=0.0, vx=1.0, wz=0.0) for n in range(4)]
+    grippers = [GripperState(width=0.08, force=0.0, holding=n in {1, 2}) for n in range(4)]
+    goal = Goal(id=1, type="move_linear", tip="grasp")
+    poses = [
+        Poses(position=[(0, 0, 9.0), (0, 0, 0.1 * n)], orientation=[UPRIGHT] * 2) for n in range(4)
+    ]
+    return {
+        "odometry": ("BaseState/1", ["l", "r"], bases),
+        "gripper": ("GripperState/1", ["a", "b"], grippers),
+        "goal": ("Goal/1", [], [goal]),
+        "poses": ("Poses/1", ["chassis", "grasp"], poses),
+    }
+
+
+def draw(panel):
+    axis = Figure().subplots()
+    panel(axis)
+    return axis
+
+
+def test_a_recording_without_devices_has_no_panels_of_them(record):
+    assert device_panels(record(**arm())) == []
+
+
+def test_a_mobile_manipulator_has_path_speed_gripper_and_height(record):
+    titles = [draw(panel).get_title() for panel in device_panels(record(**mobile()))]
+    assert titles == [
+        "path of the base, by odometry",
+        "velocity of the base",
+        "gripper",
+        "height of grasp",
+    ]
+
+
+def test_a_gripper_alone_has_its_panel_alone(record):
+    only = {"gripper": mobile()["gripper"]}
+    assert [draw(panel).get_title() for panel in device_panels(record(**only))] == ["gripper"]
+
+
+def test_the_path_is_that_of_odometry(record):
+    x, y = draw(device_panels(record(**mobile()))[0]).lines[0].get_data()
+    assert (list(x), list(y)) == ([0.0, 0.5, 1.0, 1.5], [0.0] * 4)
+
+
+def test_the_height_is_that_of_the_link_that_goals_move(record):
+    line = draw(device_panels(record(**mobile()))[3]).lines[0]
+    assert line.get_ydata() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("holding", "spans"),
+    [
+        ([0, 0, 0, 0], []),
+        ([0, 1, 1, 0], [(1.0, 3.0)]),
+        ([1, 0, 0, 1], [(0.0, 1.0), (3.0, 3.0)]),
+        ([1, 1, 1, 1], [(0.0, 3.0)]),
+    ],
+)
+def test_spans_of_holding_last_until_it_is_lost(holding, spans):
+    assert holding_spans(np.arange(4.0), np.array(holding, dtype=bool)) == spans
+
+
+def test_positions_that_are_commanded_are_not_shown_as_torques(record):
+    assert read_tracking(record(**arm("position"))).command is None
+    assert read_tracking(record(**arm("torque"))).command.fields["values"].tolist() == [[7.0]] * 4
+
+
+def test_without_a_reference_the_error_is_that_of_the_motors(record):
+    axis = draw(lambda axis: draw_error(axis, read_tracking(record(**arm(target=[0.5])))))
+    assert axis.get_title() == "error of the motors: target − measured"
+    assert axis.lines[1].get_ydata() == pytest.approx([0.5, 0.4, 0.3, 0.2])
+
+
+def test_the_plots_of_a_mobile_manipulator_are_written(record, tmp_path):
+    path = tmp_path / "report.png"
+    recording = record(**arm(target=[0.5]), **mobile())
+    draw_report("store", read_tracking(recording), device_panels(recording), path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_many_joints_have_a_panel_each_in_degrees():
+    names = [f"j{n}" for n in range(7)]
+    state = Signal(
+        names=names,
+        steps=np.arange(3),
+        t=np.arange(3.0),
+        fields={"position": np.full((3, 7), np.pi)},
+        joint_types={"j6": "prismatic"},
+    )
+    figure = Figure(layout="constrained")
+    draw_panels(figure, Tracking(state=state, reference=None, command=None))
+    shown = [axis for axis in figure.axes if axis.axison]
+    assert [axis.get_title() for axis in shown] == names
+    assert shown[0].lines[0].get_ydata() == pytest.approx([180.0] * 3)
+    assert shown[6].lines[0].get_ydata() == pytest.approx([1e3 * np.pi] * 3)
+
+
+def test_long_lines_are_thinned_to_what_can_be_seen():
+    t = np.arange(100_000.0)
+    values = np.zeros(100_000)
+    values[777] = 5.0
+    thin, kept = thinned(t, values)
+    assert len(thin) <= 8000
+    assert kept.max() == 5.0
+
+
+def test_the_summary_names_the_worst_of_many_joints():
+    steps, names = np.arange(400), [f"j{n}" for n in range(7)]
+    t, zero = steps * 0.01, np.zeros((400, 7))
+    offset = zero + 0.01 * np.arange(7)
+    state = Signal(names=names, steps=steps, t=t, fields={"position": offset})
+    reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
+    lines = summary_lines(Tracking(state=state, reference=reference, command=None))
+    assert lines == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
+
+
+def test_nothing_loads_matplotlib_before_it_plots():
+    text = "import sys, stepbus_orchestrator.report; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
+
+
+def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, monkeypatch):
+    record(**arm(target=[0.5]))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.backends.backend_agg", None)
+    (line,) = write_report(tmp_path / "run.mcap")
+    assert line.startswith("no plots  matplotlib")
+    assert line.endswith("is not installed" + extra_hint("matplotlib"))

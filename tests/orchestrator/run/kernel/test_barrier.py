@@ -1,0 +1,77 @@
+"""The step barrier: complete steps, the trigger (P5.5), and who holds a step (P12.2)."""
+
+from support.runs.kernel import participant, scenario
+
+from stepbus_orchestrator.run.kernel.barrier import Barrier
+
+
+def barrier(*reports, **options):
+    """Return the barrier of plant, mission (every 4) and controller after some reports."""
+    made = Barrier(scenario(**options))
+    for name, step in reports:
+        assert made.report(name, step)
+    return made
+
+
+def test_nothing_is_complete_before_everybody_has_reported():
+    assert barrier(("plant", 0), ("mission", 0)).completed == 0
+
+
+def test_a_step_is_complete_when_every_output_due_in_it_is_reported():
+    assert barrier(("plant", 0), ("mission", 0), ("controller", 0)).completed == 1
+
+
+def test_a_participant_that_fires_every_fourth_step_completes_four():
+    reports = [("mission", 0), *((n, s) for s in range(4) for n in ("plant", "controller"))]
+    assert barrier(*reports).completed == 4
+
+
+def test_a_step_that_is_not_the_next_one_is_refused():
+    made = Barrier(scenario())
+    assert not made.report("plant", 1)
+    assert not made.report("mission", 1)
+    assert made.reported == {"plant": -1, "mission": -4, "controller": -1}
+
+
+def test_the_trigger_is_a_window_ahead_of_the_barrier():
+    assert barrier(window=3).step_limit == 3
+    assert barrier(("plant", 0), ("mission", 0), ("controller", 0), window=3).step_limit == 4
+
+
+def test_the_trigger_ends_at_the_last_step():
+    assert barrier(window=64, steps=8).step_limit == 8
+
+
+def test_without_a_last_step_a_run_never_finishes():
+    made = barrier(window=3, steps=None)
+    assert (made.step_limit, made.finished) == (3, False)
+
+
+def test_whoever_owes_an_output_and_has_its_inputs_holds_the_step():
+    # The plant publishes first: it needs nothing for its first output.
+    assert barrier().holders() == ["plant", "mission"]
+    assert barrier(("plant", 0), ("mission", 0)).holders() == ["controller"]
+
+
+def test_whoever_waits_for_another_does_not_hold_the_step():
+    assert barrier(("plant", 0)).holders() == ["mission"]
+    assert barrier(("plant", 0)).missing("controller") == ["mission"]
+
+
+def test_one_that_publishes_first_needs_the_inputs_of_the_step_before():
+    reports = [("plant", 0), ("mission", 0)]
+    assert barrier(*reports).missing("plant") == ["controller"]
+    assert barrier(*reports, ("controller", 0)).holders() == ["plant"]
+
+
+def test_nobody_holds_a_run_that_is_finished():
+    reports = [(n, s) for s in range(2) for n in ("plant", "controller")]
+    assert barrier(("mission", 0), *reports, steps=2).holders() == []
+
+
+def test_a_delayed_input_needs_the_output_of_an_earlier_step():
+    loop = (participant("a", "b", delay=1), participant("b", "a"))
+    made = Barrier(scenario(*loop))
+    assert made.holders() == ["a"]
+    assert (made.report("a", 0), made.holders()) == (True, ["b"])
+    assert made.missing("a") == ["b"]

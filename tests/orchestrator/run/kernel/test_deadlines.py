@@ -1,0 +1,123 @@
+"""Who is late, by clocks that the test sets (P12)."""
+
+import pytest
+from support.runs.kernel import participant, scenario, states
+
+from stepbus_orchestrator.errors import ParticipantDied, StartFailed, StepTimeout
+from stepbus_orchestrator.run.kernel.deadlines import (
+    check_bulk,
+    check_closing,
+    check_start,
+    check_step,
+)
+from stepbus_orchestrator.run.kernel.failures import at, owed_step
+from stepbus_orchestrator.run.kernel.participants import Phase
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_schemas import Waiting
+
+
+def started(*reports, **options):
+    """Return the state of a run of plant, mission and controller after some reports."""
+    of = scenario(**options)
+    state = RunState(of, participants=states(of))
+    for name, step in reports:
+        state.barrier.report(name, step)
+    return state
+
+
+@pytest.mark.parametrize(
+    ("phase", "seconds", "sentence"),
+    [
+        (Phase.SPAWNED, 20, r"has not reached the bus.* 20 s \(participants\.plant\.spawn_timeout"),
+        (Phase.ALIVE, 10, r"not asked to join.* 10 s \(participants\.plant\.join_timeout"),
+        (Phase.JOINED, 30, r"is not ready.* 30 s \(participants\.plant\.ready_timeout"),
+    ],
+)
+def test_each_phase_of_the_start_up_has_its_deadline(phase, seconds, sentence):
+    participants = states(scenario(participant("plant")))
+    participants["plant"].phase = phase
+    check_start(participants, seconds)
+    with pytest.raises(StartFailed, match=sentence):
+        check_start(participants, 0.1)
+
+
+def test_whoever_waits_for_a_source_that_loads_is_not_late():
+    participants = states(scenario())
+    participants["plant"].phase = Phase.SPAWNED
+    participants["controller"].phase = Phase.JOINED
+    participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
+    check_start(participants, 19.0)
+    assert (participants["controller"].in_phase_s, participants["plant"].in_phase_s) == (0.0, 19.0)
+
+
+def test_a_participant_that_is_up_and_not_connected_is_late():
+    participants = states(scenario())
+    participants["controller"].phase = Phase.JOINED
+    participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
+    with pytest.raises(StartFailed, match="is not connected to plant, which is up"):
+        check_start(participants, 31.0)
+
+
+def test_the_one_that_holds_the_step_is_late_and_those_that_wait_are_not():
+    state = started(("plant", 0), ("mission", 0))
+    check_step(state, 2.9)
+    with pytest.raises(StepTimeout, match=r"step 0 .*controller .*computing for 3\.1 s") as caught:
+        check_step(state, 0.2)
+    assert (caught.value.participant, caught.value.step) == ("controller", 0)
+
+
+def test_the_clock_starts_anew_with_each_step():
+    state = started(("plant", 0), ("mission", 0))
+    check_step(state, 2.9)
+    state.barrier.report("controller", 0)
+    state.barrier.report("plant", 1)
+    check_step(state, 2.9)
+    assert state.participants["controller"].holds_s == 2.9
+
+
+def test_a_stopped_process_is_blamed_before_those_it_blocks():
+    state = started()
+    state.participants["mission"].process.stopped = True
+    with pytest.raises(StepTimeout, match=r"mission .* has been stopped by a signal") as caught:
+        check_step(state, 3.1)
+    assert "plant" not in str(caught.value)
+
+
+def test_a_message_that_was_lost_is_suspected_where_its_source_has_published():
+    state = started(("plant", 0), ("mission", 0))
+    state.participants["controller"].waiting = Waiting(step=0, sources=["plant"])
+    with pytest.raises(StepTimeout, match=r"waiting for plant .* was a message lost or dropped"):
+        check_step(state, 3.1)
+
+
+def test_the_owed_step_is_what_others_wait_for_where_the_log_lags_behind():
+    state = started(("plant", 0), ("plant", 1))
+    state.participants["controller"].waiting = Waiting(step=5, sources=["plant"])
+    assert owed_step("plant", state.participants, state.barrier) == 5
+    state.participants["controller"].waiting = Waiting(step=7, sources=["mission"])
+    assert owed_step("mission", state.participants, state.barrier) == 4
+
+
+def test_closing_outputs_have_the_stop_deadline():
+    state = started(steps=0)
+    check_closing(state, ["plant"], 3.0)
+    with pytest.raises(StepTimeout, match=r"plant .* has not published its closing outputs"):
+        check_closing(state, ["plant"], 0.1)
+
+
+def test_one_that_dies_while_closing_is_reported_as_dead():
+    state = started(steps=0)
+    state.participants["plant"].process.code = 3
+    with pytest.raises(ParticipantDied, match="exited with code 3"):
+        check_closing(state, ["plant"], 0.0)
+
+
+def test_announced_bulk_content_has_the_longest_stop_deadline():
+    check_bulk(started(), 2.9)
+    with pytest.raises(StepTimeout, match="announced bulk content has not arrived"):
+        check_bulk(started(), 3.1)
+
+
+def test_a_step_is_named_with_its_time():
+    assert at(412, 5_000_000) == "step 412 (t = 2.060 s)"
+    assert at(-1, 5_000_000) == "before the first step"

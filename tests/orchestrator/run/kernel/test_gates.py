@@ -1,0 +1,35 @@
+"""How far a run may go: the barrier, and every gate (P5.2, P5.5)."""
+
+from support.runs.kernel import scenario
+
+from stepbus_orchestrator import Pace
+from stepbus_orchestrator.run.kernel.barrier import Barrier
+from stepbus_orchestrator.run.kernel.gates import FAR, step_limit
+
+
+class At:
+    """A gate before a step."""
+
+    def __init__(self, step):
+        self._step = step
+
+    def limit(self, released):
+        return self._step
+
+
+def test_without_gates_the_barrier_decides():
+    assert step_limit(Barrier(scenario(window=3)), [], 0) == 3
+
+
+def test_the_nearest_gate_decides():
+    assert step_limit(Barrier(scenario(steps=100)), [At(9), At(FAR), At(4)], 0) == 4
+
+
+def test_what_has_been_released_is_never_taken_back():
+    assert step_limit(Barrier(scenario(steps=100)), [At(4)], 7) == 7
+
+
+def test_a_pause_holds_what_is_not_released():
+    pace = Pace()
+    pace.pause()
+    assert step_limit(Barrier(scenario(steps=100)), [pace], 7) == 7

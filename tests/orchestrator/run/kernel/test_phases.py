@@ -1,0 +1,113 @@
+"""A run, phase by phase, as text: who is recorded when, and what follows what."""
+
+import threading
+from itertools import pairwise
+
+import pytest
+from support.runs.kernel import MISSION, PLANT, RunInMemory, participant, scenario
+
+from stepbus_orchestrator import Pace
+from stepbus_orchestrator.errors import Interrupted, ParticipantDied
+from stepbus_orchestrator.run.kernel.phase import NEXT, RunPhase
+from stepbus_orchestrator.scenario import HoldSpec
+
+TWO_STEPS = "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"
+HELD = participant("controller", "plant", "mission", on_fault=HoldSpec(keep_ns=0, hold_ns=10**7))
+
+
+def test_a_run_starts_steps_closes_and_shuts_down():
+    run = RunInMemory(scenario(steps=2))
+    assert run.run() == "finished"
+    assert " → ".join(run.phases) == "start-up → stepping → closing → shutdown"
+    assert run.sink.text == TWO_STEPS
+
+
+@pytest.mark.parametrize("window", [1, 2, 64])
+@pytest.mark.parametrize("order", [["plant", "mission", "controller"], ["controller", "mission", "plant"]])  # fmt: skip
+def test_neither_window_nor_order_of_arrival_changes_what_is_recorded(window, order):
+    run = RunInMemory(scenario(steps=2, window=window), order=order)
+    run.run()
+    assert run.sink.text == TWO_STEPS
+
+
+def test_synchronous_mode_releases_one_step_at_a_time():
+    run = RunInMemory(scenario(steps=4, window=1))
+    run.run()
+    assert run.bus.triggers == [1, 2, 3, 4]
+
+
+def test_a_window_of_three_is_three_steps_ahead_of_the_barrier():
+    run = RunInMemory(scenario(steps=8, window=3))
+    run.run()
+    assert run.bus.triggers[0] == 3
+    assert all(later - earlier <= 3 for earlier, later in pairwise(run.bus.triggers))
+
+
+def test_the_stop_names_the_last_step_so_that_closing_outputs_come():
+    run = RunInMemory(scenario(steps=5))
+    run.run()
+    assert run.bus.stops == [5]
+    assert run.sink.text.endswith("controller@4 plant@5")
+
+
+def test_a_run_of_no_steps_records_closing_outputs_only():
+    run = RunInMemory(scenario(steps=0))
+    assert run.run() == "finished"
+    assert run.sink.text == "plant@0"
+
+
+def test_a_failure_goes_straight_to_shutdown_and_stops_everybody_at_once():
+    run = RunInMemory(scenario(window=1), dies=("controller", 3))
+    with pytest.raises(ParticipantDied, match=r"step 3 .*controller \(pid 7\) exited with code 3"):
+        run.run()
+    assert " → ".join(run.phases) == "start-up → stepping → shutdown"
+    assert run.bus.stops == [-1]
+    assert run.sink.ends == []
+
+
+def test_a_participant_with_a_fallback_is_replaced_until_the_safe_stop():
+    run = RunInMemory(scenario(PLANT, MISSION, HELD, window=1, steps=100), dies=("controller", 3))
+    with pytest.raises(ParticipantDied, match="held from step 3 to 5 and brought to rest"):
+        run.run()
+    assert " → ".join(run.phases) == "start-up → stepping → fallback → closing → shutdown"
+    assert run.sink.ends == ["on_fault", "finish"]
+    assert run.sink.text.endswith("plant@4 mission@4 controller@4 plant@5")
+
+
+def test_the_recording_is_finished_exactly_once_and_only_where_the_run_got_there():
+    finished, failed = RunInMemory(scenario()), RunInMemory(scenario(), dies=("plant", 2))
+    finished.run()
+    with pytest.raises(ParticipantDied):
+        failed.run()
+    assert (finished.sink.ends, finished.loop.is_recorded) == (["finish"], True)
+    assert (failed.sink.ends, failed.loop.is_recorded) == ([], False)
+
+
+def test_an_interrupt_ends_the_run_at_its_next_turn():
+    interrupt = threading.Event()
+    interrupt.set()
+    run = RunInMemory(scenario(), interrupt=interrupt)
+    with pytest.raises(Interrupted):
+        run.run()
+    assert run.phases[-1] == "shutdown"
+
+
+def test_a_paused_run_releases_no_step_beyond_the_pause():
+    pace = Pace(3)
+    run = RunInMemory(scenario(MISSION, steps=8, window=4), pace=pace)
+    threading.Timer(0.3, pace.resume).start()
+    run.run()
+    assert run.bus.triggers == [3, 8]
+
+
+def test_every_phase_leads_to_shutdown_and_none_comes_twice():
+    assert {phase for phase, following in NEXT.items() if not following} == {RunPhase.SHUTDOWN}
+    assert all(RunPhase.SHUTDOWN in NEXT[phase] for phase in RunPhase if NEXT[phase])
+    order = list(RunPhase)
+    assert all(order.index(later) > order.index(p) for p in RunPhase for later in NEXT[p])
+
+
+def test_a_phase_that_cannot_follow_is_refused():
+    state = RunInMemory(scenario()).loop.state
+    with pytest.raises(ValueError, match="closing does not follow start-up"):
+        state.enter(RunPhase.CLOSING)

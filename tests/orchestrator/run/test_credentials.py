@@ -1,0 +1,91 @@
+"""Who has no credentials gets no link, and who has them speaks for itself alone."""
+
+import json
+
+import pytest
+import zenoh
+from support.runs.joints import leftovers, run_joints
+from support.runs.stranger import PATIENT, disturbed
+
+from stepbus_orchestrator.processes import certificates
+from stepbus_participant import load_ticket
+
+TRANSPORTS = ("unix", "tcp")
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    return run_joints(tmp_path_factory.mktemp("reference"), *PATIENT)
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(tmp_path, own_temp):
+    yield
+    assert leftovers(tmp_path) == []
+    assert list(own_temp.iterdir()) == []
+
+
+def without_credentials(links, **further):
+    """Return an open session that is no member of the run."""
+    settings = {
+        "mode": "peer", "listen/endpoints": [], "connect/endpoints": sorted(links),
+        "connect/timeout_ms": 500, "connect/exit_on_failure": False,
+        "scouting/multicast/enabled": False, "scouting/gossip/enabled": False,
+        "transport/unicast/qos/enabled": False, "transport/unicast/lowlatency": True, **further,
+    }  # fmt: skip
+    config = zenoh.Config()
+    for path, value in settings.items():
+        config.insert_json5(path, json.dumps(value))
+    return zenoh.open(config)
+
+
+def links_of(folder):
+    tickets = [
+        load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("stepbus-*/*.ticket")
+    ]
+    return {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_without_credentials_there_is_no_link(tmp_path, own_temp, reference, transport):
+    heard, peers = [], []
+
+    def act(stranger, _token):
+        with without_credentials(links_of(own_temp)) as session:
+            session.declare_subscriber("**", heard.append, allowed_origin=zenoh.Locality.REMOTE)
+            run = stranger.run
+            for key in ("trigger", "stop", "out/plant", "log/plant", "fault/plant"):
+                session.put(f"stepbus/{run}/{key}", b"\x80")
+            peers.extend(session.info.peers_zid())
+
+    result = disturbed(tmp_path, own_temp, act, f"bus.transport={transport}")
+    assert (heard, peers) == ([], [])
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    assert result.unauthenticated == 1
+    assert set(result.drops.values()) == {0}
+
+
+def test_a_certificate_of_another_authority_gets_no_link(tmp_path, own_temp, reference):
+    (tmp_path / "keys").mkdir()
+    forged = certificates(["controller"], tmp_path / "keys")["controller"]
+    peers = []
+
+    def act(stranger, _token):
+        with without_credentials(links_of(own_temp), **forged) as session:
+            peers.extend(session.info.peers_zid())
+
+    result = disturbed(tmp_path, own_temp, act, "bus.transport=tcp")
+    assert peers == []
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_nobody_speaks_for_another_to_the_orchestrator(tmp_path, own_temp, reference, transport):
+    def act(stranger, _token):
+        for key in ("log/plant", "ready/plant", "fault/plant", "log/mission"):
+            stranger.bus.publisher(key, "application/octet-stream")(b"\x80")
+
+    result = disturbed(tmp_path, own_temp, act, f"bus.transport={transport}")
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    # The one query that ends the act; what was sent before it, on the same link, is not counted.
+    assert result.unauthenticated == 1

@@ -1,0 +1,45 @@
+"""The same scenario gives the same bytes, whatever the timing, the window or the transport."""
+
+import pytest
+from support.runs.joints import run_joints
+
+OPTIONS = [
+    ("window=1", "batch=1"),
+    ("window=2", "batch=1"),
+    ("window=7", "batch=3"),
+    ("window=64",),
+    ("bus.transport=tcp",),
+    ("bus.low_latency=false",),
+]
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    return run_joints(tmp_path_factory.mktemp("reference"))
+
+
+@pytest.mark.parametrize("overrides", OPTIONS, ids="_".join)
+def test_the_recording_does_not_depend_on_how_it_was_run(tmp_path, reference, overrides):
+    result = run_joints(tmp_path, *overrides)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+
+
+@pytest.mark.parametrize(
+    "order", [("mission", "controller", "plant"), ("controller", "plant", "mission")]
+)
+def test_the_recording_does_not_depend_on_the_start_order(tmp_path, reference, order):
+    result = run_joints(tmp_path, start_order=order)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+
+
+def test_another_parameter_gives_another_recording(tmp_path, reference):
+    result = run_joints(tmp_path, "mission.every=5")
+    assert result.exit_code == 0
+    assert result.sha256 != reference.sha256
+
+
+def test_a_participant_that_ends_the_run_ends_it_at_the_same_step_in_any_window(tmp_path):
+    end = "controller.exec=[python, joints.py, controller, end, '41']"
+    narrow = run_joints(tmp_path / "narrow", end, "window=1", "batch=1")
+    wide = run_joints(tmp_path / "wide", end, "window=64")
+    assert narrow.sha256 == wide.sha256

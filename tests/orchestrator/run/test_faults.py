@@ -1,0 +1,133 @@
+"""Each fault ends the run with one sentence, its own exit code, no orphan, a readable log."""
+
+import re
+import socket
+
+import pytest
+from mcap.reader import make_reader
+from support.runs.joints import fault, leftovers, run_joints
+
+from stepbus_orchestrator.errors import ExitCode
+
+FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(tmp_path, own_temp):
+    yield
+    assert leftovers(tmp_path) == []
+    assert list(own_temp.iterdir()) == []
+
+
+def recorded_steps(result):
+    with result.recording.open("rb") as file:
+        messages = make_reader(file).iter_messages(topics=["plant/joint_state"])
+        return [message.sequence for _, _, message in messages]
+
+
+@pytest.mark.parametrize(
+    ("kind", "code", "sentence"),
+    [
+        ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 1\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
+        ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
+        ("huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
+    ],
+)  # fmt: skip
+def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
+    result = run_joints(tmp_path, fault("controller", "controller", kind, 7), *FAST)
+    assert (result.exit_code, result.participant) == (code, "controller")
+    assert re.search(sentence, result.reason)
+    assert recorded_steps(result)[:8] == list(range(8))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("message", r"controller\.command.*not a JointCommand/1: .*\$\.values"),
+        ("mistyped", r"JointCommand/1: .*values"),
+        ("envelope", r"controller.*not a Outputs/1: .*\$\.step"),
+        ("skip", r"controller skipped from step 6 to 8|reported step 8 instead"),
+        ("time", r"wrong token or time"),
+    ],
+)  # fmt: skip
+def test_a_broken_message_ends_the_run_and_blames_its_sender(tmp_path, kind, sentence):
+    result = run_joints(tmp_path, fault("controller", "nonsense", kind, 7), *FAST)
+    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")
+    assert re.search(sentence, result.reason)
+    assert recorded_steps(result)[:7] == list(range(7))
+
+
+def test_garbage_in_place_of_outputs_is_named_when_the_step_times_out(tmp_path):
+    slow = "plant.step_timeout=1s"
+    result = run_joints(tmp_path, fault("controller", "nonsense", "garbage", 7), slow, *FAST)
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "step 7 (t = 0.035 s): controller" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
+        ("exit", r"before the first step: controller \(pid \d+\) exited with code 3"),
+        ("hang", r"controller \(pid \d+\) has joined and is not ready.*0\.5 s \(participants\.controller\.ready_timeout\)"),
+    ],
+)  # fmt: skip
+def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
+    deadline = "controller.ready_timeout=500ms"
+    result = run_joints(tmp_path, fault("controller", "controller", kind, -1), deadline, *FAST)
+    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
+    assert re.search(sentence, result.reason)
+
+
+def test_a_program_that_does_not_take_part_is_named(tmp_path):
+    result = run_joints(tmp_path, "controller.exec=[sleep, '1000']", "controller.spawn_timeout=1s")
+    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
+    assert "has not reached the bus" in result.reason
+
+
+def test_a_program_for_another_version_of_a_message_is_refused_naming_both_sides(tmp_path):
+    result = run_joints(tmp_path, "controller.exec=[python, joints.py, future]")
+    assert result.exit_code == ExitCode.START
+    assert "the program has JointCommand/2, the scenario JointCommand/1" in result.reason
+
+
+def test_a_slow_start_of_one_is_not_blamed_on_those_that_wait_for_it(tmp_path):
+    result = run_joints(
+        tmp_path, fault("plant", "plant", "hang", -1), "plant.ready_timeout=2s", "controller.ready_timeout=1s"
+    )  # fmt: skip
+    assert (result.exit_code, result.participant) == (ExitCode.START, "plant")
+
+
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [("hang-at-close", ExitCode.STOP_TIMEOUT), ("raise-at-close", ExitCode.DIED)],
+)
+def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
+    tmp_path, kind, code
+):
+    result = run_joints(tmp_path, fault("controller", "controller", kind, 0), *FAST)
+    assert (result.exit_code, result.participant) == (code, "controller")
+    assert recorded_steps(result) == list(range(101))
+
+
+def test_a_port_in_use_is_named(tmp_path):
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        result = run_joints(tmp_path, "bus.transport=tcp", f"bus.port={port}")
+    assert result.exit_code == ExitCode.BUS
+    assert f"port {port} on 127.0.0.1 cannot be used" in result.reason
+
+
+def test_a_participant_can_end_the_run_and_everybody_finishes_that_step(tmp_path):
+    result = run_joints(tmp_path, fault("controller", "controller", "end", 41))
+    assert (result.exit_code, result.steps) == (0, 42)
+    assert result.reason == "controller: the goal is reached"
+    assert recorded_steps(result) == list(range(43))

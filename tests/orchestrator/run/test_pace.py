@@ -1,0 +1,167 @@
+"""Pause, single steps and debugging: no effect on the result."""
+
+import os
+import pty
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from support.messages.recordings import messages
+from support.runs.joints import fault, leftovers, write_scenario
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.cli.terminal.keys import press
+from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.progress import Silent
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_schemas import WiringError
+
+
+def test_a_pace_that_nobody_touches_has_no_limit():
+    assert Pace().limit(7) == FAR
+    assert Pace(12).limit(7) == 12
+
+
+def test_a_pause_lets_what_is_under_way_be_done_and_no_more():
+    pace = Pace()
+    pace.pause()
+    assert (pace.limit(7), pace.limit(9)) == (7, 7)
+    pace.resume()
+    assert pace.limit(7) == FAR
+
+
+def test_steps_add_up_and_pause_a_run_that_goes_on():
+    pace = Pace()
+    pace.step()
+    pace.step(2)
+    assert pace.limit(7) == 10
+    pace.step()
+    assert pace.limit(10) == 11
+
+
+def test_keys_steer_the_pace():
+    pace, interrupt = Pace(), threading.Event()
+    limits = []
+    for key in "ps p\nx":
+        press(key, pace, interrupt)
+        limits.append(pace.limit(4))
+    assert limits == [4, 5, FAR, 4, 5, 5]
+    press("q", pace, interrupt)
+    assert interrupt.is_set()
+
+
+class Stepper(Silent):
+    """Does single steps whenever the run is paused, then lets it go on."""
+
+    def __init__(self, pace):
+        self.pace = pace
+        self.seen = []
+
+    def progress(self, progress):
+        if progress.phase == "paused":
+            self.seen.append(progress.step)
+            self.pace.step() if len(self.seen) < 4 else self.pace.resume()
+
+
+@pytest.mark.parametrize("window", [1, 64])
+def test_a_run_that_is_paused_and_stepped_has_the_same_recording(tmp_path, window):
+    scenario = load(
+        write_scenario(tmp_path / "source"), [f"window={window}", "plant.step_timeout=1s"]
+    )
+    plain = run(scenario, Options(out=tmp_path / "plain"))
+    pace = Pace(30)
+    watcher = Stepper(pace)
+    result = run(scenario, Options(out=tmp_path / "out", pace=pace), watcher)
+    assert watcher.seen == [30, 31, 32, 33]
+    assert (result.exit_code, result.sha256) == (0, plain.sha256)
+
+
+class Wait(Silent):
+    """Lets a paused run go on after longer than any deadline."""
+
+    def __init__(self, pace):
+        self.pace = pace
+        self.since = None
+
+    def progress(self, progress):
+        if progress.phase == "paused":
+            self.since = self.since or time.monotonic()
+            if time.monotonic() - self.since > 1.5:
+                self.pace.resume()
+
+
+def test_nobody_is_late_while_a_run_is_paused(tmp_path):
+    deadlines = [f"{name}.step_timeout=500ms" for name in ("plant", "controller", "mission")]
+    pace = Pace(30)
+    scenario = load(write_scenario(tmp_path / "source"), deadlines)
+    result = run(scenario, Options(out=tmp_path / "out", pace=pace), Wait(pace))
+    assert (result.exit_code, result.steps) == (0, 100)
+
+
+def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
+    slow = [fault("controller", "controller", "nap", 7), "controller.step_timeout=500ms"]
+    scenario = load(write_scenario(tmp_path / "source"), slow)
+    late = run(scenario, Options(out=tmp_path / "late"))
+    result = run(scenario, Options(out=tmp_path / "out", debug=("controller",)))
+    assert (late.exit_code, result.exit_code) == (6, 0)
+    assert "--debug" in (tmp_path / "out/logs/controller.log").read_text()
+
+
+def test_only_a_participant_can_be_debugged(tmp_path):
+    scenario = load(write_scenario(tmp_path / "source"))
+    with pytest.raises(WiringError, match="no participant 'plnt' to debug"):
+        run(scenario, Options(out=tmp_path / "out", debug=("plnt",)))
+
+
+def test_pausing_needs_somebody_who_can_press_a_key(tmp_path):
+    command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--pause-at", "3"]
+    done = subprocess.run(
+        [*command, "--out", tmp_path / "out"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, "--pause-at needs a terminal" in done.stderr) == (2, True)
+
+
+def read_until(terminal, text, seconds=30.0):
+    """Return what a terminal shows until a text is there."""
+    shown = ""
+    deadline = time.monotonic() + seconds
+    while text not in shown and time.monotonic() < deadline:
+        try:
+            shown += os.read(terminal, 4096).decode(errors="replace")
+        except OSError:
+            break
+    return shown
+
+
+def test_keys_pressed_at_a_terminal_step_and_resume_a_run(tmp_path, two_link_recording):
+    mine, its = pty.openpty()
+    command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--no-report"]
+    process = subprocess.Popen(
+        [*command, "--set", "duration=300ms", "--pause-at", "10", "--out", tmp_path / "out"],
+        stdin=its,
+        stdout=its,
+        stderr=its,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100"},
+        start_new_session=True,
+    )
+    try:
+        os.close(its)
+        assert "paused before step 10" in read_until(mine, "paused before step 10")
+        os.write(mine, b"s")
+        assert "paused before step 11" in read_until(mine, "paused before step 11")
+        os.write(mine, b"p")
+        assert "finished after 60 steps" in read_until(mine, "sha256")
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(mine)
+    assert messages(tmp_path / "out/run.mcap") == messages(two_link_recording)
+    assert leftovers(tmp_path) == []

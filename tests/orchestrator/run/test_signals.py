@@ -1,0 +1,108 @@
+"""What ends an orchestrator from outside: Ctrl-C, kill -9, a full disk."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from support.runs.joints import leftovers, write_scenario
+
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Return a function that starts `stepbus run` and waits for the first steps."""
+    processes = []
+
+    def begin(*options, kilobytes=None):
+        path = write_scenario(tmp_path / "source")
+        command = [sys.executable, "-m", "stepbus_orchestrator", "run", path, "--no-report"]
+        # What a file may grow to; a write beyond it fails as it does on a full disk.
+        limit = f"ulimit -f {kilobytes}; trap '' XFSZ; " if kilobytes else ""
+        shell = ["bash", "-c", f'{limit}exec "$@"', "bash"]
+        process = subprocess.Popen(
+            [*shell, *command, "--out", tmp_path / "out", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        process.stderr.close()
+
+
+def wait_until(condition, seconds=20.0):
+    """Return whether a condition came true in time."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def recorded_bytes(tmp_path):
+    path = tmp_path / "out" / "run.mcap"
+    return path.stat().st_size if path.exists() else 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_run_cleanly_with_its_own_code(tmp_path, start, number):
+    process = start("--set", "duration=1000s")
+    assert wait_until(lambda: recorded_bytes(tmp_path) > 20_000)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=20)
+    assert (process.returncode, "interrupted by the user" in errors) == (ExitCode.INTERRUPTED, True)
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["exit_code"] == ExitCode.INTERRUPTED
+    recording = Recording(tmp_path / "out" / "run.mcap")
+    assert (recording.damage, len(recording["plant/joint_state"]) > 100) == ("", True)
+
+
+def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_temp, start):
+    process = start("--set", "duration=1000s")
+    assert wait_until(lambda: recorded_bytes(tmp_path) > 100_000)
+    process.kill()
+    process.wait()
+    assert wait_until(lambda: leftovers(tmp_path) == [])
+    assert wait_until(lambda: list(own_temp.iterdir()) == [])
+    recording = Recording(tmp_path / "out" / "run.mcap")
+    assert len(recording["plant/joint_state"]) > 100
+
+
+def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_path, start):
+    process = start("--set", "duration=1000s", kilobytes=600)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == ExitCode.RECORDING
+    assert "cannot be written: File too large; free some disk space" in errors
+    assert "Traceback" not in errors
+    recording = Recording(tmp_path / "out" / "run.mcap")
+    assert len(recording["plant/joint_state"]) > 1000
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
+def test_a_small_disk_that_fills_up_leaves_a_whole_recording(tmp_path, start):
+    disk = tmp_path / "out"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "none", disk], check=False)
+    if mounted.returncode:
+        pytest.skip("this machine does not let us mount a tmpfs")
+    try:
+        process = start("--set", "duration=1000s", "--out", str(disk / "run"))
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode == ExitCode.RECORDING
+        assert "No space left on device" in errors
+        assert Recording(disk / "run" / "run.mcap").damage == ""
+    finally:
+        subprocess.run(["umount", disk], check=True)

@@ -1,0 +1,103 @@
+"""Whoever has no token changes nothing in a running scenario, and is counted."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import pytest
+from support.messages.fuzz import OLD_TOKEN, STEP_NS, Mutator, envelopes, outputs
+from support.runs.joints import leftovers, run_joints
+from support.runs.stranger import PATIENT, WAIT_S, disturbed
+
+from stepbus_participant.session import carries_token
+from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop, encoding_of
+
+TO_ORCHESTRATOR = {"join", "ready/controller", "log/controller", "fault/controller"}
+LAST_QUERY = 1
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    return run_joints(tmp_path_factory.mktemp("reference"), *PATIENT)
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(tmp_path, own_temp):
+    yield
+    assert leftovers(tmp_path) == []
+    assert list(own_temp.iterdir()) == []
+
+
+def test_messages_of_an_old_run_change_nothing_and_are_counted(tmp_path, own_temp, reference):
+    def act(stranger, _token):
+        for key, message in envelopes(OLD_TOKEN).items():
+            stranger.say_message(key, message)
+
+    result = disturbed(tmp_path, own_temp, act)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    assert result.unauthenticated == len(TO_ORCHESTRATOR) + LAST_QUERY
+    # start, trigger and stop at each of the three, the outputs at the plant.
+    assert result.drops == {"plant": 4, "controller": 3, "mission": 3}
+
+
+def test_messages_without_a_token_change_nothing_and_are_counted(tmp_path, own_temp, reference):
+    def act(stranger, _token):
+        for key in (*envelopes(), "ready/nobody", "fault/plant"):
+            if key != "join":
+                stranger.say(key, b"\x80")
+        stranger.ask(b"\x80")
+
+    result = disturbed(tmp_path, own_temp, act)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    assert result.unauthenticated == len(TO_ORCHESTRATOR) + len({"fault/plant"}) + LAST_QUERY
+    assert result.drops == {"plant": 4, "controller": 3, "mission": 3}
+
+
+def test_outputs_ahead_of_their_source_change_nothing(tmp_path, own_temp, reference):
+    def act(stranger, _token):
+        for step in (HANDSHAKE_STEP, *range(10, 60)):
+            for source in ("plant", "controller", "mission"):
+                stranger.say_message(f"out/{source}", outputs(step, OLD_TOKEN))
+
+    result = disturbed(tmp_path, own_temp, act)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    assert result.drops == {"plant": 51, "controller": 102, "mission": 0}
+
+
+def test_hundreds_of_mutated_messages_over_the_bus_change_nothing(tmp_path, own_temp, reference):
+    mutator = Mutator(10)
+
+    def act(stranger, token):
+        for key, message in envelopes(token).items():
+            for _ in range(50):
+                mutant = mutator.broken(message, token)
+                while carries_token(mutant, token):
+                    mutant = mutator.broken(message, token)
+                stranger.ask(mutant) if key == "join" else stranger.say(key, mutant)
+
+    result = disturbed(tmp_path, own_temp, act)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    assert result.unauthenticated == 50 * len(TO_ORCHESTRATOR) + LAST_QUERY
+    assert result.drops == {"plant": 200, "controller": 150, "mission": 150}
+
+
+@pytest.mark.parametrize("name", ["stranger", "controller", "orchestrator"])
+def test_a_strangers_coming_and_going_changes_nothing(tmp_path, own_temp, reference, name):
+    def act(stranger, _token):
+        with closing(stranger.another_session()) as bus:
+            bus.declare_alive(f"alive/{name}")
+            next(iter(bus.query("join", b"", encoding_of("Hello/1"), WAIT_S)), None)
+
+    result = disturbed(tmp_path, own_temp, act)
+    assert (result.exit_code, result.sha256) == (0, reference.sha256)
+    # The orchestrator's session takes no token of another name from the controller's link.
+    assert result.unauthenticated == 1 + LAST_QUERY
+
+
+def test_a_stop_of_another_run_does_not_stop_this_one(tmp_path, own_temp, reference):
+    def act(stranger, _token):
+        stranger.say_message("stop", Stop(token=OLD_TOKEN, reason="the other one", at_step=-1))
+        stranger.say_message("out/plant", Outputs(token=OLD_TOKEN, step=5, t_ns=5 * STEP_NS))
+
+    result = disturbed(tmp_path, own_temp, act)
+    assert (result.steps, result.sha256) == (reference.steps, reference.sha256)

@@ -1,0 +1,73 @@
+"""Tables and JSON Schemas that come from declared parameters."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+from support.paths import CHECKOUT
+
+from stepbus_orchestrator.scenario import builtin_names, load
+from stepbus_orchestrator.scenario.describe.__main__ import generated_files, main
+
+COMMENT = "# yaml-language-server: $schema="
+SCENARIO = """\
+participants:
+  plant: {{exec: [python, -m, stepbus_plant], params: {params}}}
+"""
+
+
+def schema(name):
+    text = (CHECKOUT / f"schemas/json/{name}.schema.json").read_text(encoding="utf-8")
+    return jsonschema.Draft202012Validator(json.loads(text))
+
+
+def found_in(validator, text):
+    return [
+        error.message for error in validator.iter_errors(YAML(typ="safe", pure=True).load(text))
+    ]
+
+
+def test_generated_files_are_up_to_date(capsys):
+    assert main(["--check"]) == 0, capsys.readouterr().out
+
+
+def test_a_stale_page_is_named(tmp_path):
+    page = tmp_path / "docs/page.md"
+    page.parent.mkdir()
+    page.write_text("<!-- parameters: stepbus_planner:Params -->\nold\n<!-- /parameters -->\n")
+    text = generated_files(tmp_path)[page]
+    assert "| `latency` | duration | 200ms | From a request to its answer, " in text
+    assert "old" not in text
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_shipped_scenario_names_the_schema_and_keeps_to_it(name):
+    text = load(name).file.read_text(encoding="utf-8")
+    first = text.partition("\n")[0]
+    assert first.startswith(COMMENT)
+    assert (load(name).folder / first.removeprefix(COMMENT)).is_file()
+    assert found_in(schema("scenario"), text) == []
+
+
+@pytest.mark.parametrize("name", ["baxter", "store", "two_link"])
+def test_every_shipped_world_keeps_to_the_schema(name):
+    world = resources.files("stepbus_scenarios") / name / "world.yaml"
+    assert found_in(schema("world"), world.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ("{wrld: x}", "'wrld' was unexpected"),
+        ("{noise: {position: -1}}", "-1 is less than the minimum of 0"),
+        ("{actuation: magic}", "'magic' is not one of"),
+        ("{cameras: 3}", "3 is not of type 'boolean', 'null'"),
+    ],
+)
+def test_the_schema_of_a_scenario_knows_the_parameters_of_a_service(params, message):
+    (found,) = found_in(schema("scenario"), SCENARIO.format(params=params))
+    assert message in found

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import pytest
+from support.runs.scenario import problem_of, problems_of, write
+
+from stepbus_orchestrator.scenario import ScenarioError, load
+
+
+@pytest.fixture
+def base(tmp_path):
+    write(tmp_path)
+    return tmp_path
+
+
+def on_top(folder, text):
+    return load(write(folder, f"extends: scenario.yaml\n{text}", "top.yaml"))
+
+
+def test_maps_are_merged(base):
+    scenario = on_top(base, "participants: {controller: {params: {kp: 60, ki: 0.02}}}")
+    assert scenario.participant("controller").params == {"law": "pd", "kp": 60, "ki": 0.02}
+    assert scenario.steps == 2000
+
+
+def test_lists_are_replaced(base):
+    scenario = on_top(base, "participants: {plant: {exec: [python, -c, '1']}}")
+    assert scenario.participant("plant").exec == ("python", "-c", "1")
+
+
+def test_null_removes_what_would_be_inherited(base):
+    scenario = on_top(base, "duration: null\nparticipants: {controller: {params: {kp: null}}}")
+    assert scenario.steps is None
+    assert scenario.participant("controller").params == {"law": "pd"}
+
+
+def test_bases_may_have_bases(base):
+    write(base, "extends: scenario.yaml\nseed: 3\n", "middle.yaml")
+    write(base, "extends: middle.yaml\nname: top\n", "top.yaml")
+    scenario = load(base / "top.yaml")
+    assert (scenario.name, scenario.seed, scenario.step_ns) == ("top", 3, 5_000_000)
+
+
+def test_a_problem_names_the_file_it_stands_in(base):
+    write(base, "extends: scenario.yaml\nseeed: 3\n", "middle.yaml")
+    write(base, "extends: middle.yaml\n\nwindow: 0\n", "scenario2.yaml")
+    with pytest.raises(ScenarioError) as caught:
+        load(base / "scenario2.yaml")
+    assert str(caught.value).splitlines() == [
+        "middle.yaml:2: seeed: unknown key 'seeed'; did you mean 'seed'?",
+        "scenario2.yaml:3: window: must be at least 1, not 0",
+    ]
+
+
+def test_a_circle_is_refused(tmp_path):
+    write(tmp_path, "extends: scenario.yaml\n", "b.yaml")
+    assert problem_of(tmp_path, "extends: b.yaml\n") == (
+        "b.yaml:1: extends: a circle: scenario.yaml → b.yaml → scenario.yaml"
+    )
+
+
+def test_a_base_in_another_folder_is_refused(tmp_path):
+    assert "must be in the same folder" in problem_of(tmp_path, "extends: ../other.yaml\n")
+
+
+def test_a_missing_base_is_answered_with_the_nearest(tmp_path):
+    write(tmp_path, "", "pd_base.yaml")
+    assert problem_of(tmp_path, "extends: pd_bse.yaml\n").endswith("did you mean 'pd_base.yaml'?")
+
+
+def test_a_base_must_be_a_name(tmp_path):
+    assert problems_of(tmp_path, "extends: [a, b]\n") == [
+        "scenario.yaml:1: extends: must name a file, not a list"
+    ]

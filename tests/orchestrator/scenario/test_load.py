@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import sys
+
+import pytest
+from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, write
+
+from stepbus_orchestrator.scenario import (
+    BusSpec,
+    Deadlines,
+    InputSpec,
+    OutputSpec,
+    ScenarioError,
+    builtin_names,
+    load,
+)
+
+
+def test_a_scenario_becomes_frozen_types(tmp_path):
+    scenario = load_text(tmp_path)
+    assert (scenario.name, scenario.step_ns, scenario.steps) == ("arm", 5_000_000, 2000)
+    assert [spec.name for spec in scenario.participants] == ["plant", "controller", "mission"]
+    assert scenario.participant("mission").every == 4
+    assert scenario.participant("mission").inputs == {
+        "joint_state": InputSpec(source="plant", port="joint_state", delay=1)
+    }
+
+
+def test_what_is_not_set_has_its_default(tmp_path):
+    scenario = load_text(tmp_path)
+    plant = scenario.participant("plant")
+    assert (scenario.seed, scenario.window, scenario.batch) == (0, 64, 32)
+    assert scenario.bus == BusSpec(transport="unix", port=None, low_latency=None)
+    assert plant.deadlines == Deadlines(spawn_s=20, join_s=10, ready_s=30, step_s=3, stop_s=3)
+    assert (plant.every, plant.params) == (1, {})
+
+
+def test_every_key_is_read(tmp_path):
+    text = changed(
+        "participants:",
+        "seed: 7\nwindow: 8\nbatch: 2\nbus: {transport: tcp, port: 7447}\nparticipants:",
+    )
+    text = text.replace("every: 4", "every: 4\n    step_timeout: 2min\n    join_timeout: 500ms")
+    text = text.replace("JointReference/1}", "{type: JointReference/1, bulk: true}}")
+    scenario = load_text(tmp_path, text)
+    mission = scenario.participant("mission")
+    assert (scenario.seed, scenario.window, scenario.batch) == (7, 8, 2)
+    assert scenario.bus == BusSpec(transport="tcp", port=7447)
+    assert mission.deadlines == Deadlines(step_s=120.0, join_s=0.5)
+    assert mission.outputs == {"reference": OutputSpec(type="JointReference/1", bulk=True)}
+
+
+def test_a_run_without_duration_has_no_last_step(tmp_path):
+    assert load_text(tmp_path, changed("duration: 10s\n", "")).steps is None
+
+
+def test_a_window_of_one_has_a_batch_of_one(tmp_path):
+    assert load_text(tmp_path, TWO_LINK, "window=1").batch == 1
+
+
+def test_an_absent_map_is_an_empty_map(tmp_path):
+    text = changed("params: {law: pd, kp: 100}", "params:")
+    assert load_text(tmp_path, text).participant("controller").params == {}
+
+
+def test_numbers_are_those_of_yaml_1_2(tmp_path):
+    text = changed("kp: 100", "a: 1e-3, b: 010, c: on, d: 1:30, e: 2020-01-01, f: 0x10, g: .5")
+    params = load_text(tmp_path, text).participant("controller").params
+    assert params == {
+        "law": "pd",
+        "a": 0.001,
+        "b": 10,
+        "c": "on",
+        "d": "1:30",
+        "e": "2020-01-01",
+        "f": 16,
+        "g": 0.5,
+    }
+
+
+def test_a_folder_stands_for_its_scenario_yaml(tmp_path):
+    path = write(tmp_path)
+    assert load(tmp_path).file == load(path).file == path.resolve()
+
+
+def test_a_folder_without_scenario_yaml_is_refused(tmp_path):
+    with pytest.raises(ScenarioError, match=r"the folder has no scenario\.yaml"):
+        load(tmp_path)
+
+
+def test_a_missing_file_is_refused():
+    with pytest.raises(ScenarioError, match=r"^nope\.yaml: no such file or folder"):
+        load("nope.yaml")
+
+
+@pytest.fixture
+def builtin(tmp_path, monkeypatch):
+    folder = tmp_path / "site/stepbus_scenarios"
+    write(folder, "", "__init__.py")
+    write(folder / "two_link")
+    write(folder / "two_link", "extends: scenario.yaml\nname: pd\n", "pd.yaml")
+    write(folder / "two_link", "gravity: [0, 0, -9.81]\n", "world.yaml")
+    monkeypatch.syspath_prepend(folder.parent)
+    monkeypatch.delitem(sys.modules, "stepbus_scenarios", raising=False)
+
+
+@pytest.mark.usefixtures("builtin")
+def test_built_in_scenarios_are_found_by_name():
+    assert builtin_names() == ("two_link", "two_link/pd")
+    assert (load("two_link").name, load("two_link/pd").name) == ("arm", "pd")
+
+
+@pytest.mark.usefixtures("builtin")
+def test_built_in_scenarios_are_found_without_an_import():
+    load("two_link")
+    assert "stepbus_scenarios" not in sys.modules
+
+
+@pytest.mark.usefixtures("builtin")
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(ScenarioError, match=r"did you mean 'two_link'\?; .*given by path"):
+        load("two_lnk")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
+        ("- a\n", "scenario.yaml: is no map; a scenario has at least name, step and participants"),
+        ("a: 1\nb: [1\n", "scenario.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'"),
+        ("[" * 700, "scenario.yaml: is nested too deeply"),
+        ("a: 1\n---\nb: 2\n", "scenario.yaml:2: not YAML: but found another document"),
+    ],
+)
+def test_a_file_that_is_no_scenario_is_refused(tmp_path, text, message):
+    assert problem_of(tmp_path, text) == message
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path):
+    (tmp_path / "scenario.yaml").write_bytes(b"name: \xff")
+    with pytest.raises(ScenarioError, match=r"scenario\.yaml: is not UTF-8 text \(byte 6\)"):
+        load(tmp_path)
+
+
+def test_aliases_of_aliases_do_not_fill_the_memory(tmp_path):
+    rows = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    assert "has more than" in problem_of(tmp_path, "\n".join(["a0: &a0 1", *rows]))

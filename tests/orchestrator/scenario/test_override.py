@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import pytest
+from support.runs.scenario import TWO_LINK, load_text, problem_of
+
+
+def params(scenario):
+    return scenario.participant("controller").params
+
+
+@pytest.mark.parametrize("path", ["controller.params.kp", "participants.controller.params.kp"])
+def test_a_setting_replaces_one_value(tmp_path, path):
+    scenario = load_text(tmp_path, TWO_LINK, f"{path}=80")
+    assert params(scenario) == {"law": "pd", "kp": 80}
+
+
+def test_a_setting_of_the_scenario_itself(tmp_path):
+    assert load_text(tmp_path, TWO_LINK, "duration=2s").steps == 400
+
+
+def test_a_map_that_may_be_left_out_need_not_be_there(tmp_path):
+    scenario = load_text(tmp_path, TWO_LINK, "bus.transport=tcp", "plant.params.noise.position=0.1")
+    assert scenario.bus.transport == "tcp"
+    assert scenario.participant("plant").params == {"noise": {"position": 0.1}}
+
+
+def test_the_later_of_two_settings_holds(tmp_path):
+    assert (
+        params(load_text(tmp_path, TWO_LINK, "controller.params.kp=1", "controller.params.kp=2"))[
+            "kp"
+        ]
+        == 2
+    )
+
+
+def test_a_value_is_yaml(tmp_path):
+    scenario = load_text(tmp_path, TWO_LINK, "controller.params.kp=[1e-3, {a: b=c}, '5']")
+    assert params(scenario)["kp"] == [0.001, {"a": "b=c"}, "5"]
+
+
+def test_null_removes_a_key(tmp_path):
+    scenario = load_text(tmp_path, TWO_LINK, "controller.params.kp=null", "duration=null")
+    assert params(scenario) == {"law": "pd"}
+    assert scenario.steps is None
+
+
+def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
+    scenario = load_text(
+        tmp_path,
+        TWO_LINK,
+        "plant.exec.2=exit",
+        "controller.params.kp=[1, 2]",
+        "controller.params.kp.1=3",
+    )
+    assert scenario.participant("plant").exec == ("python", "-c", "exit")
+    assert params(scenario)["kp"] == [1, 3]
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("seed", "write KEY=VALUE, e.g. controller.params.kp=80"),
+        (
+            "controler.params.kp=1",
+            "no participant and no key 'controler'; did you mean 'controller'?",
+        ),
+        (
+            "participants.controler.every=1",
+            "participants has no 'controler'; did you mean 'controller'?",
+        ),
+        (
+            "plant.inputs.comand.delay=1",
+            "participants.plant.inputs has no 'comand'; did you mean 'command'?",
+        ),
+        (
+            "controller.params.kp.x=1",
+            "participants.controller.params.kp is 100 and has no keys; set it as a whole",
+        ),
+        ("plant.exec.7=x", "participants.plant.exec is a list of 3; '7' is none of its indices"),
+        ("seed=[1,", "not YAML: expected the node content, but found '<stream end>'"),
+        ("plant.evry=2", "participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
+        ("plant.every=0", "participants.plant.every: must be at least 1, not 0"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):
+    assert problem_of(tmp_path, TWO_LINK, setting) == f"--set {setting}: {message}"

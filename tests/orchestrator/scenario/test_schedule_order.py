@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import pytest
+from support.runs.scenario import TWO_LINK, changed, load_text, problems_of, wiring
+
+from stepbus_orchestrator.scenario import InputSpec, Schedule
+from stepbus_participant.session import Input
+from stepbus_schemas import InputConfig
+
+
+def schedule(folder, text=TWO_LINK, *overrides):
+    return Schedule.of(load_text(folder, text, *overrides))
+
+
+def test_whoever_is_read_in_a_step_comes_first(tmp_path):
+    assert schedule(tmp_path).order == ("plant", "mission", "controller")
+
+
+def test_the_schedule_as_text(tmp_path):
+    assert schedule(tmp_path).text(5) == (
+        "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2 controller@2 "
+        "plant@3 controller@3 plant@4 mission@4 controller@4"
+    )
+
+
+def test_who_publishes_first_closes_the_run(tmp_path):
+    assert schedule(tmp_path, TWO_LINK, "duration=10ms").text(2) == (
+        "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"
+    )
+
+
+def test_two_thousand_steps_have_2001_joint_states(tmp_path):
+    assert schedule(tmp_path).text(2000).count("plant@") == 2001
+
+
+def test_without_a_duration_nobody_closes(tmp_path):
+    open_ended = schedule(tmp_path, changed("duration: 10s\n", ""))
+    assert open_ended.text(1) == "plant@0 mission@0 controller@0"
+    assert not open_ended.closing("plant")
+    assert open_ended.closing("plant", 17)
+
+
+@pytest.mark.parametrize(("end", "closes"), [(6, True), (7, False)])
+def test_a_slow_plant_closes_only_where_it_would_fire(tmp_path, end, closes):
+    assert schedule(tmp_path, TWO_LINK, "plant.every=3").closing("plant", end) is closes
+
+
+def test_whoever_publishes_last_does_not_close(tmp_path):
+    assert not schedule(tmp_path).closing("controller")
+
+
+def test_ties_are_as_in_the_scenario(tmp_path):
+    text = wiring("z.x <- a.o -1\n m.x <- a.o -1\n b.x <- z.o")
+    assert schedule(tmp_path, text).text(1) == "a@0 m@0 z@0 b@0"
+
+
+@pytest.mark.parametrize(
+    ("step", "fires"), [(-4, False), (0, True), (3, False), (4, True), (2000, False)]
+)
+def test_a_participant_fires_at_multiples_within_the_run(tmp_path, step, fires):
+    assert schedule(tmp_path).fires("mission", step) is fires
+
+
+@pytest.mark.parametrize(
+    ("delay", "step", "due"),
+    [(0, 0, 0), (0, 3, 0), (0, 4, 4), (1, 0, None), (1, 4, 0), (1, 5, 4), (6, 9, 0), (6, 5, None)],
+)
+def test_an_input_takes_the_newest_firing_that_is_old_enough(tmp_path, delay, step, due):
+    source = InputSpec(source="mission", port="reference", delay=delay)
+    assert schedule(tmp_path).due_step(source, step) == due
+
+
+def test_the_schedule_agrees_with_the_participant_library(tmp_path):
+    own = schedule(tmp_path)
+    for delay in range(6):
+        spec = InputSpec(source="mission", port="reference", delay=delay)
+        config = InputConfig(
+            source="mission", port="reference", type="JointReference/1", delay=delay, every=4
+        )
+        theirs = [Input("reference", config).due(step) for step in range(20)]
+        ours = [own.due_step(spec, step) for step in range(20)]
+        assert [-1 if due is None else due for due in ours] == theirs
+
+
+def loops(folder, text):
+    return [
+        line.partition("algebraic loop ")[2].partition(":")[0] for line in problems_of(folder, text)
+    ]
+
+
+def test_a_loop_is_named_along_the_data(tmp_path):
+    text = wiring("a.x <- c.o\n b.x <- a.o\n c.x <- b.o\n d.x <- c.o")
+    assert loops(tmp_path, text) == ["a → b → c → a"]
+
+
+def test_all_loops_are_named(tmp_path):
+    text = wiring("a.x <- b.o\n b.x <- a.o\n c.x <- d.o\n d.x <- c.o\n d.y <- a.o")
+    assert loops(tmp_path, text) == ["a → b → a", "c → d → c"]
+
+
+def test_a_loop_at_different_rates_is_a_loop_too(tmp_path):
+    text = changed("publishes: first", "every: 2")
+    assert loops(tmp_path, text) == ["plant → controller → plant"]
+
+
+def test_a_delay_breaks_a_loop(tmp_path):
+    text = wiring("a.x <- b.o\n b.x <- a.o -1")
+    assert schedule(tmp_path, text).order == ("b", "a")
+
+
+def test_two_that_publish_first_may_read_each_other(tmp_path):
+    text = wiring("a.x <- b.o\n b.x <- a.o").replace("{exec", "{publishes: first, exec")
+    assert schedule(tmp_path, text).text(1) == "a@0 b@0"

@@ -1,0 +1,55 @@
+"""The controllers in other languages do what the built-in one does, and replay from their log."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from support.paths import CHECKOUT
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.run_scenario import run
+
+EXAMPLES = CHECKOUT / "examples/controllers"
+TOOLS = {"c": ("gcc", "make"), "javascript": ("node",)}
+SHORT = ["duration=2s"]
+PARTS = {"c": ["controller.c", "bridge.h", "Makefile"], "javascript": ["controller.mjs"]}
+
+
+@pytest.fixture(scope="module")
+def native(tmp_path_factory):
+    result = run(load("two_link/pd", SHORT), Options(out=tmp_path_factory.mktemp("pd") / "run"))
+    assert result.exit_code == 0, result.reason
+    return positions(result)
+
+
+def positions(result):
+    return read_tracking(Recording(result.recording)).state.fields["position"]
+
+
+@pytest.fixture(scope="module", params=TOOLS)
+def example(request, tmp_path_factory):
+    """Return the result of a run of an example, copied and built elsewhere."""
+    missing = [tool for tool in TOOLS[request.param] if shutil.which(tool) is None]
+    if missing:
+        pytest.skip(f"{missing[0]} is not installed")
+    folder = tmp_path_factory.mktemp(request.param)
+    for name in ("scenario.yaml", *PARTS[request.param]):
+        shutil.copy(EXAMPLES / request.param / name, folder)
+    if request.param == "c":
+        subprocess.run(["make", "-s", "-C", folder], check=True, timeout=60)
+    return run(load(folder, SHORT), Options(out=folder / "run"))
+
+
+def test_its_joints_follow_those_under_the_built_in_controller(example, native):
+    assert (example.exit_code, example.steps) == (0, 400), example.reason
+    assert np.abs(positions(example) - native).max() <= 1e-9
+
+
+def test_it_is_replayed_and_run_again_from_its_recording(example, tmp_path):
+    assert Preparation(example.recording, tmp_path / "again").run().equal
+    assert replay(example.recording, "controller").equal

@@ -1,0 +1,167 @@
+"""What a program behind the bridge does wrong is told apart, with a real program and no bus."""
+
+import os
+import re
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+from support.runs.bridge import BRIDGED
+
+from stepbus.testing import feed
+from stepbus_bridge import BridgedProgram, BridgeError, MapBridge, RawBridge
+from stepbus_participant import Config, Description, JointCommand, JointState, WiringError
+from stepbus_schemas import InputConfig, OutputConfig
+
+STATE = InputConfig(source="plant", port="joint_state", type="JointState/1")
+JOINTS = {"joint_state": Description(names=["knee", "hip"])}
+FORMS = ["json", "msgpack"]
+RIGHT = [sys.executable, str(BRIDGED), "json", "right", "1"]
+
+
+def config(**changes):
+    row = {
+        "name": "controller",
+        "step_ns": 5_000_000,
+        "every": 1,
+        "seed": 3,
+        "folder": Path("/tmp"),
+        "inputs": {"joint_state": STATE},
+        "outputs": {"command": OutputConfig(type="JointCommand/1")},
+        "params": {"kp": 2, "law": "pd"},
+    }
+    return Config(**(row | changes))
+
+
+def step_at(index, position):
+    return feed(index, joint_state=JointState(position=position))
+
+
+@pytest.fixture
+def bridge():
+    """Return a function that makes a bridge to a program that goes wrong at step 1."""
+    made = []
+
+    def make(form, kind, words=None, **changes):
+        words = words or [sys.executable, str(BRIDGED), form, kind, "1"]
+        cls = RawBridge if form == "raw" else MapBridge
+        made.append(cls(config(**changes), BridgedProgram(argv=words, format=form)))
+        made[-1].describe()
+        made[-1].start(JOINTS)
+        return made[-1]
+
+    yield make
+    for item in made:
+        item.link.failed = True
+        if not item.link.program.has_ended():
+            os.kill(item.link.program.pid, signal.SIGKILL)
+        item.close()
+
+
+@pytest.mark.parametrize("form", [*FORMS, "raw"])
+def test_the_answer_to_a_step_is_its_outputs(bridge, form):
+    outputs = bridge(form, "right").update(step_at(0, [0.1, 1e300]))
+    assert outputs == {"command": JointCommand(mode="torque", values=[0.05, 5e299])}
+
+
+WRONG = {
+    "garbage": r"wrote what is no (JSON|MessagePack): ",
+    "mistyped": r"answered wrongly: Expected `array`, got `str` - at `\$\.outputs\.command\.values`; its outputs are command \(JointCommand/1\)",
+    "lacking": r"answered wrongly: .*missing required field `values` - at `\$\.outputs\.command`",
+    "port": r"answered wrongly: .*unknown field `komand`.*its outputs are command",
+    "twice": r"wrote .* behind its answer",
+    "oversize": r"wrote a message of \d+ bytes; at most 16777216 are taken",
+    "raise": r"exited with code 3; its last error|exited with code 3$",
+    "kill": r"was killed by SIGKILL",
+    "close": r"has closed descriptor 4 and still runs",
+    "half": r"wrote half a message, \d+ (of \d+ bytes|bytes without an end of line)",
+    "cut": r"exited with code 0, half a message left: \d+ ",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("kind", WRONG)
+def test_each_mistake_has_its_own_sentence(bridge, form, kind):
+    made = bridge(form, kind)
+    made.update(step_at(0, [0.0, 1.0]))
+    with pytest.raises(BridgeError, match=WRONG[kind]) as caught:
+        made.update(step_at(1, [0.0, 1.0]))
+    assert re.match(rf"python\S* .*bridged\.py {form} .*\(pid \d+\) ", str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("mode", r"answered wrongly: command: mode 7 is none of 0 \(torque\)"),
+        ("half", r"wrote half a message, 12 of 24 bytes \(3 numbers\)"),
+        ("twice", r"wrote .* behind its answer"),
+    ],
+)
+def test_each_mistake_in_numbers_has_its_own_sentence(bridge, kind, sentence):
+    with pytest.raises(BridgeError, match=sentence):
+        bridge("raw", kind).update(step_at(1, [0.0, 1.0]))
+
+
+def test_a_word_that_nobody_asked_for_is_refused_at_the_next_step(bridge):
+    code = "import os; os.read(3, 4096); os.write(4, b'{\"ready\": {}}\\n'); os.read(3, 4096); os.write(4, b'{}\\n'); os.read(3, 1)"
+    made = bridge("json", "", [sys.executable, "-c", code])
+    assert made.link.program.has_written(timeout_s=20)
+    with pytest.raises(BridgeError, match=r"wrote '\{\}\\n' without being asked"):
+        made.update(step_at(0, [0.0, 1.0]))
+
+
+def test_null_in_a_list_of_numbers_is_nan(bridge):
+    values = bridge("json", "nan").update(step_at(1, [0.0, 1.0]))["command"].values
+    assert [str(v) for v in values] == ["nan", "nan"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_whole_numbers_are_floats_and_unknown_fields_are_ignored(bridge, form):
+    values = bridge(form, "whole").update(step_at(1, [0.0, 1.0]))["command"].values
+    assert [(type(v), v) for v in values] == [(float, 1.0), (float, -2.0)]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_program_may_ask_for_the_end_of_the_run(bridge, form):
+    step = step_at(1, [0.0, 1.0])
+    assert bridge(form, "end").update(step) == {}
+    assert step.end_reason == "enough"
+
+
+def test_a_program_that_publishes_first_may_ask_for_the_end_too(bridge):
+    step = step_at(1, [0.0, 1.0])
+    assert bridge("json", "end", publishes="first").update(step) == {}
+    assert step.end_reason == "enough"
+
+
+def test_one_that_publishes_first_cannot_answer_an_update_with_outputs(bridge):
+    with pytest.raises(BridgeError, match="publishes first"):
+        bridge("json", "right", publishes="first").update(step_at(0, [0.0, 1.0]))
+
+
+def test_a_program_that_exits_with_a_code_at_the_stop_is_an_error(bridge):
+    made = bridge("json", "code")
+    with pytest.raises(RuntimeError, match="exited with code 3 after the stop"):
+        made.close()
+
+
+def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
+    outputs = {"command": OutputConfig(type="JointCommand/1"), "news": OutputConfig(type="Event/1")}
+    described = MapBridge(config(outputs=outputs), BridgedProgram(argv=RIGHT, format="json"))
+    try:
+        assert described.describe() == {"command": Description(like="joint_state")}
+    finally:
+        described.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["/bin/nodde", "x.mjs"], "/bin/nodde cannot be started: No such file or directory"),
+        ([str(BRIDGED)], "cannot be started: Permission denied"),
+    ],
+)
+def test_a_missing_program_is_named(bridge, words, sentence):
+    with pytest.raises(WiringError, match=sentence):
+        bridge("json", "", words)

@@ -1,0 +1,105 @@
+"""A bridged participant in a run, with real processes: it works, fails with one sentence, and goes."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+from support.runs.bridge import processes_in, run_bridged, write_bridged
+
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(tmp_path, own_temp):
+    yield
+    assert processes_in(tmp_path) == []
+    assert list(own_temp.iterdir()) == []
+
+
+def commands(result):
+    return [entry.data for entry in Recording(result.recording)["controller/command"].entries()]
+
+
+LOGGED = {
+    "json": "['hip', 'knee']",
+    "msgpack": "['hip', 'knee']",
+    "raw": "(1.0, 0.005, 1.0, 0.0, 16.0, 3.0, ",
+}
+
+
+def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log(tmp_path):
+    recorded = []
+    for form, line in LOGGED.items():
+        result = run_bridged(tmp_path / form, form)
+        assert (result.exit_code, result.steps) == (0, 100), result.reason
+        assert line in (tmp_path / form / "out/logs/controller.log").read_text()
+        recorded.append(commands(result))
+    assert recorded[0] == recorded[1] == recorded[2]
+
+
+@pytest.mark.parametrize(
+    ("form", "kind", "code", "sentence"),
+    [
+        ("json", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): python\S* .*\(pid \d+\) exited with code 3; its last error: \"error: the knee is jammed\""),
+        ("msgpack", "child", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been waiting for `python bridged\.py msgpack child 7` for 1\.\d s"),
+        ("json", "long", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
+    ],
+)  # fmt: skip
+def test_what_the_program_does_wrong_is_blamed_with_its_step(tmp_path, form, kind, code, sentence):
+    result = run_bridged(tmp_path, form, kind)
+    assert (result.exit_code, result.participant) == (code, "controller")
+    assert re.search(sentence, result.reason)
+
+
+def test_a_program_that_ends_before_it_is_ready_is_blamed(tmp_path):
+    result = run_bridged(tmp_path, "json", "raise", -1)
+    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
+    assert re.search(r"before the first step: .* exited with code 3; its last error", result.reason)
+
+
+def test_the_program_can_ask_for_the_end(tmp_path):
+    result = run_bridged(tmp_path, "msgpack", "end")
+    assert (result.exit_code, result.steps, result.reason) == (0, 8, "controller: enough")
+
+
+def test_an_exit_code_after_the_stop_is_an_error(tmp_path):
+    result = run_bridged(tmp_path, "json", "code")
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
+    assert "exited with code 3 after the stop" in (tmp_path / "out/logs/controller.log").read_text()
+
+
+RUN = """
+import sys
+import stepbus
+stepbus.run(sys.argv[1], out=sys.argv[2])
+"""
+
+
+def bridged_program(folder):
+    """Wait until the program behind the bridge hangs, and return its process."""
+    file = folder / "source/pid"
+    while not file.exists() or not file.read_text().endswith(";"):
+        time.sleep(0.05)
+    return psutil.Process(int(file.read_text()[:-1]))
+
+
+@pytest.mark.parametrize("who", ["orchestrator", "bridge"])
+def test_a_program_does_not_outlive_a_killed_orchestrator_or_bridge(tmp_path, who):
+    path = write_bridged(tmp_path / "source", "json", "hang", 0)
+    words = [sys.executable, "-c", RUN, str(path), str(tmp_path / "out")]
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+        program = bridged_program(tmp_path)
+        os.kill(run.pid if who == "orchestrator" else program.ppid(), signal.SIGKILL)
+        run.wait(timeout=30)
+        gone, _ = psutil.wait_procs([program], timeout=20)
+    assert gone
+    for _ in range(200):
+        if not processes_in(tmp_path):
+            break
+        time.sleep(0.05)

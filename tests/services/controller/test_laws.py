@@ -1,0 +1,128 @@
+"""The control laws, and the loop they close."""
+
+import numpy as np
+import pytest
+from support.services.control import (
+    TWO_LINK,
+    controller_config,
+    make_controller,
+    rmse_after_2_s,
+    tracking_errors,
+)
+
+from stepbus_controller import LAWS, Law, Params, Reference, Robot
+from stepbus_kinematics import RobotModel
+
+DT = 0.005
+
+
+def make_law(law: str, limit: float = 50.0, **params: object) -> Law:
+    model = RobotModel(TWO_LINK / "two_link.urdf")
+    robot = Robot(joints=model.joints, effort_limit=np.full(2, limit), model=model)
+    return LAWS[law](
+        robot, controller_config(law=law, model="two_link.urdf", **params).read(Params)
+    )
+
+
+def reference(position: float, acceleration: float = 0.0) -> Reference:
+    return Reference(np.full(2, position), np.zeros(2), np.full(2, acceleration))
+
+
+def test_pd_is_gain_times_error() -> None:
+    law = make_law("pd", kp=[200, 100], kd={"joint2": 5, "joint1": 30})
+    torque = law.torque(np.zeros(2), np.array([1.0, 1.0]), reference(0.1), DT)
+    np.testing.assert_allclose(torque, [200 * 0.1 - 30, 100 * 0.1 - 5])
+
+
+def test_pid_integrates_the_error_over_time() -> None:
+    law = make_law("pid", kp=0, ki=100, kd=0)
+    for _ in range(4):
+        torque = law.torque(np.zeros(2), np.zeros(2), reference(0.1), DT)
+    np.testing.assert_allclose(torque, 4 * 100 * 0.1 * DT)
+
+
+@pytest.mark.parametrize(
+    ("anti_windup", "recovers"), [("conditional_integration", True), ("none", False)]
+)
+def test_anti_windup_lets_a_saturated_pid_recover_at_once(anti_windup: str, recovers: bool) -> None:
+    law = make_law("pid", limit=1.0, kp=1, ki=100, kd=0, anti_windup=anti_windup)
+    for _ in range(200):
+        law.torque(np.zeros(2), np.zeros(2), reference(5.0), DT)
+    torque = law.torque(np.zeros(2), np.zeros(2), reference(-0.5), DT)
+    assert (torque < 0).all() == recovers
+
+
+def test_anti_windup_holds_only_the_joint_that_saturates() -> None:
+    law = make_law("pid", limit=1.0, kp=0, ki=100, kd=0)
+    target = Reference(np.array([5.0, 0.1]), np.zeros(2), np.zeros(2))
+    for _ in range(10):
+        torque = law.torque(np.zeros(2), np.zeros(2), target, DT)
+    np.testing.assert_allclose(torque, [0.0, 10 * 100 * 0.1 * DT])
+
+
+def test_pd_gravity_holds_the_arm_at_its_reference() -> None:
+    law = make_law("pd_gravity", kp=200, kd=30)
+    torque = law.torque(np.zeros(2), np.zeros(2), reference(0.0), DT)
+    # Two bars of 1 kg and 1 m stretched out along x: m g (0.5 + 1.5) and m g 0.5, upwards.
+    np.testing.assert_allclose(torque, [-2.0 * 9.81, -0.5 * 9.81])
+
+
+def test_computed_torque_gives_the_wanted_acceleration() -> None:
+    law = make_law("computed_torque", kp=100, kd=20)
+    q, v = np.array([0.3, -0.4]), np.array([0.5, 0.7])
+    torque = law.torque(q, v, reference(0.2, acceleration=2.0), DT)
+    wanted = 2.0 + 100 * (0.2 - q) - 20 * v
+    np.testing.assert_allclose(
+        torque, RobotModel(TWO_LINK / "two_link.urdf").inverse_dynamics(q, v, wanted)
+    )
+
+
+# The figures of the reference system, joints 1 and 2 [rad], to be met within 20 %.
+FIGURES = {
+    "pd": ({"kp": 200, "kd": 30}, [0.073, 0.017]),
+    "pid": ({"kp": 200, "ki": 200, "kd": 30}, [0.016, 0.008]),
+    "pd_gravity": ({"kp": 200, "kd": 30}, [0.008, 0.003]),
+    "computed_torque": ({"kp": 100, "kd": 20}, [0.00034, 0.00034]),
+}
+
+
+@pytest.mark.parametrize("law", FIGURES)
+def test_each_law_tracks_as_well_as_it_should(law: str) -> None:
+    gains, figures = FIGURES[law]
+    assert rmse_after_2_s(law=law, **gains) == pytest.approx(figures, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    "velocity", [{"velocity": "finite_difference"}, {"velocity": "filtered", "cutoff_hz": 50}]
+)
+def test_positions_alone_are_enough_to_track_within_a_milliradian(velocity: dict) -> None:
+    rmse = rmse_after_2_s(law="computed_torque", kp=100, kd=20, sense_velocity=False, **velocity)
+    assert max(rmse) < 1e-3
+
+
+def test_the_same_loop_gives_the_same_bits() -> None:
+    runs = [tracking_errors(100, law="computed_torque", kp=100, kd=20).tobytes() for _ in range(2)]
+    assert runs[0] == runs[1]
+
+
+def test_a_users_law_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
+    (tmp_path / "my_controller_law.py").write_text(
+        "import numpy as np\n"
+        "import stepbus\n"
+        "class Constant:\n"
+        "    class Params(stepbus.Settings):\n"
+        "        torques: stepbus.PerJoint\n"
+        "    def __init__(self, robot, params):\n"
+        "        self.torques = np.array(params.torques.of(robot.joints))\n"
+        "    def torque(self, q, v, reference, dt):\n"
+        "        return self.torques\n"
+    )
+    config = controller_config(
+        tmp_path,
+        law="my_controller_law:Constant",
+        joints=["joint1", "joint2"],
+        effort_limit=50,
+        torques={"joint2": 2, "joint1": 1},
+    )
+    controller = make_controller(config)
+    assert controller.participant.law.torque(0, 0, 0, 0).tolist() == [1.0, 2.0]

@@ -1,0 +1,56 @@
+"""Rigid-body dynamics with joints by name."""
+
+import numpy as np
+import pytest
+from support.services.control import TWO_LINK, controller_config
+
+from stepbus_controller import ControllerParticipant
+from stepbus_kinematics import RobotModel
+from stepbus_schemas import WiringError
+
+URDF = TWO_LINK / "two_link.urdf"
+Q, V, A = np.array([0.3, -0.8]), np.array([0.5, 0.7]), np.array([-1.0, 2.0])
+
+
+def test_the_joint_order_permutes_the_torques_and_nothing_else() -> None:
+    forward = RobotModel(URDF).inverse_dynamics(Q, V, A)
+    backward = RobotModel(URDF, ["joint2", "joint1"]).inverse_dynamics(Q[::-1], V[::-1], A[::-1])
+    assert forward.tolist() == backward[::-1].tolist()
+
+
+def test_inverse_dynamics_at_rest_is_gravity() -> None:
+    robot = RobotModel(URDF)
+    np.testing.assert_allclose(robot.inverse_dynamics(Q, 0 * V, 0 * A), robot.gravity_torque(Q))
+
+
+def test_without_gravity_nothing_is_needed_to_hold_still() -> None:
+    assert RobotModel(URDF, gravity=(0, 0, 0)).gravity_torque(Q).tolist() == [0.0, 0.0]
+
+
+def test_joints_that_are_not_controlled_are_held_at_zero() -> None:
+    alone = RobotModel(URDF, ["joint1"]).gravity_torque(np.array([0.3]))
+    assert alone[0] == pytest.approx(RobotModel(URDF).gravity_torque(np.array([0.3, 0.0]))[0])
+
+
+def test_a_continuous_joint_turns_like_a_revolute_one(tmp_path) -> None:
+    path = tmp_path / "continuous.urdf"
+    path.write_text(
+        URDF.read_text().replace('"joint1" type="revolute"', '"joint1" type="continuous"')
+    )
+    np.testing.assert_allclose(
+        RobotModel(path).inverse_dynamics(Q, V, A), RobotModel(URDF).inverse_dynamics(Q, V, A)
+    )
+
+
+def test_a_joint_with_several_degrees_of_freedom_is_refused(tmp_path) -> None:
+    path = tmp_path / "planar.urdf"
+    path.write_text(URDF.read_text().replace('"joint1" type="revolute"', '"joint1" type="planar"'))
+    with pytest.raises(WiringError, match=r"'joint1'.* has 3 degrees of freedom"):
+        RobotModel(path)
+
+
+def test_an_effort_limit_the_model_leaves_at_zero_has_to_be_given(tmp_path) -> None:
+    (tmp_path / "weak.urdf").write_text(URDF.read_text().replace('effort="50"', 'effort="0"'))
+    config = controller_config(tmp_path, law="pd", kp=1, kd=1, model="weak.urdf")
+    with pytest.raises(WiringError, match="effort_limit: is 0 N·m for 'joint2' in the model"):
+        ControllerParticipant(config)

@@ -1,0 +1,94 @@
+"""Reference generators: what they pass through, and that their derivatives are exact."""
+
+import math
+
+import pytest
+from support.services.control import SINE, make_mission, mission_config
+
+from stepbus_mission.references.polynomials import evaluate, quintic
+from stepbus_schemas import JointReference
+
+H = 1e-4
+
+
+def at(t: float, **params: object) -> JointReference:
+    mission = make_mission(mission_config(joints=["a", "b"], **params))
+    return mission.participant.generator.at(t)
+
+
+def assert_derivatives_are_exact(t: float, **params: object) -> None:
+    """Compare with central differences, whose own error is about H²."""
+    mission = make_mission(mission_config(joints=["a", "b"], **params))
+    before, now, after = (mission.participant.generator.at(t + dt) for dt in (-H, 0.0, H))
+    for i in range(2):
+        slope = (after.position[i] - before.position[i]) / (2 * H)
+        curvature = (after.velocity[i] - before.velocity[i]) / (2 * H)
+        assert now.velocity[i] == pytest.approx(slope, abs=1e-6)
+        assert now.acceleration[i] == pytest.approx(curvature, abs=1e-6)
+
+
+WAYPOINTS = [
+    {"position": [0, 1]},
+    {"time": 2, "position": {"b": 0, "a": 1}},
+    {"duration": 1, "position": [1, -1]},
+]
+TASKS = {
+    "sine": {"amplitude": [1, 2], "omega": 3, "phase": {"a": 0, "b": 1}, "offset": 0.5},
+    "waypoints": {"waypoints": WAYPOINTS},
+}
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("t", [0.3, 1.1, 2.6])
+def test_velocity_and_acceleration_are_exact(task: str, t: float) -> None:
+    assert_derivatives_are_exact(t, task=task, **TASKS[task])
+
+
+def test_the_sine_of_two_link_is_sin_t_and_cos_t() -> None:
+    reference = make_mission(mission_config(**SINE)).update(200)["reference"]
+    assert reference.position == pytest.approx([math.sin(1.0), math.cos(1.0)], abs=1e-15)
+    assert reference.velocity == pytest.approx([math.cos(1.0), -math.sin(1.0)], abs=1e-15)
+    assert reference.acceleration == pytest.approx([-math.sin(1.0), -math.cos(1.0)], abs=1e-15)
+
+
+def test_a_step_change_happens_at_its_time() -> None:
+    change = {"task": "step", "target": [1, 2], "initial": 0.5, "time": 1.0}
+    assert [at(t, **change).position for t in (0.995, 1.0)] == [[0.5, 0.5], [1.0, 2.0]]
+
+
+@pytest.mark.parametrize(("t", "position"), [(0, [0, 1]), (2, [1, 0]), (3, [1, -1]), (9, [1, -1])])
+def test_waypoints_are_reached_at_their_times_and_at_rest(t: float, position: list) -> None:
+    reference = at(t, task="waypoints", waypoints=WAYPOINTS)
+    assert reference.position == pytest.approx(position, abs=1e-12)
+    assert reference.velocity == pytest.approx([0, 0], abs=1e-12)
+    assert reference.acceleration == pytest.approx([0, 0], abs=1e-12)
+
+
+def test_between_waypoints_the_jerk_is_minimal() -> None:
+    s = 0.5 / 2
+    wanted = 10 * s**3 - 15 * s**4 + 6 * s**5
+    assert at(0.5, task="waypoints", waypoints=WAYPOINTS).position[0] == pytest.approx(wanted)
+
+
+def test_a_quintic_joins_two_states_of_motion() -> None:
+    start, end = (0.3, -0.2, 1.5), (1.1, 0.7, -0.4)
+    polynomial = quintic(start, end, 0.8)
+    assert evaluate(polynomial, 0.0) == pytest.approx(start)
+    assert evaluate(polynomial, 0.8) == pytest.approx(end)
+
+
+def test_a_users_generator_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
+    (tmp_path / "my_generator.py").write_text(
+        "from stepbus import JointReference, PerJoint, Settings\n"
+        "class Ramp:\n"
+        "    class Params(Settings):\n"
+        "        rate: PerJoint\n"
+        "    def __init__(self, joints, params):\n"
+        "        self.rate = params.rate.of(joints)\n"
+        "    def at(self, t):\n"
+        "        p = [r * t for r in self.rate]\n"
+        "        a = [0.0] * len(p)\n"
+        "        return JointReference(position=p, velocity=self.rate, acceleration=a)\n"
+    )
+    config = mission_config(tmp_path, task="my_generator:Ramp", joints=["a", "b"], rate=[1, 2])
+    assert make_mission(config).update(200)["reference"].position == [1.0, 2.0]

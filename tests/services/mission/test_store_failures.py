@@ -1,0 +1,271 @@
+"""Failed sales: an emergency stop, one sentence with its cause, and a run that has failed."""
+
+import itertools
+import math
+import re
+
+import msgspec
+import pytest
+from support.services.mission_store import FakeStore, sell, shelf_a
+
+from stepbus_schemas import GripperState
+
+GOODS = (("cola", 2), ("cola", 3), ("water", 4))
+REST = "; everything is at rest"
+DARK = ("order", 0)
+
+
+def failed(store, **params):
+    result = sell(store, **params)
+    assert result.goals[-1].type == "stop"
+    assert result.error == result.errors[-1]
+    assert result.summary.splitlines()[-1] == result.error
+    assert not result.end
+    return result.error
+
+
+@pytest.mark.parametrize(
+    ("faults", "params", "sentence"),
+    [
+        (
+            {"slips": 9},
+            {},
+            "sale 1 (cola_a1_2) failed while lifting: slipped, width 0.000 m, after 2 attempts",
+        ),
+        (
+            {"empty_grips": 9},
+            {"attempts": 1},
+            "sale 1 (cola_a1_2) failed while grasping: not held, width 0.000 m, after 1 attempt",
+        ),
+        (
+            {"fails": {("down", 1): "unreachable"}},
+            {},
+            "sale 1 (cola_a1_2) failed while moving down: unreachable, as the test wants it",
+        ),
+        (
+            {"fails": {("down", 1): "collision", ("down", 2): "collision"}},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while moving down: collision, as the test wants it, "
+                "after 2 attempts"
+            ),
+        ),
+        (
+            {"fails": {("home", 1): "jammed"}},
+            {},
+            "sale 1 (cola_a1_2) failed while driving home: jammed, as the test wants it",
+        ),
+        (
+            {"drops": (("home", 1),)},
+            {},
+            "sale 1 (cola_a1_2) failed while driving home: dropped, width 0.000 m",
+        ),
+        (
+            {"hidden": ("cola_a1_2", "cola_a1_3")},
+            {},
+            (
+                "sale 1 (cola) failed while choosing an item: shelf empty, no cola is "
+                "left; 0 sold, 2 missing"
+            ),
+        ),
+        (
+            {"hidden": ("cola_a1_3",)},
+            {"orders": [{"item": "cola_a1_3"}]},
+            (
+                "sale 1 (cola_a1_3) failed while choosing an item: shelf empty, cola_a1_3 is not "
+                "there; 0 sold, 1 missing"
+            ),
+        ),
+        (
+            {},
+            {"opening": 0.06},
+            (
+                "sale 1 (cola_a1_2) failed while choosing an item: too wide, 0.066 m, and the gripper "
+                "opens to 0.060 m"
+            ),
+        ),
+        (
+            {"dark": DARK},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while searching for it: the camera shows nothing: no "
+                "detections for 3 s above the shelf"
+            ),
+        ),
+        (
+            {"dark": ("approach", 1)},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while locating it from close up: the camera shows nothing: "
+                "no detections for 3 s above the shelf"
+            ),
+        ),
+        (
+            {"silent": (("drive", 1),)},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while driving to the shelf: the controller does not "
+                "answer: goal 1 (go_to) has no status after 2 s; is it running?"
+            ),
+        ),
+        (
+            {"endless": (("inspect", 1),)},
+            {"waits": {"motion": 5}},
+            (
+                "sale 1 (cola_a1_2) failed while moving above its position: not done, goal 3 "
+                "(move_to_pose) is still running after 5 s"
+            ),
+        ),
+        (
+            {"place_shift": 0.0142},
+            {},
+            (
+                "sale 1 (cola_a1_2) failed while verifying its pose: misplaced, 14.2 mm from "
+                "its spot"
+            ),
+        ),
+        (
+            {"tips": True},
+            {},
+            "sale 1 (cola_a1_2) failed while verifying its pose: not upright, tilted by 86°",
+        ),
+        (
+            {"pushes": {("down", 1): ("water_a1_4", 0.0031)}},
+            {},
+            ("sale 1 (cola_a1_2) failed while verifying its pose: water_a1_4 was moved by 3.1 mm"),
+        ),
+        (
+            {"seen_width": 0.03},
+            {"attempts": 1},
+            (
+                "sale 1 (cola_a1_2) failed while grasping: not held, width 0.030 m instead of "
+                "0.066 m, after 1 attempt"
+            ),
+        ),
+        (
+            {"fails": {("inspect", 1): "as_the_test"}},
+            {},
+            "sale 1 (cola_a1_2) failed while moving above its position: as the test wants it",
+        ),
+        (
+            {"fails": {("park", 1): "no_plan"}},
+            {},
+            (
+                "the mission failed while tucking the arm in after the last sale: no plan, as the "
+                "test wants it"
+            ),
+        ),
+    ],
+)
+def test_a_failure_is_one_sentence_with_its_cause(faults, params, sentence):
+    assert failed(FakeStore(shelf_a(*GOODS), **faults), **params) == sentence + REST
+
+
+def test_what_is_held_is_kept_in_an_emergency_stop():
+    store = FakeStore(shelf_a(*GOODS), fails={("home", 1): "jammed"})
+    failed(store)
+    assert store.held == "cola_a1_2"
+    assert [goal.width for goal in store.goals if goal.type == "grip"] == [0.09, 0.0]
+
+
+def test_a_base_that_does_not_come_to_rest_is_named():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 1): "jammed"}, drifts=True)
+    end = "; not at rest after 10 s, the base moves at 0.050 m/s and 0.000 rad/s"
+    assert failed(store).endswith(end)
+
+
+def test_a_controller_that_does_not_answer_the_stop_is_named():
+    store = FakeStore(shelf_a(*GOODS), silent=(("drive", 1), ("stop", 1)))
+    assert failed(store).endswith("; not at rest after 10 s, the controller does not answer")
+
+
+def test_a_stop_that_fails_is_named():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 1): "jammed", ("stop", 1): "not_settled"})
+    end = "; not at rest after 10 s, the controller reports failed, as the test wants it"
+    assert failed(store).endswith(end)
+
+
+def test_the_sales_before_a_failure_are_in_the_summary():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 2): "jammed"})
+    result = sell(store, orders=["cola", "water"])
+    assert "cola_a1_2" in result.summary.splitlines()[1]
+    assert "1 of 2 sales in " in result.summary
+    assert result.error.startswith("sale 2 (water_a1_4) failed while driving to the shelf: jammed")
+
+
+def test_an_order_that_is_sold_out_is_left_out_and_the_others_are_sold():
+    result = sell(FakeStore(shelf_a(*GOODS)), orders=["cola", "cola", "cola", "water"])
+    reason = "shelf empty, no cola is left; 2 sold, 0 missing"
+    assert result.end == f"mission: 3 of 4 sales are done; no cola: {reason}"
+    (warning,) = [event.text for event in result.events if event.level == "warning"]
+    assert f"sale 3 (cola): {reason}" in warning.splitlines()
+    rows = [line.split()[:2] for line in result.summary.splitlines()[1:5]]
+    assert rows == [["1", "cola_a1_2"], ["2", "cola_a1_3"], ["3", "cola"], ["4", "water_a1_4"]]
+    assert f"not sold: {reason}" in result.summary.splitlines()[3]
+
+
+def test_the_table_lists_the_order_that_failed_and_those_that_were_not_tried():
+    store = FakeStore(shelf_a(*GOODS), fails={("drive", 2): "jammed"})
+    lines = sell(store, orders=["cola", "water", "cola"]).summary.splitlines()
+    assert lines[2].split(maxsplit=2) == [
+        "2", "water_a1_4", "not sold: failed while driving to the shelf",
+    ]  # fmt: skip
+    assert lines[3].split(maxsplit=2) == ["3", "cola", "not sold: not tried"]
+
+
+@pytest.mark.parametrize(
+    ("column", "by"), [(9, 0.0031), (3, 0.3)], ids=["far from the robot", "faster than the robot"]
+)
+def test_an_item_that_others_move_fails_no_sale(column, by):
+    store = FakeStore(
+        shelf_a(("cola", 2), ("water", column)),
+        pushes={("down", 1): (f"water_a1_{column}", by)},
+    )
+    result = sell(store)
+    assert result.end == "mission: 1 of 1 sales are done"
+    text = f"water_a1_{column} was moved by {by * 1e3:.1f} mm, not by the robot"
+    assert [event.text for event in result.events if event.level == "warning"] == [text]
+    assert "other items moved up to 0.0 mm" in result.summary
+
+
+def test_the_run_fails_one_step_after_the_sentence_is_out():
+    result = sell(FakeStore(shelf_a(*GOODS), dark=DARK))
+    assert result.events[-1].level == "error"
+    assert result.events[-1].text == result.error
+
+
+def test_a_short_loss_of_the_grip_is_no_failure():
+    store = FakeStore(shelf_a(*GOODS))
+    gripper, calls = store.gripper, itertools.count()
+
+    def flickers():
+        state = gripper()
+        is_lost = store.sent.get("home") and next(calls) < 3
+        return GripperState(width=state.width, force=0.0, holding=False) if is_lost else state
+
+    store.gripper = flickers
+    assert sell(store).end
+    assert next(calls) > 3
+
+
+def test_detections_in_an_unknown_frame_are_refused():
+    result = sell(FakeStore(shelf_a(*GOODS), frame="chasis"))
+    assert result.error == "detections are given in frame 'chasis'; did you mean 'chassis'?"
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"orientation": []}, r"detections have 3 types, 3 positions, 0 orientations"),
+        (
+            {"position": [(0.5, 0.0, math.nan)] * 3},
+            r"cola has an invalid pose: position \(0.5, 0.0, nan\), orientation .*",
+        ),
+    ],
+)
+def test_detections_that_are_none_end_the_mission_with_one_sentence(changes, sentence):
+    store = FakeStore(shelf_a(*GOODS))
+    honest = store.detections
+    store.detections = lambda: msgspec.structs.replace(honest(), **changes)
+    result = sell(store)
+    assert re.fullmatch(sentence, result.error)

@@ -1,0 +1,73 @@
+"""The table of states: complete, walked through by the tests, and as the documentation shows it."""
+
+import pytest
+from support.paths import DOCS
+from support.services.mission_store import FakeStore, sell, shelf_a
+
+from stepbus_mission.store.checks import CHECKS
+from stepbus_mission.store.goals import GOALS
+from stepbus_mission.store.states import LAST, STATES, diagram
+
+GOODS = (("cola", 2), ("cola", 3))
+PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}
+
+
+def walked(params=None, **faults):
+    return set(sell(FakeStore(shelf_a(*GOODS), **faults), **(params or {})).walked)
+
+
+def test_every_way_leads_to_a_state_of_the_table():
+    assert {to for _, _, to in PASSAGES} == set(STATES)
+
+
+def test_every_state_but_the_last_ones_leads_on():
+    assert [state for state, row in STATES.items() if not row.then] == list(LAST)
+
+
+def test_every_state_asks_for_something_or_looks_at_something():
+    assert set(GOALS) | set(CHECKS) == set(STATES) - set(LAST)
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if state not in {*LAST, "stop"}])
+def test_the_stop_can_be_reached_from_every_state(state):
+    assert "stop" in _reachable(state)
+
+
+def _reachable(state):
+    found, left = set(), [state]
+    while left:
+        for to in STATES[left.pop()].then.values():
+            if to not in found:
+                found.add(to)
+                left.append(to)
+    return found
+
+
+def test_every_passage_of_the_table_is_walked():
+    found = walked({"safe_height": 0.25})
+    for state in GOALS:
+        if "failed" in STATES[state].then:
+            more = {"slips": 1} if state in {"release", "back_off"} else {}
+            if state == "shift":
+                more = {"noise": 0.006}
+            params = {"attempts": 2, "safe_height": 0.25}
+            found |= walked(params, fails={(state, 1): "no_path"}, **more)
+        if "dropped" in STATES[state].then:
+            found |= walked({"safe_height": 0.25}, drops=((state, 1),))
+    found |= walked(empty_grips=1) | walked(slips=9)
+    found |= walked(hidden=("cola_a1_2", "cola_a1_3")) | walked({"opening": 0.05})
+    found |= walked({"orders": ["cola"] * 3})
+    found |= walked(dark=("order", 0)) | walked(dark=("approach", 1))
+    found |= walked(hides={("approach", 1): "cola_a1_2"}) | walked(place_shift=0.1)
+    found |= walked(fails={("drive", 1): "jammed"}, drifts=True)
+    assert PASSAGES - found == set()
+    assert found - PASSAGES == set()
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if state not in LAST])
+def test_every_state_says_what_is_being_done(state):
+    assert STATES[state].doing
+
+
+def test_the_documentation_shows_the_table():
+    assert f"```text\n{diagram()}\n```" in (DOCS / "services/store_mission.md").read_text("utf-8")

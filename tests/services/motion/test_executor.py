@@ -1,0 +1,154 @@
+"""Goals: one at a time, each with the story of its states and the cause of its end."""
+
+import numpy as np
+import pytest
+from support.services.arm import JOINTS, Runner, write_arm
+
+from stepbus_kinematics import RobotModel
+from stepbus_schemas import Goal
+
+
+@pytest.fixture
+def robot(tmp_path):
+    return RobotModel(write_arm(tmp_path), JOINTS)
+
+
+def joints(number, *values, **fields):
+    return Goal(id=number, type="move_joints", joints=list(JOINTS), values=list(values), **fields)
+
+
+def states(runner):
+    return [(status.id, status.state) for status in runner.statuses()]
+
+
+def test_a_goal_is_accepted_then_running_then_succeeds(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 1.0, -1.0, 0.5), 0.0)
+    runner.carry_on(0.0)
+    assert states(runner) == [(1, "accepted"), (1, "running"), (1, "succeeded")]
+    assert runner.at(9.0).position == pytest.approx([1.0, -1.0, 0.5])
+
+
+def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
+    runner, q = Runner(robot), np.array([0.9, -0.8, 1.1])
+    x, y, z = (
+        robot.frame_pose(np.array([0.5, 0, 0]), "link_0")
+        .actInv(robot.frame_pose(q, "hand"))
+        .translation
+    )
+    half = (q.sum() - 0.5) / 2
+    goal = Goal(id=2, type="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
+                orientation=(0.0, float(np.sin(half)), 0.0, float(np.cos(half))))  # fmt: skip
+    runner.begin(goal, 0.0)
+    runner.carry_on(0.0)
+    assert states(runner)[-1] == (2, "succeeded")
+    assert robot.frame_pose(runner.at(9.0).position, "hand").isApprox(
+        robot.frame_pose(q, "hand"), 1e-4
+    )
+
+
+def test_the_motion_keeps_its_limits_and_is_smooth(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, -1.5, 1.5, 2.0), 0.0)
+    rows = [runner.at(t) for t in np.arange(0, 4, 0.01)]
+    assert max(np.abs(row.velocity).max() for row in rows) <= 2 + 1e-9
+    assert max(np.abs(row.acceleration).max() for row in rows) <= 4 + 1e-9
+    steps = np.diff([row.acceleration for row in rows], axis=0)
+    assert np.abs(steps).max() <= 40 * 0.01 + 1e-9
+
+
+def test_a_duration_is_kept_where_the_limits_allow_it(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=5.0), 0.0)
+    assert "5.00 s of motion" in runner.statuses()[0].text
+
+
+def test_an_hour_long_motion_is_planned_like_any(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=3600.0), 0.0)
+    assert runner.at(1800.0).position == pytest.approx([0.55] * 3, abs=1e-3)
+
+
+def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=86400.0), 0.0)
+    assert [(n.state, n.cause) for n in runner.statuses()] == [("failed", "no_path")]
+
+
+def test_stop_at_rest_succeeds_where_the_joints_are(robot):
+    runner = Runner(robot)
+    runner.begin(Goal(id=0, type="stop"), 0.0)
+    runner.carry_on(0.0, seconds=1.0)
+    assert states(runner) == [(0, "accepted"), (0, "running"), (0, "succeeded")]
+
+
+def test_a_goal_that_is_refused_stops_the_one_before(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.begin(joints(2, 9.0, 0.0, 0.0), 0.5)
+    runner.carry_on(0.5)
+    assert states(runner) == [(1, "accepted"), (1, "cancelled"), (2, "failed")]
+    assert runner.at(9.0).position.max() < 1.9
+
+
+def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    before = runner.at(0.5)
+    runner.begin(joints(2, -1.0, 0.0, 0.0), 0.5)
+    assert (1, "cancelled") in states(runner)
+    assert runner.at(0.5).position == pytest.approx(before.position)
+    assert runner.at(0.5).velocity == pytest.approx(before.velocity)
+
+
+def test_stop_brings_the_joints_to_rest(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.begin(Goal(id=2, type="stop"), 0.5)
+    runner.carry_on(0.5)
+    assert states(runner)[-1] == (2, "succeeded")
+    assert not runner.at(9.0).velocity.any()
+    assert runner.at(9.0).position.max() < 1.9
+
+
+def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
+    runner = Runner(robot)
+    runner.begin(joints(1, 0.5, 0.5, 1.5), 0.0)
+    runner.carry_on(0.0, stuck=True)
+    last = runner.statuses()[-1]
+    assert (last.state, last.cause) == ("failed", "not_settled")
+    assert "three is 57.296° off" in last.text
+    assert runner.at(9.0).position == pytest.approx([0.5, 0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("goal", "text"),
+    [
+        (joints(1, 0.0, 0.0), "2 values for 3 joints"),
+        (joints(1, 0.0, 3.0, 0.0), "two cannot go to 3 rad, its limits are [-2.5, 2.5]"),
+        (joints(1, 0.0, float("nan"), 0.0), "two cannot go to nan rad"),
+        (joints(1, 0.0, 0.0, 0.0, duration=-1.0), "duration is -1 s"),
+        (Goal(id=1, type="move_joints", joints=["tow"], values=[0.0]), "did you mean 'two'"),
+        (Goal(id=1, type="move_to_pose", tip="hand"), "needs position and orientation"),
+        (Goal(id=1, type="move_to_pose", tip="base", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "moves tip 'base'"),
+        (Goal(id=1, type="move_to_pose", tip="hand", position=(0, 0, 0), orientation=(0, 0, 0, 2)), "has length 2, not 1"),
+        (Goal(id=1, type="move_to_pose", tip="hand", frame="tabel", position=(0, 0, 0), orientation=(0, 0, 0, 1)), "frame 'tabel'"),
+    ],
+)  # fmt: skip
+def test_a_goal_that_makes_no_sense_fails_and_says_why(robot, goal, text):
+    runner = Runner(robot)
+    runner.begin(goal, 0.0)
+    (news,) = runner.statuses()
+    assert (news.state, news.cause) == ("failed", "invalid")
+    assert text in news.text
+    assert runner.at(1.0).position == pytest.approx([0.5, 0.5, 0.5])
+
+
+def test_a_pose_that_cannot_be_held_is_refused_or_tried_as_one_likes(tmp_path):
+    robot = RobotModel(write_arm(tmp_path, effort=30.0), JOINTS)
+    out = joints(1, 0.0, 0.3, 0.3)
+    refuses, tries = Runner(robot), Runner(robot, tries_unholdable=True)
+    for runner in (refuses, tries):
+        runner.begin(out, 0.0)
+    assert [(n.state, n.cause) for n in refuses.statuses()] == [("failed", "not_holdable")]
+    assert [(n.state, n.cause) for n in tries.statuses()] == [("accepted", "not_holdable")]

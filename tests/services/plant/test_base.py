@@ -1,0 +1,139 @@
+import math
+from itertools import pairwise
+
+import pytest
+from support.paths import DOCS
+from support.services.devices import make_stand, write_base
+
+from stepbus_plant.errors import CommandError
+from stepbus_plant.world.declaration import BaseSettings, ContactSensorSettings, GripperSettings
+from stepbus_schemas import BaseCommand, JointCommand, WiringError
+
+WORLD = """
+physics_step: 2.5ms
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  robot: {urdf: base.urdf, position: [0, 0, 0.1], joint_defaults: {mode: velocity}}
+bases:
+  base: {left: left, right: right, wheel_radius: 0.1, track: 0.5}
+"""
+
+
+@pytest.fixture
+def stand(tmp_path):
+    write_base(tmp_path)
+    inputs = {"base": "BaseCommand/1", "joints": "JointCommand/1"}
+    outputs = {"odometry": "BaseState/1", "truth": "Poses/1"}
+    stand = make_stand(tmp_path, WORLD, outputs, inputs, joints=["left", "right"])
+    yield stand
+    stand.participant.close()
+
+
+def ramp(top, seconds):
+    """Return velocities at each step that rise for 0.5 s, stay at `top`, and fall."""
+    steps = round(seconds * 200)
+    return [top * min(1.0, n / 100, (steps - n) / 100) for n in range(steps + 1)] + [0.0] * 40
+
+
+def drive(stand, commands):
+    """Return odometry and true x, y, yaw of the chassis after the last command."""
+    for step, command in enumerate(commands):
+        stand.update(step, base=command)
+        stand.participant.output(None)
+    shown = stand.participant.output(None)
+    row = stand.participant.describe()["truth"].names.index("chassis")
+    (x, y, _), (_, _, qz, qw) = (
+        shown["truth"].position[row],
+        shown["truth"].orientation[row],
+    )
+    return shown["odometry"], (x, y, 2 * math.atan2(qz, qw))
+
+
+def test_a_base_drives_straight_with_less_than_a_millimetre_of_odometry_error(stand):
+    odometry, truth = drive(stand, [BaseCommand(vx=v) for v in ramp(0.5, 3.5)])
+    assert odometry.x == pytest.approx(1.5, abs=5e-3)
+    assert math.dist((odometry.x, odometry.y), truth[:2]) < 1e-3
+
+
+def test_a_base_turns_on_the_spot(stand):
+    odometry, truth = drive(stand, [BaseCommand(wz=v) for v in ramp(math.pi / 4, 2.5)])
+    assert odometry.yaw == pytest.approx(math.pi / 2, abs=0.01)
+    assert truth[2] == pytest.approx(odometry.yaw, abs=0.005)
+
+
+def test_odometry_follows_an_arc_as_the_base_does(stand):
+    odometry, truth = drive(stand, [BaseCommand(vx=v, wz=2 * v) for v in ramp(0.4, 2.5)])
+    assert odometry.yaw == pytest.approx(1.6, abs=0.01)
+    assert math.dist((odometry.x, odometry.y), truth[:2]) < 5e-3
+
+
+def test_odometry_tells_the_velocity_of_the_base(stand):
+    odometry, _ = drive(stand, [BaseCommand(vx=v, wz=v) for v in ramp(0.2, 2)[:200]])
+    assert (odometry.vx, odometry.wz) == pytest.approx((0.2, 0.2), rel=0.02)
+
+
+def test_wheel_velocities_are_another_way_to_command_a_base(stand):
+    odometry, _ = drive(stand, [BaseCommand(wheels=(v, v)) for v in ramp(2.0, 1.5)])
+    assert odometry.x == pytest.approx(0.2, abs=2e-3)
+
+
+def test_two_runs_of_a_base_are_equal_to_the_bit(tmp_path):
+    shown = []
+    write_base(tmp_path)
+    for _ in range(2):
+        outputs = {"base": "BaseState/1", "truth": "Poses/1"}
+        stand = make_stand(tmp_path, WORLD, outputs, {"base": "BaseCommand/1"})
+        for step in range(100):
+            stand.update(step, base=BaseCommand(vx=0.3, wz=0.2))
+            shown.append(stand.participant.output(None))
+        stand.participant.close()
+    assert shown[:100] == shown[100:]
+    assert all(one["base"].x < two["base"].x for one, two in pairwise(shown[20:100]))
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        (BaseCommand(vx=math.nan), r"input 'base': vx is nan, not a finite number"),
+        (BaseCommand(vx=1, wheels=(1, 1)), r"has both wheels and vx 1, wz 0"),
+        (BaseCommand(wheels=(math.inf, 1)), r"values of joint left is inf"),
+    ],
+)
+def test_a_command_without_sense_is_refused(stand, command, text):
+    with pytest.raises(CommandError, match=text):
+        stand.update(0, base=command)
+
+
+def test_the_wheels_of_a_base_take_no_second_driver(stand):
+    stand.update(0, base=BaseCommand(vx=0.1))
+    with pytest.raises(CommandError, match="joint left is already driven by input 'base'"):
+        stand.update(1, joints=JointCommand(mode="velocity", values=[1.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("left: left,", "left: lefd,", r"world\.yaml:7: bases\.base\.left: joint 'lefd' is unkn"),
+        ("right: right", "right: left", r"bases\.base\.right: 'left' is already the left joint"),
+        ("mode: velocity", "mode: torque", r"has mode torque; give it mode velocity"),
+        ("radius: 0.1", "radius: 0", r"bases\.base\.wheel_radius: "),
+    ],
+)
+def test_a_mistake_in_the_world_is_told_with_its_line(tmp_path, old, new, text):
+    write_base(tmp_path)
+    with pytest.raises(WiringError, match=text):
+        make_stand(tmp_path, WORLD.replace(old, new), {"base": "BaseState/1"}, {})
+
+
+def test_a_port_without_a_device_is_refused(tmp_path):
+    write_base(tmp_path)
+    with pytest.raises(
+        WiringError, match="gripper: has type GripperState/1, the world has no 'gripp"
+    ):
+        make_stand(tmp_path, WORLD, {"gripper": "GripperState/1"}, {})
+
+
+@pytest.mark.parametrize("rows", [BaseSettings, ContactSensorSettings, GripperSettings])
+def test_every_key_of_a_device_is_documented(rows):
+    text = (DOCS / "reference/world.md").read_text(encoding="utf-8")
+    assert [key for key in rows.__struct_fields__ if f"`{key}`" not in text] == []

@@ -1,0 +1,116 @@
+import pytest
+from support.services.devices import make_stand, write_can, write_ground
+
+from stepbus_schemas import WiringError
+
+WORLD = """
+contacts:
+  touch: {}
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  one: {urdf: can.urdf, position: [1, 2, HEIGHT]}
+  two: {urdf: can.urdf, position: [-1, 0, 0.0575]}
+"""
+WEIGHT = 0.35 * 9.81
+
+
+def settle(folder, *, height="0.0575", touch="{}", steps=100):
+    """Return the contacts of two cans on the ground; height: of the middle of the first [m]."""
+    write_ground(folder)
+    write_can(folder)
+    world = WORLD.replace("HEIGHT", height).replace("touch: {}", f"touch: {touch}")
+    stand = make_stand(folder, world, {"touch": "Contacts/1"}, {})
+    for step in range(steps):
+        stand.update(step)
+    return stand.participant.output(None)["touch"]
+
+
+def test_a_can_that_stands_presses_with_its_weight(tmp_path):
+    contacts = settle(tmp_path)
+    assert contacts.pairs == [("floor", "one/can"), ("floor", "two/can")]
+    assert contacts.force == pytest.approx([WEIGHT, WEIGHT], rel=0.01)
+    assert contacts.distance == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+def test_a_contact_is_told_where_it_is(tmp_path):
+    contacts = settle(tmp_path)
+    x, y, z = contacts.position[0]
+    assert ((x - 1) ** 2 + (y - 2) ** 2) ** 0.5 == pytest.approx(0.033, abs=2e-3)
+    assert z == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_is_near_is_shown_without_force(tmp_path):
+    contacts = settle(tmp_path, height="0.0875", touch="{links: [one/can], within: 0.05}", steps=1)
+    assert (contacts.pairs, contacts.force) == ([("floor", "one/can")], [0.0])
+    # PyBullet keeps shapes about 1 mm apart, and tells how far these margins are.
+    assert contacts.distance[0] == pytest.approx(0.03, abs=1.5e-3)
+    assert contacts.position[0][2] == pytest.approx(0.03, abs=1.5e-3)
+
+
+def test_a_can_that_is_near_and_stands_presses_with_its_weight_once(tmp_path):
+    contacts = settle(tmp_path, touch="{links: [one/can], within: 0.05}")
+    assert contacts.force == pytest.approx([WEIGHT], rel=0.01)
+
+
+def test_all_links_of_a_body_are_asked_for_at_once(tmp_path):
+    contacts = settle(tmp_path, touch="{links: [two/*]}", steps=20)
+    assert contacts.pairs == [("floor", "two/can")]
+
+
+def test_two_links_that_are_asked_for_share_a_contact_once(tmp_path):
+    contacts = settle(tmp_path, touch="{links: [one/*, two/*, floor]}")
+    assert contacts.pairs == [("floor", "one/can"), ("floor", "two/can")]
+    assert contacts.force == pytest.approx([WEIGHT, WEIGHT], rel=0.01)
+
+
+@pytest.mark.parametrize("within", [0.027, 0.031])
+def test_nearness_ends_where_it_is_said_to(tmp_path, within):
+    touch = f"{{links: [one/can], within: {within}}}"
+    contacts = settle(tmp_path, height="0.0875", touch=touch, steps=0)
+    assert bool(contacts.pairs) == (within > 0.03)
+
+
+def test_a_can_that_falls_is_near_from_the_right_step_on(tmp_path):
+    write_ground(tmp_path)
+    write_can(tmp_path)
+    world = WORLD.replace("HEIGHT", "1").replace("{}", "{links: [one/can], within: 0.05}", 1)
+    stand = make_stand(tmp_path, world, {"touch": "Contacts/1", "truth": "Poses/1"}, {})
+    row = stand.participant.describe()["truth"].names.index("one/can")
+    gaps, shown = [], []
+    for step in range(86):
+        stand.update(step)
+        output = stand.participant.output(None)
+        gaps.append(output["truth"].position[row][2] - 0.0575)
+        shown.append(bool(output["touch"].pairs))
+    assert min(gaps) < 0.05 < max(gaps)
+    # PyBullet's margins make it 1 mm nearer.
+    assert shown == [gap - 1e-3 < 0.05 for gap in gaps]
+
+
+def test_nearness_to_everything_is_refused(tmp_path):
+    with pytest.raises(WiringError, match=r"contacts\.touch\.within: needs 'links'"):
+        settle(tmp_path, touch="{within: 0.05}")
+
+
+def test_a_can_in_the_air_touches_nothing(tmp_path):
+    assert settle(tmp_path, height="1", steps=2).pairs == [("floor", "two/can")]
+
+
+def test_only_the_links_that_are_asked_for_are_shown(tmp_path):
+    contacts = settle(tmp_path, touch="{links: [two/can]}", steps=20)
+    assert contacts.pairs == [("floor", "two/can")]
+
+
+def test_an_unknown_link_is_refused_with_its_line(tmp_path):
+    text = r"world\.yaml:3: contacts\.touch\.links: link 'two/cab' is unknown; .*'two/can'"
+    with pytest.raises(WiringError, match=text):
+        settle(tmp_path, touch="{links: [two/cab]}")
+
+
+def test_an_unknown_body_is_refused_too(tmp_path):
+    with pytest.raises(WiringError, match=r"link 'twa/\*' is unknown; .*'two/\*'"):
+        settle(tmp_path, touch="{links: [twa/*]}")
+
+
+def test_two_runs_show_the_same_contacts(tmp_path):
+    assert settle(tmp_path, height="0.08") == settle(tmp_path, height="0.08")

@@ -1,0 +1,174 @@
+import math
+
+import numpy as np
+import pinocchio
+import pytest
+from support.services.plant import (
+    LIMIT,
+    MS,
+    TWO_LINK,
+    WHEEL,
+    body,
+    digest,
+    drive,
+    make_plant,
+    swing,
+)
+
+from stepbus_plant import Plant
+from stepbus_plant.errors import PhysicsError
+from stepbus_schemas import JointCommand, WiringError
+
+
+def free_wheel(tmp_path, settings="{}", world=""):
+    return make_plant(tmp_path, body("w", "free_wheel", settings), world=world, step_ns=MS)
+
+
+def idle(plant: Plant, steps: int) -> Plant:
+    for _ in range(steps):
+        plant.advance()
+    return plant
+
+
+def test_the_dynamics_agree_with_pinocchio(tmp_path):
+    model = pinocchio.buildModelFromXML(TWO_LINK.read_text(encoding="utf-8"))
+    data, rng, worst = model.createData(), np.random.default_rng(1), 0.0
+    for _ in range(20):
+        q, v = rng.uniform(-2, 2, 2), rng.uniform(-2, 2, 2)
+        tau = pinocchio.rnea(model, data, q, v, rng.uniform(-5, 5, 2))
+        start = "{{joint1: {{position: {}, velocity: {}}}, joint2: {{position: {}, velocity: {}}}}}"
+        arm = body("arm", "two_link", joints=start.format(q[0], v[0], q[1], v[1]))
+        after = drive(
+            make_plant(tmp_path, arm, step_ns=1000),
+            JointCommand(mode="torque", values=list(tau)),
+            1,
+        )
+        a = (after[0, 1] - v) / 1e-6
+        worst = max(worst, np.abs(pinocchio.rnea(model, data, q, v, a) - tau).max())
+    assert worst < 1e-6
+
+
+def test_two_plants_in_one_process_give_the_same_bits(tmp_path):
+    first, second = (swing(make_plant(tmp_path), 300) for _ in range(2))
+    assert digest(first) == digest(second)
+
+
+def test_a_torque_that_differs_in_its_last_bit_gives_other_bits(tmp_path):
+    commands = [JointCommand(mode="torque", values=[tau, 0.0]) for tau in (1.0, np.nextafter(1, 2))]
+    first, second = (drive(make_plant(tmp_path), command, 50) for command in commands)
+    assert digest(first) != digest(second)
+
+
+def test_substeps_refine_the_physics_and_not_the_communication(tmp_path):
+    runs = [swing(make_plant(tmp_path, world=f"substeps: {n}"), 200) for n in (1, 10, 100)]
+    coarse, medium, fine = (run[-1, 0] for run in runs)
+    assert [len(run) for run in runs] == [200, 200, 200]
+    assert np.abs(medium - fine).max() < np.abs(coarse - fine).max() / 5
+
+
+def test_substeps_and_physics_step_are_two_ways_to_say_the_same(tmp_path):
+    runs = [swing(make_plant(tmp_path, world=w), 50) for w in ("substeps: 5", "physics_step: 1ms")]
+    assert digest(runs[0]) == digest(runs[1])
+
+
+@pytest.mark.parametrize("world", ["physics_step: 2ms", "substeps: 3"])
+def test_a_substep_that_does_not_divide_the_step_is_refused_with_its_line(tmp_path, world):
+    with pytest.raises(
+        WiringError, match=r"world\.yaml:1: .* (do|does) not divide the plant's step"
+    ):
+        make_plant(tmp_path, world=world)
+
+
+def test_damping_slows_a_wheel_as_the_formula_says(tmp_path):
+    plant = idle(free_wheel(tmp_path, "{velocity: 1, damping: 2}"), 500)
+    assert plant.sense().velocity[0] == pytest.approx(math.exp(-2.0 / 0.5 * 0.5), rel=1e-2)
+
+
+def test_without_damping_a_wheel_turns_for_ever(tmp_path):
+    plant = idle(free_wheel(tmp_path, "{velocity: 1}"), 2000)
+    assert plant.sense().velocity[0] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_friction_brings_a_wheel_to_rest(tmp_path):
+    plant = idle(free_wheel(tmp_path, "{velocity: 1, friction: 1}"), 250)
+    assert plant.sense().velocity[0] == pytest.approx(1.0 - 1.0 / 0.5 * 0.25, rel=1e-6)
+
+
+def test_friction_does_not_show_in_the_effort_of_the_motor(tmp_path):
+    plant = idle(free_wheel(tmp_path, "{velocity: 1, friction: 1}"), 10)
+    assert plant.sense().effort == [0.0]
+
+
+@pytest.mark.parametrize("urdf", ["wheel", "free_wheel"])
+def test_stops_of_the_world_hold(tmp_path, urdf):
+    stops = body("w", urdf, "{velocity: 1, lower: -0.2, upper: 0.3}")
+    plant = idle(make_plant(tmp_path, stops, step_ns=MS), 2000)
+    assert plant.sense().position[0] <= 0.3 + 1e-3
+    assert plant.describe().limits["upper"] == [0.3]
+
+
+def test_stops_of_the_world_can_be_wider_than_the_urdfs(tmp_path):
+    plant = make_plant(tmp_path, body("w", "wheel", "{velocity: 1, upper: 5}"), step_ns=MS)
+    assert idle(plant, 2000).sense().position[0] == pytest.approx(2.0)
+
+
+def test_a_joint_starts_at_the_place_nearest_to_zero_within_its_stops(tmp_path):
+    plant = make_plant(tmp_path, body("w", "wheel", "{lower: 0.4, upper: 0.9}"))
+    assert plant.sense().position == [0.4]
+
+
+def test_gravity_is_the_worlds(tmp_path):
+    up = idle(make_plant(tmp_path, world="gravity: [0, 0, 9.81]"), 20).sense().position[0]
+    down = idle(make_plant(tmp_path), 20).sense().position[0]
+    assert up == pytest.approx(-down)
+    assert down > 0.01
+
+
+def test_a_rotated_base_carries_its_joints_along(tmp_path):
+    arm = "  arm: {urdf: two_link.urdf, fixed_base: true, orientation_rpy: [1.5707963267948966, 0, 0]}\n"
+    plant = idle(make_plant(tmp_path, arm), 20)
+    assert plant.sense().position == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_nothing_cuts_a_velocity_behind_the_users_back(tmp_path):
+    plant = free_wheel(tmp_path, "{effort: 1.0e+4}")
+    states = drive(plant, JointCommand(mode="torque", values=[1e4]), 100)
+    assert states[-1, 1, 0] == pytest.approx(1e4 / 0.5 * 0.1)
+
+
+def test_a_diverging_simulation_is_reported_with_the_joint(tmp_path):
+    plant = idle(free_wheel(tmp_path, "{velocity: 1, damping: 1.0e+5}"), 500)
+    with pytest.raises(PhysicsError, match=r"diverged \(joints axle\); use a shorter physics_step"):
+        plant.sense()
+
+
+def test_closing_a_plant_twice_leaves_the_next_one_alone(tmp_path):
+    first = make_plant(tmp_path)
+    first.close()
+    second = make_plant(tmp_path)
+    first.close()
+    assert idle(second, 1).sense().position[0] > 0
+
+
+def test_a_joint_that_pinocchio_calls_continuous_is_described_as_such(tmp_path):
+    plant = free_wheel(tmp_path)
+    assert plant.describe().details["type"] == ["continuous"]
+    assert plant.describe().limits["lower"] == [-math.inf]
+
+
+def test_joints_of_several_degrees_of_freedom_are_refused(tmp_path):
+    make_plant(tmp_path)
+    (tmp_path / "ball.urdf").write_text(WHEEL.format(type="spherical", limit=LIMIT))
+    with pytest.raises(WiringError, match=r"joint 'axle' of .*ball\.urdf is spherical"):
+        make_plant(tmp_path, body("b", "ball"))
+
+
+def test_the_params_physics_step_goes_over_the_worlds(tmp_path):
+    fast = swing(make_plant(tmp_path, world="physics_step: 1ms", physics_step="5ms"), 20)
+    assert np.array_equal(fast, swing(make_plant(tmp_path, world="physics_step: 5ms"), 20))
+    assert not np.array_equal(fast, swing(make_plant(tmp_path, world="physics_step: 1ms"), 20))
+
+
+def test_a_physics_step_of_the_params_has_to_divide_the_plants_step(tmp_path):
+    with pytest.raises(WiringError, match=r"params\.physics_step: 3ms does not divide .* of 5ms"):
+        make_plant(tmp_path, physics_step="3ms")

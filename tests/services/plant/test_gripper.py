@@ -1,0 +1,161 @@
+import math
+
+import pytest
+from support.services.devices import make_stand, write_gripper
+
+from stepbus_plant.errors import CommandError
+from stepbus_schemas import GripperCommand, JointCommand, WiringError
+
+CAN = """
+  can: {urdf: can.urdf, position: [0, 0, 0.0575], friction: {lateral: MU, spinning: 0.002}}
+"""
+WORLD = """
+grippers:
+  gripper: {left: left, right: right}
+contacts:
+  touch: {links: [left_pad, right_pad]}
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  gripper:
+    urdf: gripper.urdf
+    position: [0, 0, 0.1575]
+    fixed_base: true
+    friction: {lateral: MU, spinning: 0.002}
+    joint_defaults: {mode: velocity}
+    joints:
+      left: {position: 0.045}
+      right: {position: 0.045}
+"""
+WIDTH_OF_CAN = 0.066
+
+
+def make_gripper(folder, *, can=True, mu=0.8):
+    write_gripper(folder)
+    world = (WORLD + CAN if can else WORLD).replace("MU", str(mu))
+    inputs = {"gripper": "GripperCommand/1", "lift": "JointCommand/1"}
+    outputs = {
+        "gripper": "GripperState/1",
+        "touch": "Contacts/1",
+        "truth": "Poses/1",
+        "warnings": "Event/1",
+    }
+    return make_stand(folder, world, outputs, inputs, lift=["lift"])
+
+
+def run(stand, steps, **commands):
+    """Return what is shown after some steps under the same commands."""
+    for step in range(steps):
+        stand.update(step, **(commands if step == 0 else {}))
+    return stand.participant.output(None)
+
+
+def height_of(stand, shown):
+    names = stand.participant.describe()["truth"].names
+    return shown["truth"].position[names.index("can")][2]
+
+
+def lift(stand):
+    """Return what is shown once the slide has gone up by 0.1 m."""
+    run(stand, 200, lift=JointCommand(mode="velocity", values=[0.1]))
+    return run(stand, 40, lift=JointCommand(mode="velocity", values=[0.0]))
+
+
+def test_a_can_is_gripped_with_15_newtons_and_lifted(tmp_path):
+    stand = make_gripper(tmp_path)
+    gripped = run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))["gripper"]
+    assert gripped.holding
+    # PyBullet keeps shapes about 1 mm apart.
+    assert gripped.width == pytest.approx(WIDTH_OF_CAN, abs=2.5e-3)
+    lifted = lift(stand)
+    assert lifted["gripper"].holding
+    assert lifted["gripper"].force == pytest.approx(15.0, abs=0.1)
+    assert height_of(stand, lifted) == pytest.approx(0.1575, abs=2e-3)
+
+
+def test_both_fingers_together_press_twice_the_force_on_a_can_that_stands(tmp_path):
+    shown = run(make_gripper(tmp_path), 100, gripper=GripperCommand(width=0.0, force=15.0))
+    pairs = [("can", "left_pad"), ("can", "right_pad")]
+    assert [pair for pair in shown["touch"].pairs if "can" in pair] == pairs
+    force = dict(zip(shown["touch"].pairs, shown["touch"].force, strict=True))
+    assert force[pairs[0]] + force[pairs[1]] == pytest.approx(30.0, abs=0.3)
+    # The ground holds the can while the fingers still centre it: they press unequally.
+    assert shown["gripper"].force == min(force[pair] for pair in pairs)
+    assert 13.0 < shown["gripper"].force < 15.0
+
+
+def test_a_slippery_can_stays_where_it_is(tmp_path):
+    stand = make_gripper(tmp_path, mu=0.3)
+    run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))
+    lifted = lift(stand)
+    assert height_of(stand, lifted) < 0.07
+    assert not lifted["gripper"].holding
+
+
+def test_an_empty_gripper_closes_to_its_width_and_holds_nothing(tmp_path):
+    stand = make_gripper(tmp_path, can=False)
+    gripper = run(stand, 300, gripper=GripperCommand(width=0.02, force=15.0))["gripper"]
+    assert (gripper.force, gripper.holding) == (0.0, False)
+    assert gripper.width == pytest.approx(0.02, abs=1e-4)
+
+
+def test_opening_lets_go(tmp_path):
+    stand = make_gripper(tmp_path)
+    assert run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))["gripper"].holding
+    gripper = run(stand, 200, gripper=GripperCommand(width=0.09, force=15.0))["gripper"]
+    assert (gripper.force, gripper.holding) == (0.0, False)
+    assert gripper.width == pytest.approx(0.09, abs=1e-3)
+
+
+def test_the_fingers_stay_coupled_when_a_can_is_off_centre(tmp_path):
+    stand = make_gripper(tmp_path)
+    run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))
+    shown = stand.participant.plant.sense()
+    fingers = dict(zip(stand.participant.plant.names, shown.position, strict=True))
+    assert fingers["left"] == pytest.approx(fingers["right"], abs=5e-4)
+
+
+def test_pads_that_rest_on_the_ground_hold_nothing(tmp_path):
+    write_gripper(tmp_path)
+    # It stands on its two pads, as on feet.
+    standing = WORLD.replace("0.1575", "0.115").replace("MU", "0.8")
+    standing = standing.replace("    fixed_base: true\n", "")
+    stand = make_stand(tmp_path, standing, {"gripper": "GripperState/1"}, {})
+    gripper = run(stand, 10)["gripper"]
+    assert gripper.force > 5.0
+    assert not gripper.holding
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        (GripperCommand(width=0.0, force=-1.0), "input 'gripper': force -1 N is negative"),
+        (GripperCommand(width=math.nan, force=1.0), "input 'gripper': width is nan, not a finite"),
+    ],
+)
+def test_a_command_without_sense_is_refused(tmp_path, command, text):
+    with pytest.raises(CommandError, match=text):
+        make_gripper(tmp_path).update(0, gripper=command)
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        (GripperCommand(width=0.3, force=1.0), "width 0.3 m is out of reach (0 to 0.1 m)"),
+        (
+            GripperCommand(width=0.0, force=99.0),
+            "force 99 N exceeds its limit of 30; limited to it",
+        ),
+        (GripperCommand(width=0.0, force=0.0), "left: has an effort limit of 0 "),
+    ],
+)
+def test_what_a_gripper_cannot_do_is_told(tmp_path, command, text):
+    shown = run(make_gripper(tmp_path), 2, gripper=command)
+    assert text in shown["warnings"].text
+
+
+def test_fingers_that_turn_are_refused(tmp_path):
+    write_gripper(tmp_path)
+    urdf = tmp_path / "gripper.urdf"
+    urdf.write_text(urdf.read_text().replace('"left" type="prismatic"', '"left" type="revolute"'))
+    with pytest.raises(WiringError, match="joint 'left' is revolute, not prismatic"):
+        make_stand(tmp_path, WORLD.replace("MU", "1"), {"gripper": "GripperState/1"}, {})

@@ -1,0 +1,77 @@
+"""Links without inertials, and collisions of a body with itself."""
+
+import pybullet
+import pytest
+from support.services.plant import LIMIT, make_plant
+
+from stepbus_plant.world.models import loadable
+from stepbus_schemas import WiringError
+
+BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+CHAIN = f"""<robot name="chain">
+<link name="root">{BOX}</link>
+<link name="middle">{INERTIAL}</link>
+<link name="hand">{INERTIAL}{BOX}</link>
+<joint name="first" type="revolute"><parent link="root"/><child link="middle"/><axis xyz="0 0 1"/>{LIMIT}</joint>
+<joint name="second" type="revolute"><parent link="middle"/><child link="hand"/><axis xyz="0 0 1"/>{LIMIT}</joint>
+</robot>"""
+"""Two boxes in one place, which are no neighbours; the root has no inertial."""
+
+
+def plant_of(folder, pairs=None):
+    (folder / "chain.urdf").write_text(CHAIN)
+    srdf = ""
+    if pairs is not None:
+        rows = "".join(f'<disable_collisions link1="{a}" link2="{b}"/>' for a, b in pairs)
+        (folder / "chain.srdf").write_text(f'<robot name="chain">{rows}</robot>')
+        srdf = "srdf: chain.srdf, "
+    return make_plant(folder, f"  c: {{urdf: chain.urdf, {srdf}fixed_base: true}}\n")
+
+
+def contacts(plant):
+    pybullet.performCollisionDetection(plant.physics.client)
+    return len(pybullet.getContactPoints(physicsClientId=plant.physics.client))
+
+
+def test_links_collide_unless_their_pair_is_ruled_out(tmp_path):
+    assert contacts(plant_of(tmp_path, [])) > 0
+    assert contacts(plant_of(tmp_path, [("hand", "root")])) == 0
+
+
+def test_without_an_srdf_the_links_of_a_body_pass_through_one_another(tmp_path):
+    assert contacts(plant_of(tmp_path)) == 0
+
+
+def test_a_link_of_an_srdf_that_the_model_lacks_is_refused_with_the_nearest_name(tmp_path):
+    with pytest.raises(WiringError, match=r"bodies.c.srdf: .*link 'hnd' is unknown; .*'hand'"):
+        plant_of(tmp_path, [("hnd", "root")])
+
+
+def test_an_srdf_that_is_no_xml_is_refused(tmp_path):
+    (tmp_path / "chain.srdf").write_text("<robot")
+    (tmp_path / "chain.urdf").write_text(CHAIN)
+    with pytest.raises(WiringError, match=r"chain.srdf: cannot be read"):
+        make_plant(tmp_path, "  c: {urdf: chain.urdf, srdf: chain.srdf}\n")
+
+
+def test_a_link_without_an_inertial_weighs_next_to_nothing_and_gives_no_warning(tmp_path, capfd):
+    plant = plant_of(tmp_path)
+    mass = pybullet.getDynamicsInfo(0, -1, physicsClientId=plant.physics.client)[0]
+    assert (mass <= 1e-6, "inertial" in capfd.readouterr().out) == (True, False)
+
+
+def test_a_complete_urdf_is_loaded_as_it_is(tmp_path):
+    path = tmp_path / "whole.urdf"
+    path.write_text(f'<robot name="whole"><link name="only">{INERTIAL}</link></robot>')
+    with loadable(path) as given:
+        assert given == path
+
+
+def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
+    path = tmp_path / "half.urdf"
+    mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'
+    path.write_text(f'<robot name="half"><link name="only">{mesh}</link></robot>')
+    with loadable(path) as copy:
+        assert f'"{tmp_path / "part.obj"}"' in copy.read_text()
+    assert not copy.exists()

@@ -1,0 +1,134 @@
+import pytest
+from support.services.control import TWO_LINK, Stand
+
+from stepbus_participant import Config
+from stepbus_plant import PlantParticipant
+from stepbus_plant.errors import CommandError
+from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError
+
+
+def config(takes="JointCommand/1", gives="JointState/1", every=1, **params):
+    return Config(
+        name="plant",
+        step_ns=5_000_000,
+        every=every,
+        seed=0,
+        folder=TWO_LINK,
+        inputs={"command": InputConfig(source="controller", port="command", type=takes)},
+        outputs={"joint_state": OutputConfig(type=gives), "copy": OutputConfig(type=gives)},
+        params={"world": "world.yaml", **params},
+    )
+
+
+def started(names=(), **more):
+    """Return a plant whose command inputs all speak of the same joints."""
+    participant = PlantParticipant(config(**more))
+    ports = dict.fromkeys(participant.config.inputs, Description(names=list(names)))
+    participant.start(ports)
+    return Stand(participant)
+
+
+def torque(*values):
+    return JointCommand(mode="torque", values=list(values))
+
+
+def test_every_output_has_the_same_state_and_description():
+    plant = PlantParticipant(config())
+    assert {port: text.names for port, text in plant.describe().items()} == {
+        "joint_state": ["joint1", "joint2"],
+        "copy": ["joint1", "joint2"],
+    }
+    published = plant.output(None)
+    assert published["joint_state"] == published["copy"]
+    assert published["copy"].position == [0.0, 1.0]
+
+
+def test_a_sender_without_names_speaks_of_all_joints_in_the_plants_order():
+    stand = started(joints=["joint2", "joint1"])
+    stand.update(0, command=torque(2.0, 1.0))
+    assert stand.participant.plant.sense().effort == [2.0, 1.0]
+
+
+def test_commands_are_mapped_by_the_senders_names():
+    stand = started(["joint2", "joint1"])
+    stand.update(0, command=torque(2.0, 1.0))
+    assert stand.participant.plant.sense().effort == [1.0, 2.0]
+
+
+def test_a_held_command_keeps_acting():
+    stand = started()
+    stand.update(0, command=torque(2.0, 1.0))
+    stand.update(1)
+    assert stand.participant.plant.sense().effort == [2.0, 1.0]
+
+
+def test_an_absent_command_leaves_the_joints_alone():
+    stand = started()
+    stand.update(0)
+    assert stand.participant.plant.sense().effort == [0.0, 0.0]
+
+
+def test_a_plant_that_fires_every_second_step_advances_by_two():
+    slow, fast = started(every=2), started()
+    slow.update(0, command=torque(1.0, 1.0))
+    for step in range(2):
+        fast.update(step, command=torque(1.0, 1.0))
+    positions = [stand.participant.plant.sense().position for stand in (slow, fast)]
+    assert positions[0] != pytest.approx([0.0, 1.0], abs=1e-6)
+    assert positions[0] == pytest.approx(positions[1], abs=2e-3)
+
+
+def test_a_command_that_cannot_be_carried_out_names_its_input():
+    with pytest.raises(CommandError, match=r"^input 'command': values has 1 values for 2 joints"):
+        started().update(0, command=torque(1.0))
+
+
+def test_a_sender_of_unknown_joints_is_refused_before_the_clock_starts():
+    with pytest.raises(WiringError, match="joint 'jiont1' is unknown; did you mean 'joint1'"):
+        started(["jiont1", "joint2"])
+
+
+def test_wrong_ports_and_wrong_parameters_are_listed_together():
+    with pytest.raises(WiringError) as caught:
+        PlantParticipant(config(takes="Event/1", gives="JointCommand/1", sense="all", jonts=[]))
+    starts = [line.split(": ")[0] for line in str(caught.value).splitlines()]
+    assert starts == [
+        "participants.plant.inputs.command",
+        "participants.plant.outputs.joint_state",
+        "participants.plant.outputs.copy",
+        "participants.plant.params.sense",
+        "participants.plant.params.jonts",
+    ]
+
+
+def test_a_world_that_does_not_exist_is_refused():
+    with pytest.raises(
+        WiringError, match=r"participants\.plant\.params\.world: no file 'moon\.yaml'"
+    ):
+        PlantParticipant(config(world="moon.yaml"))
+
+
+def test_the_versions_that_shape_the_physics_are_recorded():
+    assert set(PlantParticipant(config()).versions()) >= {"numpy", "pybullet"}
+
+
+def test_poses_are_published_at_their_own_period():
+    stand = started(gives="Poses/1", poses_period="15ms")
+    shown = []
+    for step in range(7):
+        shown.append("copy" in stand.participant.output(None))
+        stand.update(step)
+    assert shown == [True, False, False, True, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("7ms", "plant: params.poses_period: 7ms is not a multiple of the step [(]5ms[)]"),
+        ("0s", r"plant\.params\.poses_period: '0s' must be longer than 0"),
+        ("often", r"plant\.params\.poses_period: 'often' is no duration"),
+    ],
+)
+def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):
+    with pytest.raises(WiringError, match=sentence):
+        PlantParticipant(config(gives="Poses/1", poses_period=text))

@@ -1,0 +1,148 @@
+"""Goods on shelves."""
+
+import re
+
+import pybullet
+import pytest
+from support.services.devices import box, link, write_can, write_urdf
+
+from stepbus_plant import Params, Plant, load_world
+from stepbus_plant.world.declaration import StockParams
+from stepbus_plant.world.stock import draw_items
+from stepbus_schemas import WiringError
+
+STOCK = """
+sleeping: true
+bodies:
+  shelf: {urdf: shelf.urdf, fixed_base: true, position: [0, 0, 0.5]}
+stock:
+  types:
+    can: {urdf: can.urdf, mass: 0.35}
+    carton: {urdf: carton.urdf, mass: 0.4, friction: 0.5}
+  rows:
+    a: {position: [0.0, 0, 0.5], yaw: 0, count: 6, pitch: 0.1}
+    b: {position: [0.2, 0, 0.5], yaw: 1.5707963267948966, count: 2, pitch: 0.1}
+"""
+
+
+def load(folder, stock=None, text=STOCK):
+    write_can(folder)
+    write_urdf(folder, "carton", link("carton", 0.4, box("0.06 0.06 0.12"), "0 0 0.06"))
+    write_urdf(folder, "shelf", link("board", 1.0, box("1 1 1"), "0 0 -0.5"))
+    (folder / "world.yaml").write_text(text)
+    return load_world(folder / "world.yaml", stock)
+
+
+def items(folder, **stock):
+    return {item.name: item for item in draw_items(load(folder).stock, StockParams(**stock))}
+
+
+def refusal(folder, stock=None, text=STOCK):
+    with pytest.raises(WiringError) as caught:
+        load(folder, stock, text)
+    return str(caught.value)
+
+
+def test_every_slot_has_an_item_and_all_types_are_equally_frequent(tmp_path):
+    world = load(tmp_path)
+    assert [name.split("_", 1)[1] for name in world.items] == [
+        *(f"a_{n}" for n in range(1, 7)), "b_1", "b_2",
+    ]  # fmt: skip
+    assert sorted(item.type for item in world.items.values()) == ["can"] * 4 + ["carton"] * 4
+
+
+def test_slots_are_counted_from_left_to_right_as_seen_from_the_front(tmp_path):
+    text = STOCK + "  spread: {position: 0, yaw: 0, mass: 0, friction: 0}\n"
+    found = load(tmp_path, text=text).items.values()
+    at = {item.name.split("_", 1)[1]: item.position for item in found}
+    assert at["a_1"] == pytest.approx((0.0, 0.25, 0.5))
+    assert at["b_2"] == pytest.approx((0.25, 0.0, 0.5))
+
+
+def test_the_same_seed_gives_the_same_items_and_another_one_others(tmp_path):
+    assert items(tmp_path, seed=3) == items(tmp_path, seed=3)
+    assert items(tmp_path, seed=3) != items(tmp_path, seed=4)
+
+
+def test_what_is_missing_leaves_all_else_as_it_is(tmp_path):
+    every = items(tmp_path)
+    can = next(name for name, item in every.items() if item.type == "can")
+    some = items(tmp_path, missing=[can, "a_5", "b"])
+    gone = every.keys() - some.keys()
+    assert gone == {can, *(n for n in every if n.endswith(("_a_5", "_b_1", "_b_2")))}
+    assert all(every[name] == item for name, item in some.items())
+
+
+def test_a_kind_can_be_missing_and_shelves_half_full(tmp_path):
+    assert {item.type for item in items(tmp_path, missing=["can"]).values()} == {"carton"}
+    assert len(items(tmp_path, fill=0.5)) == 4
+    assert items(tmp_path, fill=0.0) == {}
+
+
+def test_params_change_mass_and_friction_of_a_type(tmp_path):
+    stock = {"seed": 1, "types": {"can": {"mass": 9, "friction": 0.05}}}
+    params = Params.of({"world": "world.yaml", "stock": stock})
+    plant = Plant(load(tmp_path, params.stock), params, 4_000_000, 0)
+    world = plant.world
+    number, item = next(
+        (n, world.items[name])
+        for n, name in enumerate(world.bodies)
+        if name in world.items and world.items[name].type == "can"
+    )
+    mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant.physics.client)[:3]
+    assert (mass, friction) == pytest.approx((item.mass, item.friction))
+    assert mass == pytest.approx(9, rel=0.03)
+    assert friction == pytest.approx(0.05, rel=0.05)
+    assert inertia[0] == pytest.approx(0.001 * mass)  # as in the URDF of support.services.devices
+
+
+def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
+    plant = Plant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
+    said = plant.describe_poses(plant.pose_sensor(None))
+    assert said.names == ["board", *plant.world.items]
+    assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
+
+
+def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):
+    given = Params.of({"world": "w", "stock": {"types": {"cann": {"mass": 1}}, "missing": ["a_7"]}})
+    assert refusal(tmp_path, given.stock).splitlines() == [
+        "params.stock.types.cann: unknown; did you mean 'can'?",
+        "params.stock.missing: 'a_7' is unknown; did you mean 'a_6'?",
+    ]
+
+
+def test_params_for_a_world_without_a_stock_are_refused(tmp_path):
+    text = "bodies: {shelf: {urdf: shelf.urdf}}"
+    assert refusal(tmp_path, StockParams(), text) == "params.stock: this world has no stock"
+
+
+def test_mistakes_of_a_stock_are_listed_with_their_lines(tmp_path):
+    text = STOCK.replace("mass: 0.35", "mas: 0.35").replace("carton.urdf", "gone.urdf")
+    told = refusal(tmp_path, text=text)
+    assert "world.yaml:7: stock.types.can.mas: unknown key 'mas'; did you mean 'mass'?" in told
+    assert "world.yaml:8: stock.types.carton.urdf: no file 'gone.urdf'" in told
+
+
+def test_an_item_that_is_called_like_another_body_is_refused(tmp_path):
+    name = next(iter(load(tmp_path).items))
+    told = refusal(tmp_path, text=STOCK.replace("  shelf:", f"  {name}:"))
+    assert f"world.yaml:5: stock: '{name}' is the name of two bodies" in told
+
+
+def test_a_kind_or_a_row_is_needed(tmp_path):
+    text = STOCK[: STOCK.index("stock:")] + "stock: {types: {}, rows: {}}"
+    told = refusal(tmp_path, text=text)
+    assert "stock.types: is empty" in told
+    assert "stock.rows: is empty" in told
+
+
+@pytest.mark.parametrize("mass", ["0", "-1", "nan", "heavy", ""])
+def test_a_kind_whose_mass_cannot_be_scaled_is_refused_with_its_line(tmp_path, mass):
+    world = load(tmp_path)
+    urdf = tmp_path / "can.urdf"
+    urdf.write_text(re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', urdf.read_text()))
+    with pytest.raises(WiringError) as caught:
+        Plant(world, Params(world="world.yaml"), 8_000_000, 0)
+    told = str(caught.value).splitlines()
+    assert len(told) == 4
+    assert all(f"value={mass!r} of <mass> is not a number above 0" in line for line in told)

@@ -1,0 +1,192 @@
+import pytest
+from support.paths import DOCS
+from support.services.plant import MS, body, make_plant, write_world
+
+from stepbus_plant import Params, load_world
+from stepbus_plant.world.declaration import Body, Friction, JointSettings, WorldFile
+from stepbus_schemas import WiringError
+
+FIVE_MISTAKES = """gravity: [0, 0]
+physics_step: 5 parsecs
+solver: 50
+bodies:
+  arm:
+    urdf: nowhere.urdf
+    joint_defaults: {mode: magic, damping: -1}
+    joints:
+      joint1: {effort: lots}
+  17: {urdf: two_link.urdf}
+  ghost: {fixed_base: maybe}
+"""
+
+
+def mistakes(folder, text):
+    with pytest.raises(WiringError) as caught:
+        load_world(write_world(folder, text))
+    lines = [line.removeprefix(f"{folder}/") for line in str(caught.value).splitlines()]
+    return [": ".join(line.split(": ")[:2]) for line in lines]
+
+
+def refusal(folder, *bodies, **more):
+    with pytest.raises(WiringError) as caught:
+        make_plant(folder, *bodies, **more)
+    return str(caught.value).replace(f"{folder}/", "").splitlines()
+
+
+def test_all_mistakes_of_a_world_are_listed_with_their_lines(tmp_path):
+    assert mistakes(tmp_path, FIVE_MISTAKES) == [
+        "world.yaml:1: gravity",
+        "world.yaml:2: physics_step",
+        "world.yaml:3: solver",
+        "world.yaml:6: bodies.arm.urdf",
+        "world.yaml:7: bodies.arm.joint_defaults.mode",
+        "world.yaml:7: bodies.arm.joint_defaults.damping",
+        "world.yaml:9: bodies.arm.joints.joint1.effort",
+        "world.yaml:10: bodies",
+        "world.yaml:11: bodies.ghost",
+        "world.yaml:11: bodies.ghost.fixed_base",
+    ]
+
+
+def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
+    (tmp_path / "broken.urdf").write_text("<robot")
+    lines = refusal(
+        tmp_path,
+        body("arm", "two_link", joints="{jont1: {effort: 3}, joint2: {position: 9}}"),
+        body("wheel", "wheel", "{actuation: velocity_force, friction: 1}"),
+        body("free", "free_wheel", "{upper: 1}"),
+        body("crossed", "wheel", "{lower: 3}"),
+        body("junk", "broken"),
+    )
+    assert lines[0] == "world.yaml:3: bodies.arm.joints.jont1: unknown; did you mean 'joint1'?"
+    assert lines[1].endswith(
+        "joint joint2: start position 9.0 is outside its limits [-6.2832, 6.2832]"
+    )
+    assert lines[2].startswith(
+        "world.yaml:4: bodies.wheel.joint_defaults: joint axle: friction needs mode torque"
+    )
+    assert lines[3].startswith(
+        "world.yaml:5: bodies.free.joint_defaults: joint axle: has no limits in its URDF"
+    )
+    assert lines[4].endswith("joint axle: lower 3.0 is above upper 1.0")
+    assert lines[5].startswith("world.yaml:7: bodies.junk.urdf")
+
+
+@pytest.mark.parametrize(
+    ("text", "mistake"),
+    [
+        ("", "world.yaml: is empty"),
+        ("[1, 2]", "world.yaml: is no map; a world has at least bodies"),
+        ("bodies: {}", "world.yaml:1: bodies"),
+        ("gravity: [0, 0, 0]", "world.yaml: the key 'bodies' is missing"),
+        ("bodies: {a: {urdf: two_link.urdf}}\nbodies: 2", "world.yaml:2: bodies"),
+        ("bodies: {a: {urdf: two_link.urdf}\n", "world.yaml:2"),
+        ("bodies: {a: {urdf: !!python/object:os.system ls}}", "world.yaml:1: bodies.a.urdf"),
+        ("bodies: &a {b: *a}", "world.yaml:1: bodies.b"),
+        (
+            "bodies: {a: {urdf: two_link.urdf}}\nsubsteps: 2\nphysics_step: 1ms",
+            "world.yaml:2: substeps",
+        ),
+        ("bodies: {a: {urdf: two_link.urdf}}\nsubsteps: 0", "world.yaml:2: substeps"),
+        ("bodies: {a: {urdf: two_link.urdf}}\ngravity: [0, 0, .nan]", "world.yaml:2: gravity"),
+        ("bodies: {a: {urdf: 'package://no_such_package/x.urdf'}}", "world.yaml:1: bodies.a.urdf"),
+    ],
+)
+def test_a_file_that_is_no_world_is_refused(tmp_path, text, mistake):
+    found = mistakes(tmp_path, text)
+    assert len(found) == 1
+    assert found[0].startswith(mistake)
+
+
+def test_a_world_that_cannot_be_read_is_refused(tmp_path):
+    with pytest.raises(WiringError, match=r"nowhere\.yaml: cannot be read: No such file"):
+        load_world(tmp_path / "nowhere.yaml")
+
+
+def test_a_world_that_is_no_text_is_refused(tmp_path):
+    (tmp_path / "world.yaml").write_bytes(b"bodies: \xff")
+    with pytest.raises(WiringError, match=r"is not UTF-8 text \(byte 8\)"):
+        load_world(tmp_path / "world.yaml")
+
+
+def test_an_unknown_key_names_the_nearest(tmp_path):
+    with pytest.raises(WiringError, match="unknown key 'bodyes'; did you mean 'bodies'"):
+        load_world(write_world(tmp_path, "bodyes: {}"))
+
+
+def test_keys_that_are_null_count_as_absent(tmp_path):
+    world = load_world(
+        write_world(tmp_path, "gravity:\nbodies:\n  a:\n    urdf: two_link.urdf\n    joints:\n")
+    )
+    assert world.gravity == (0.0, 0.0, -9.81)
+    assert world.bodies["a"].joints == {}
+
+
+def test_a_joints_own_settings_go_over_the_defaults_of_its_body(tmp_path):
+    arm = body("arm", "two_link", "{effort: 7, damping: 1}", "{joint2: {effort: 3}}")
+    assert make_plant(tmp_path, arm).describe().limits["effort"] == [7.0, 3.0]
+
+
+def test_the_urdf_holds_where_the_world_is_silent(tmp_path):
+    limits = make_plant(tmp_path).describe().limits
+    assert limits["effort"] == [50.0, 50.0]
+    assert limits["velocity"] == [20.0, 20.0]
+
+
+@pytest.mark.parametrize("step", ["1ms", "1000us", "0.001s", "1/1000s"])
+def test_a_physics_step_is_written_as_any_duration(tmp_path, step):
+    world = load_world(
+        write_world(tmp_path, f"physics_step: {step}\nbodies:\n{body('a', 'wheel')}")
+    )
+    assert world.physics_ns(5 * MS) == MS
+
+
+def test_a_urdf_can_come_from_an_installed_package(tmp_path):
+    url = "package://pybullet_data/kuka_iiwa/model.urdf"
+    plant = make_plant(tmp_path, f"  kuka: {{urdf: '{url}', fixed_base: true}}\n")
+    assert plant.names == [f"lbr_iiwa_joint_{n}" for n in range(1, 8)]
+
+
+def test_an_arm_in_free_fall_does_not_bend_and_a_fixed_one_does(tmp_path):
+    fixed, free = body("arm", "two_link"), "  arm: {urdf: two_link.urdf}\n"
+    bends = []
+    for arm in (fixed, free):
+        plant = make_plant(tmp_path, arm)
+        for _ in range(20):
+            plant.advance()
+        bends.append(plant.sense().position[0])
+    assert bends[0] > 0.05
+    assert bends[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_body_without_joints_is_part_of_the_world(tmp_path):
+    floor = "  floor: {urdf: 'package://pybullet_data/plane.urdf', friction: {lateral: 0.7}}\n"
+    plant = make_plant(tmp_path, floor, body("arm", "two_link"))
+    assert plant.names == ["joint1", "joint2"]
+
+
+@pytest.mark.parametrize("rows", [WorldFile, Body, JointSettings, Friction, Params])
+def test_every_key_is_documented(rows):
+    text = (DOCS / "reference/world.md").read_text(encoding="utf-8")
+    assert [key for key in rows.__struct_encode_fields__ if f"`{key}`" not in text] == []
+
+
+def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp_path):
+    devices = (
+        "bases: {base: {left: whel, right: joint1, wheel_radius: 0.1, track: 0.5}}\n"
+        "grippers: {gripper: {left: fingr, right: joint2}}\n"
+        "contacts: {touch: {links: [lnk1]}}\n"
+        "cameras: {eye: {link: camra, period: 5ms}}\n"
+    )
+    arm = body("arm", "two_link", joints="{jont1: {effort: 3}}")
+    lines = refusal(tmp_path, arm, world=devices, joints=["jont2"])
+    assert [line.split(";")[0].split(": ", 1)[-1] for line in lines] == [
+        "'jont2' is unknown",
+        "bases.base.left: joint 'whel' is unknown",
+        "bases.base.right: joint 'joint1' has mode torque",
+        "grippers.gripper.left: joint 'fingr' is unknown",
+        "grippers.gripper.right: joint 'joint2' is revolute, not prismatic",
+        "contacts.touch.links: link 'lnk1' is unknown",
+        "cameras.eye.link: link 'camra' is unknown",
+        "bodies.arm.joints.jont1: unknown",
+    ]

@@ -1,0 +1,43 @@
+"""Runs with a controller behind the bridge, and what they leave."""
+
+from pathlib import Path
+
+import psutil
+from support.runs.joints import PROGRAM, SCENARIO
+
+from stepbus_orchestrator import Options, Result, load
+from stepbus_orchestrator.run.run_scenario import run
+
+BRIDGED = PROGRAM.with_name("bridged.py")
+OWN = "exec: [python, joints.py, controller]"
+
+
+def write_bridged(folder: Path, form: str, kind: str = "right", step: int = 7) -> Path:
+    """Write a scenario whose controller is bridged and does `kind` at a step."""
+    assert OWN in SCENARIO
+    folder.mkdir(parents=True, exist_ok=True)
+    for program in (PROGRAM, BRIDGED):
+        (folder / program.name).write_bytes(program.read_bytes())
+    path = folder / "scenario.yaml"
+    command = f"exec: [python, bridged.py, {form}, {kind}, '{step}']\n    bridge: {form}"
+    path.write_text(SCENARIO.replace(OWN, command))
+    return path
+
+
+def run_bridged(folder: Path, form: str, kind: str = "right", step: int = 7, *more: str) -> Result:
+    """Run it; the run's folder is `folder/out`."""
+    overrides = ["controller.step_timeout=1500ms", "controller.stop_timeout=1s", *more]
+    scenario = load(write_bridged(folder / "source", form, kind, step), overrides)
+    return run(scenario, Options(out=folder / "out"))
+
+
+def processes_in(folder: Path) -> list[str]:
+    """Return the command lines of all processes that work below a folder."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            if Path(process.cwd()).is_relative_to(folder):
+                found.append(" ".join(process.cmdline()))
+        except (psutil.NoSuchProcess, psutil.AccessDenied):
+            continue
+    return found

@@ -1,0 +1,97 @@
+"""One participant under the conformance kit, without recording its inputs anew for each test."""
+
+import dataclasses
+import sys
+import threading
+
+from stepbus_orchestrator import load
+from stepbus_orchestrator.conformance import CHECKS, select
+from stepbus_orchestrator.conformance.check import run_checks
+from stepbus_orchestrator.conformance.harness.kit import Kit
+from stepbus_orchestrator.conformance.harness.material import read
+from support.paths import PROGRAMS
+
+
+# Mistake of wrong_controller.py → the checks that find it; all others pass or are skipped.
+FOUND_BY = {
+    "AnyStop": ["control-noise"],
+    "AnyToken": ["unauthenticated"],
+    "AnyWelcome": ["welcome-protocol", "welcome-name", "welcome-token"],
+    "AsksForever": ["nobody-answers"],
+    "BigBatches": ["batch"],
+    "Clock": ["determinism"],
+    "ExitsThree": [
+        "replayed-log", "stop-before-ready", "stop-before-start", "stop-while-waiting",
+        "stop-between-steps", "stop-at-end", "stop-overtakes",
+    ],
+    "ExitsZeroWithoutTicket": ["no-ticket"],
+    "FiresAlways": ["own-every"],
+    "FixedOrder": ["joint-order"],
+    "ForgetsInputs": ["rarer-source", "held"],
+    "ForgivesDuplicates": ["changed-duplicate"],
+    "FreezesAtLarge": ["oversize"],
+    "HandshakesOnce": ["handshake"],
+    "HangsAtGarbage": ["garbage"],
+    "IgnoresDelay": ["delayed"],
+    "IgnoresStop": [
+        "replayed-log", "stop-before-ready", "stop-before-start", "stop-while-waiting",
+        "stop-between-steps", "stop-at-end", "stop-overtakes",
+    ],
+    "IgnoresTerm": ["sigterm"],
+    "IgnoresTriggers": ["waits-for-trigger"],
+    "KnownPorts": ["unread-ports", "oversize"],
+    "LastTrigger": ["triggers"],
+    "LaterStart": ["start-again"],
+    "Mistyped": ["content", "replayed-log"],
+    "NoDuplicates": ["duplicate", "stale"],
+    "NoHandshakes": ["peers-last"],
+    "NoLog": [
+        "log", "batch", "windows", "replayed-log", "changed-duplicate", "skipped-step",
+        "malformed-outputs", "wrong-message", "stop-at-end", "stop-overtakes",
+    ],
+    "OnlyFloats": ["numbers"],
+    "Random": ["determinism"],
+    "Silent": ["waits-for-trigger", "late-input"],
+    "SilentFaults": [
+        "absent", "delayed", "changed-duplicate", "skipped-step", "malformed-outputs",
+        "wrong-message",
+    ],
+    "StepsMissing": ["steps", "replayed-log"],
+    "StopsAtOnce": ["stop-overtakes"],
+    "StrangerOutputs": ["steps"],
+    "StrictFields": ["unknown-fields"],
+    "TakesNewest": ["windows", "inputs-ahead"],
+    "TwiceDifferent": ["steps"],
+    "Unwatchful": ["orchestrator-gone"],
+    "WrongEncoding": ["encodings"],
+    "WrongLimits": ["descriptions", "replayed-log"],
+    "WrongPorts": ["port-types", "replayed-log"],
+    "WrongTime": ["steps", "replayed-log"],
+    "WrongToken": ["join", "replayed-log"],
+    "ZerosForHeld": ["held"],
+}  # fmt: skip
+
+
+def material(recording, participant="controller", *overrides):
+    """Return the first 24 steps of a recording of two_link as inputs."""
+    scenario = dataclasses.replace(load("two_link", overrides), steps=24)
+    return read(scenario, participant, recording)
+
+
+def outcomes(inputs, words, logs, names=(), interrupt=None):
+    """Return name → result of checks of a program; words: its command line."""
+    interrupt = interrupt or threading.Event()
+    logs.mkdir(exist_ok=True)
+    kit = Kit(material=inputs, command=words, cwd=logs, logs=logs, interrupt=interrupt)
+    checks = select(names) if names else CHECKS
+    return {result.name: result for result in run_checks(kit, checks, lambda _result: None)}
+
+
+def failed(results):
+    """Return the names of the checks that failed."""
+    return [name for name, result in results.items() if result.outcome == "fail"]
+
+
+def program(name, *arguments):
+    """Return the command line of a program of the tests."""
+    return (sys.executable, str(PROGRAMS / name), *arguments)

@@ -1,0 +1,70 @@
+"""Runs small scenarios of our own participants with real processes, and finds what they leave."""
+
+import textwrap
+from pathlib import Path
+
+import psutil
+
+from stepbus_orchestrator import Observer, Options, Result, load
+from stepbus_orchestrator.run.run_scenario import run
+from support.paths import PROGRAMS
+
+PROGRAM = PROGRAMS / "joints.py"
+
+SCENARIO = """
+name: joints
+step: 5ms
+duration: 500ms
+participants:
+  plant:
+    exec: [python, joints.py, plant]
+    publishes: first
+    inputs: {command: controller.command}
+    outputs: {joint_state: JointState/1}
+  controller:
+    exec: [python, joints.py, controller]
+    inputs: {joint_state: plant.joint_state, reference: mission.reference}
+    outputs: {command: JointCommand/1}
+  mission:
+    exec: [python, joints.py, mission]
+    every: 4
+    outputs: {reference: JointReference/1}
+"""
+
+
+def write_scenario(folder: Path, text: str = SCENARIO) -> Path:
+    """Write the scenario and its program into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "joints.py").write_bytes(PROGRAM.read_bytes())
+    path = folder / "scenario.yaml"
+    path.write_text(textwrap.dedent(text))
+    return path
+
+
+def run_joints(
+    folder: Path, *overrides: str, observer: Observer | None = None, **options: object
+) -> Result:
+    """Run the scenario with overrides; the run's folder is `folder/out`."""
+    scenario = load(write_scenario(folder / "source"), overrides)
+    return run(scenario, Options(out=folder / "out", **options), observer)
+
+
+def fault(role: str, program: str, kind: str, step: int) -> str:
+    """Return the override that lets a participant go wrong at a step."""
+    return f"{role}.exec=[python, joints.py, {program}, {kind}, '{step}']"
+
+
+def leftovers(folder: Path) -> list[str]:
+    """Return the command lines of all participants that still run, with their ticket or folder below `folder`."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            ticket = process.environ().get("STEPBUS_TICKET")
+            below = any(
+                Path(path).is_relative_to(folder) for path in (process.cwd(), ticket or "/")
+            )
+            if ticket and below and process.status() != psutil.STATUS_ZOMBIE:
+                found.append(" ".join(process.cmdline()))
+        except (psutil.NoSuchProcess, psutil.AccessDenied):
+            continue
+    return found

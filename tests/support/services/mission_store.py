@@ -1,0 +1,365 @@
+"""A store in pure Python: it carries out every goal at once, or fails as a test wants it to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from support.services.control import Stand
+
+from stepbus_mission.store.goals import GOALS
+from stepbus_mission.store.participant import StoreMission
+from stepbus_participant import Config
+from stepbus_schemas import (
+    BaseState,
+    Description,
+    Detections,
+    Goal,
+    GoalStatus,
+    GripperState,
+    InputConfig,
+    OutputConfig,
+    Poses,
+    RunError,
+)
+
+STEP_NS = 20_000_000
+PAUSE = 8
+"""Steps from a goal's first statuses to its last one."""
+IDENTITY = (0.0, 0.0, 0.0, 1.0)
+AT = " @ 0 0 0 0 0 0 1"
+SHAPES = {
+    "cola": "cylinder 0.033 0.115" + AT,
+    "water": "cylinder 0.032 0.1" + AT + "; cylinder 0.015 0.05 @ 0 0 0.075 0 0 0 1",
+    "juice": "box 0.06 0.06 0.12" + AT,
+}
+BOTTOMS = {"cola": 0.0575, "water": 0.05, "juice": 0.06}
+WIDTHS = {"cola": 0.066, "water": 0.064, "juice": 0.06}
+SHELF_A = {"front": [1.95, 0.0], "yaw": 0.0}
+SHELF_B = {"front": [0.0, -1.95], "yaw": -math.pi / 2}
+OUTLET = {"position": [0.15, 0.65, 0.35], "pitch": 0.12}
+PARAMS = {
+    "orders": ["cola"],
+    "shelves": {"a": SHELF_A, "b": SHELF_B},
+    "outlet": OUTLET,
+    "tuck": {"shoulder_pan_joint": 0.0, "elbow_joint": 2.0},
+}
+
+
+def config(**params) -> Config:
+    """Return the configuration of a mission wired as in the scenario."""
+    inputs = {
+        "poses": ("plant", "Poses/1"),
+        "detections": ("perception", "Detections/1"),
+        "gripper": ("plant", "GripperState/1"),
+        "odometry": ("plant", "BaseState/1"),
+        "goal_status": ("controller", "GoalStatus/1"),
+    }
+    return Config(
+        name="mission",
+        step_ns=STEP_NS,
+        every=1,
+        seed=0,
+        folder=Path(),
+        inputs={
+            name: InputConfig(source=source, port=name, type=kind)
+            for name, (source, kind) in inputs.items()
+        },
+        outputs={
+            "goal": OutputConfig(type="Goal/1"),
+            "events": OutputConfig(type="Event/1"),
+            "summary": OutputConfig(type="Event/1"),
+        },
+        params={**PARAMS, **params},
+    )
+
+
+@dataclass
+class Thing:
+    """An item: where the middle of its body is, and its yaw."""
+
+    kind: str
+    x: float
+    y: float
+    z: float
+    yaw: float = 0.0
+    tilt: float = 0.0
+
+    @property
+    def orientation(self):
+        if self.tilt:
+            return (math.sin(self.tilt / 2), 0.0, 0.0, math.cos(self.tilt / 2))
+        return (0.0, 0.0, math.sin(self.yaw / 2), math.cos(self.yaw / 2))
+
+
+def shelf_a(*kinds_and_columns) -> dict[str, Thing]:
+    """Return items of the first row of shelf a, by name: (kind, column) each."""
+    things = {}
+    for kind, column in kinds_and_columns:
+        z = 0.2 + BOTTOMS[kind]
+        things[f"{kind}_a1_{column}"] = Thing(kind, 2.015, 0.1 * (column - 4), z)
+    return things
+
+
+@dataclass
+class FakeStore:
+    """The plant, the perception and the controller of a test.
+
+    Events are named by the state that the mission is in and how often it has sent a goal from
+    there, e.g. ("lift", 1).
+
+    fails: event → cause. silent: events without any status. endless: those that only ever run.
+    drops: those at which the item is lost. pushes: event → item that is pushed, and by how much
+    along x [m]. hides: event → item that is not seen from then on. slips: how many lifts lose the
+    item. empty_grips: how many times the fingers miss it. shift: of every detection, x and y [m];
+    noise: of every other one. hidden: names that are not seen. dark: no detections, from an event
+    on. drifts: the base does not stand. place_shift: of an item that is let go of [m]. tips: it
+    falls over then. seen_width: what the gripper says instead of the truth [m].
+    frame: that the detections say they are given in.
+    """
+
+    things: dict[str, Thing]
+    fails: dict = field(default_factory=dict)
+    silent: tuple = ()
+    endless: tuple = ()
+    drops: tuple = ()
+    pushes: dict = field(default_factory=dict)
+    hides: dict = field(default_factory=dict)
+    slips: int = 0
+    empty_grips: int = 0
+    shift: tuple = (0.0, 0.0)
+    noise: float = 0.0
+    hidden: tuple = ()
+    dark: tuple | None = None
+    drifts: bool = False
+    place_shift: float = 0.0
+    tips: bool = False
+    seen_width: float | None = None
+    frame: str = "chassis"
+
+    def __post_init__(self):
+        self.base = (0.0, 0.0, 0.0)
+        self.tip = (0.4, 0.0, 0.8)
+        self.held = None
+        self.gap = (0.0, 0.0, 0.0)
+        self.width = 0.05
+        self.goals = []
+        self.sent = {}
+        self.news = []
+        self.pictures = 0
+        self.is_dark = self.dark == ("order", 0)
+
+    def description(self) -> Description:
+        names = ["chassis", *self.things, "outlet_top"]
+        kinds = ["", *(thing.kind for thing in self.things.values()), ""]
+        shapes = ["", *(SHAPES[thing.kind] for thing in self.things.values()), "box 0.5 0.2 0.35"]
+        return Description(names=names, details={"type": kinds, "shape": shapes})
+
+    def poses(self) -> Poses:
+        rows = list(self.things.values())
+        return Poses(
+            position=[(0.0, 0.0, 0.0), *((t.x, t.y, t.z) for t in rows), (0.15, 0.65, 0.0)],
+            orientation=[IDENTITY, *(t.orientation for t in rows), IDENTITY],
+        )
+
+    def odometry(self) -> BaseState:
+        x, y, yaw = self.base
+        return BaseState(x=x, y=y, yaw=yaw, vx=0.05 if self.drifts else 0.0, wz=0.0)
+
+    def gripper(self) -> GripperState:
+        holding = self.held is not None
+        width = self.width if self.seen_width is None else self.seen_width
+        return GripperState(width=width, force=15.0 if holding else 0.0, holding=holding)
+
+    def detections(self) -> Detections | None:
+        """Return what the camera sees of the items near the gripper, in the frame of the base."""
+        if self.is_dark:
+            return None
+        self.pictures += 1
+        x0, y0, yaw = self.base
+        shift = self.shift[0] + (self.noise if self.pictures % 2 else 0.0), self.shift[1]
+        seen = [
+            (thing.kind, thing.x + shift[0] - x0, thing.y + shift[1] - y0, thing)
+            for name, thing in self.things.items()
+            if name not in self.hidden
+        ]
+        c, s = math.cos(yaw), math.sin(yaw)
+        half = [(thing.yaw - yaw) / 2 for *_, thing in seen]
+        return Detections(
+            frame=self.frame,
+            types=[kind for kind, *_ in seen],
+            position=[(c * x + s * y, c * y - s * x, t.z) for _, x, y, t in seen],
+            orientation=[(0.0, 0.0, math.sin(h), math.cos(h)) for h in half],
+            confidence=[1.0] * len(seen),
+        )
+
+    def carry_out(self, goal: Goal, state: str) -> None:
+        """Do what a goal wants that was sent from a state, and have its statuses ready."""
+        self.goals.append(goal)
+        self.sent[state] = self.sent.get(state, 0) + 1
+        which = (state, self.sent[state])
+        self.news = []
+        if which in self.silent:
+            return
+        self.news = [
+            GoalStatus(id=goal.id, state="accepted"),
+            GoalStatus(id=goal.id, state="running"),
+        ]
+        if which in self.endless:
+            return
+        if which in self.fails:
+            text = "as the test wants it"
+            cause = self.fails[which]
+            self.news.append(GoalStatus(id=goal.id, state="failed", cause=cause, text=text))
+            return
+        self._do(goal)
+        self._happen(which)
+        self.news += [None] * PAUSE
+        self.news.append(GoalStatus(id=goal.id, state="succeeded"))
+
+    def _happen(self, which) -> None:
+        if which in self.pushes:
+            name, by = self.pushes[which]
+            self.things[name].x += by
+        if which in self.hides:
+            self.hidden = (*self.hidden, self.hides[which])
+        if which in self.drops:
+            self.held, self.width = None, 0.0
+        self.is_dark |= which == self.dark
+
+    def _do(self, goal: Goal) -> None:
+        if goal.type == "go_to":
+            self._drive(*goal.base)
+        elif goal.type == "drive":
+            x, y, yaw = self.base
+            self._drive(x + goal.by * math.cos(yaw), y + goal.by * math.sin(yaw), yaw)
+        elif goal.type in {"move_to_pose", "move_linear"}:
+            self._move(goal.position)
+        elif goal.type == "grip":
+            self._grip(goal.width)
+
+    def _drive(self, x, y, yaw):
+        # The tip goes along with the base.
+        x0, y0, yaw0 = self.base
+        turn = yaw - yaw0
+        dx, dy = self.tip[0] - x0, self.tip[1] - y0
+        c, s = math.cos(turn), math.sin(turn)
+        self.base = (x, y, yaw)
+        self._move((x + c * dx - s * dy, y + s * dx + c * dy, self.tip[2]))
+
+    def _move(self, position):
+        rises = position[2] - self.tip[2]
+        self.tip = position
+        if self.held and rises > 0.05 and self.slips:
+            self.slips -= 1
+            self.held, self.width = None, 0.0
+        if self.held:
+            x, y, z = (t - g for t, g in zip(self.tip, self.gap, strict=True))
+            self.things[self.held] = replace(self.things[self.held], x=x, y=y, z=z)
+
+    def _grip(self, width):
+        near = self._between()
+        if width > 0.0:
+            if self.held:
+                thing = self.things[self.held]
+                thing.z, thing.x = 0.35 + BOTTOMS[thing.kind], thing.x + self.place_shift
+                thing.tilt = 1.5 if self.tips else 0.0
+            self.held, self.width = None, width
+        elif near and not self.empty_grips:
+            thing = self.things[near]
+            self.held, self.width = near, WIDTHS[thing.kind]
+            self.gap = tuple(
+                t - p for t, p in zip(self.tip, (thing.x, thing.y, thing.z), strict=True)
+            )
+        else:
+            self.empty_grips -= bool(near)
+            self.width = 0.0
+
+    def _between(self):
+        for name, thing in self.things.items():
+            x, y, z = (t - p for t, p in zip(self.tip, (thing.x, thing.y, thing.z), strict=True))
+            if math.hypot(x, y) < 0.012 and 0.0 < z < BOTTOMS[thing.kind]:
+                return name
+        return None
+
+
+@dataclass
+class Result:
+    """How a run went."""
+
+    goals: list
+    events: list
+    summary: str
+    end: str
+    error: str
+    walked: list
+
+    @property
+    def goal_states(self) -> list[str]:
+        """Return the state that each goal was sent from."""
+        return [to for _, _, to in self.walked if to in GOALS]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(event.text for event in self.events)
+
+    @property
+    def errors(self) -> list[str]:
+        return [event.text for event in self.events if event.level == "error"]
+
+
+def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
+    """Run a mission against a store until it ends; raises AssertionError where it does not."""
+    mission = StoreMission(config(**params))
+    mission.start({"poses": store.description()})
+    walked = _watch(mission)
+    stand = Stand(mission)
+    result = Result([], [], "", "", "", walked)
+    for index in range(steps):
+        messages = {
+            "poses": store.poses(),
+            "odometry": store.odometry(),
+            "gripper": store.gripper(),
+        }
+        if store.news and (status := store.news.pop(0)) is not None:
+            messages["goal_status"] = status
+        if index % 5 == 0 and (found := store.detections()) is not None:
+            messages["detections"] = found
+        try:
+            published = stand.update(index, **messages)
+        except RunError as exc:
+            result.error = str(exc)
+            break
+        _take(result, published)
+        if "goal" in published:
+            store.carry_out(published["goal"], walked[-1][2])
+        if stand.end_reason:
+            result.end = stand.end_reason
+            break
+    assert result.end or result.error, f"still at it after {steps} steps:\n{result.text}"
+    return result
+
+
+def _take(result: Result, published) -> None:
+    if "goal" in published:
+        result.goals.append(published["goal"])
+    if "events" in published:
+        result.events.append(published["events"])
+    if "summary" in published:
+        result.summary = published["summary"].text
+
+
+def _watch(mission: StoreMission) -> list:
+    """Return a list that grows by every passage: from, outcome, to."""
+    walked = []
+    enter = mission.enter
+
+    def watched(store, outcome):
+        before = store.visit.state
+        goal = enter(store, outcome)
+        walked.append((before, outcome.name, store.visit.state))
+        return goal
+
+    mission.enter = watched
+    return walked
