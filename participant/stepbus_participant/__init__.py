@@ -27,7 +27,14 @@ from stepbus_schemas import (
 )
 
 from .bus import ONE_THREAD, Bus, BusError, Request, ZenohBus
-from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket
+from .bus.ticket import (
+    TICKET_VARIABLE,
+    Endpoint,
+    MessageFault,
+    Ticket,
+    load_ticket,
+    scratch_folder,
+)
 from .config import Config, Ports
 from .config.plugins import load_class, make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
@@ -149,6 +156,7 @@ __all__ = [
     "parse_duration",
     "read_stamp",
     "read_urdf_text",
+    "scratch_folder",
     "stamp",
     "suggest",
     "take_part",

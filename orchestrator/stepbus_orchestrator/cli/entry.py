@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
 
+_INTERNAL = 1
 _INTERRUPTED = 130
 _SENTENCE = "stepbus: interrupted\n"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -33,6 +34,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main() -> int:
+    try:
+        return _guarded()
+    except (ImportError, MemoryError) as exc:
+        if isinstance(exc, ModuleNotFoundError):
+            raise
+        # A library that cannot be loaded, mostly: Python says no more than where it stands.
+        reason = str(exc) or "out of memory"
+        sys.stderr.write(f"stepbus: {reason}; does the limit of memory (ulimit -v) allow enough?\n")
+        return _INTERNAL
+
+
+def _guarded() -> int:
     on_signals(_leave)
     from .commands import execute  # noqa: PLC0415  (loads everything)
     from .terminal.outlet import outlets  # noqa: PLC0415

@@ -1,5 +1,6 @@
 """The processes of a run: started, watched, ended."""
 
+from .activity import Activity
 from .child import Child
 from .credentials import ORCHESTRATOR, certificates, passwords
 from .delays import Delays
@@ -11,16 +12,19 @@ from .endpoints import (
     private_folder,
 )
 from .launcher import Launcher
+from .limits import check_open_files
 from .watchdog import Watchdog
 
 __all__ = [
     "ORCHESTRATOR",
+    "Activity",
     "Child",
     "Delays",
     "Launcher",
     "Mesh",
     "Watchdog",
     "certificates",
+    "check_open_files",
     "low_latency",
     "make_mesh",
     "new_token",

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import resource
+import tempfile
 from pathlib import Path
 
 _LARGEST = 8 * 1024 * 1024
 _HEAD = _TAIL = 1024 * 1024
 _CATCH_UPS = 20
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_PROBE = bytes(8192)
 
 
 class BoundedLog:
@@ -31,6 +36,19 @@ class BoundedLog:
                     self._shorten(file)
                 finally:
                     os.close(file)
+
+    def problem(self) -> str:
+        """Return why nothing more can be printed into the file; empty where it can."""
+        try:
+            with tempfile.TemporaryFile(dir=self._path.parent, buffering=0) as probe:
+                probe.write(_PROBE)
+            largest, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+            is_largest = largest not in {resource.RLIM_INFINITY, 0}
+            if is_largest and self._path.stat().st_size >= largest:
+                return os.strerror(errno.EFBIG)
+        except OSError as exc:
+            return os.strerror(exc.errno) if exc.errno in _FULL else ""
+        return ""
 
     def _shorten(self, file: int) -> None:
         end = os.fstat(file).st_size

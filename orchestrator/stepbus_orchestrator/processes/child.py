@@ -15,6 +15,7 @@ from pathlib import Path
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_participant import last_error
 
+from .activity import Activity, activity
 from .bounded_log import BoundedLog
 
 _TERM_GRACE_S = 1.0
@@ -116,13 +117,9 @@ class Child:
             if self._process.returncode is None:
                 os.killpg(self.pid, number)
 
-    def is_stopped(self) -> bool:
-        """Return whether a signal or a debugger has stopped it; False where nobody knows."""
-        try:
-            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            return False
-        return fields[0] in {"T", "t"}
+    def activity(self) -> Activity:
+        """Return what it, and all it has started, is doing."""
+        return activity(self.pid)
 
     def how_it_ended(self) -> str:
         """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
@@ -134,3 +131,7 @@ class Child:
     def last_error(self) -> str:
         """Return the last error it printed, or its last line, or nothing."""
         return last_error(self.log)
+
+    def log_problem(self) -> str:
+        """Return why its log may lack its last words, such as a full disk; empty: it has them."""
+        return self._bounded_log.problem()

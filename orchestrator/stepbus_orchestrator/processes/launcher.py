@@ -36,7 +36,9 @@ class Launcher:
         try:
             self._reaper = _start_reaper(folder)
         except BaseException as exc:
-            shutil.rmtree(folder, ignore_errors=True)
+            # It is empty. To remove it takes no file descriptor, of which there may be none left.
+            with contextlib.suppress(OSError):
+                folder.rmdir()
             if isinstance(exc, OSError):
                 raise StartFailed(f"the reaper could not be started: {exc.strerror}") from exc
             raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -144,8 +145,12 @@ class McapFile:
 
     def _failure(self, exc: OSError) -> RecordingFailed:
         """Return the failure, which is the first one from then on."""
+        remedy = (
+            "raise the limit of a file's size (ulimit -f)"
+            if exc.errno == errno.EFBIG
+            else "free some disk space or choose another folder with --out"
+        )
         self._failed = self._failed or RecordingFailed(
-            f"the recording {self.path} cannot be written: {exc.strerror or exc}; "
-            "free some disk space or choose another folder with --out"
+            f"the recording {self.path} cannot be written: {exc.strerror or exc}; {remedy}"
         )
         return self._failed

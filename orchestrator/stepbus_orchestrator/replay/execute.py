@@ -13,7 +13,14 @@ from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
 from stepbus_orchestrator.errors import BusFailed
-from stepbus_orchestrator.processes import Launcher, Mesh, make_mesh, new_token, private_folder
+from stepbus_orchestrator.processes import (
+    Launcher,
+    Mesh,
+    check_open_files,
+    make_mesh,
+    new_token,
+    private_folder,
+)
 from stepbus_orchestrator.recording import Recording, TimingRecorder, layout
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.control.calls import recorded_calls
@@ -83,6 +90,7 @@ def replay(
         window=window,
     )
     task.tolerance.check({t: fields_of(port.type) for t, port in task.recording.ports.items()})
+    check_open_files(1)
     folder = Path(tempfile.mkdtemp(prefix="replay-stepbus-"))
     run = _Replay(task, folder, observer or Silent(), interrupt or threading.Event())
     try:

@@ -191,7 +191,9 @@ class RunLoop:
         """Kill a process that reads nothing while a message to it blocks everything else."""
         participants = self.state.participants
         stopped = [
-            name for name, participant in participants.items() if participant.process.is_stopped()
+            name
+            for name, participant in participants.items()
+            if participant.process.activity().is_stopped
         ]
         holders = [name for name in self.state.barrier.holders() if name in participants]
         for name in stopped or holders or participants:

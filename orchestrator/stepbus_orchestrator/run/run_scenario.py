@@ -8,7 +8,14 @@ import time
 from collections.abc import Callable
 
 from stepbus_orchestrator.errors import BusFailed, RunFailure
-from stepbus_orchestrator.processes import Launcher, Mesh, make_mesh, new_token, private_folder
+from stepbus_orchestrator.processes import (
+    Launcher,
+    Mesh,
+    check_open_files,
+    make_mesh,
+    new_token,
+    private_folder,
+)
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
 from stepbus_orchestrator.scenario import FaultSpec, Scenario, Schedule, format_fault
 from stepbus_participant import BusError, ZenohBus
@@ -39,7 +46,8 @@ def run(
 
     observer: is notified of progress. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
-    to, WiringError for a name in `options.debug` that no participant has.
+    to, StartFailed when it may not open enough files, WiringError for a name in `options.debug`
+    that no participant has.
     """
     return run_with(lambda live: live, scenario, options, observer, interrupt)
 
@@ -53,6 +61,7 @@ def run_with(
 ) -> Result:
     """Run a scenario with another strategy than that of a run, which `adapt` gets; see `run`."""
     scenario = without_deadlines(scenario, options.debug)
+    check_open_files(len(scenario.participants))
     return _Run(
         adapt, scenario, options, observer or Silent(), interrupt or threading.Event()
     ).execute()

@@ -59,6 +59,15 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
         path.write_bytes(msgspec.json.encode(self))
 
 
+def scratch_folder() -> Path | None:
+    """Return a folder for temporary files that is removed with the run; None outside of a run.
+
+    A program that is killed removes nothing itself.
+    """
+    path = os.environ.get(TICKET_VARIABLE)
+    return None if path is None else Path(path).parent
+
+
 def load_ticket(environment: Mapping[str, str] = os.environ) -> Ticket:
     """Return the ticket named by the variable `STEPBUS_TICKET`.
 

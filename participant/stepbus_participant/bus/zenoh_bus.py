@@ -29,6 +29,7 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 
 
 _LEASE_MS = 3_600_000
+_UNIX = "unixsock-stream/"
 
 
 @cache
@@ -96,6 +97,16 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
     return {**settings, **endpoint.settings}
 
 
+def _private_folder(endpoint: Endpoint) -> str | None:
+    """Return the private folder of a run, which is removed with it; None where that is unknown."""
+    certificate = endpoint.settings.get("transport/link/tls/root_ca_certificate")
+    if certificate is not None:
+        return str(Path(certificate).parent)
+    addresses = [*endpoint.listen, *endpoint.connect]
+    sockets = [Path(name[len(_UNIX) :]) for name in addresses if name.startswith(_UNIX)]
+    return str(sockets[0].parent) if sockets else None
+
+
 class _ZenohRequest:
     """A Zenoh query that waits for its reply."""
 
@@ -140,7 +151,7 @@ class ZenohBus:
     @staticmethod
     def _write_users(endpoint: Endpoint) -> str:
         """Write the accepted credentials to a private file, until Zenoh has read it."""
-        handle, name = tempfile.mkstemp(prefix="stepbus-users-")
+        handle, name = tempfile.mkstemp(prefix="users-", dir=_private_folder(endpoint))
         with os.fdopen(handle, "w") as file:
             file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
         return name

@@ -1,14 +1,22 @@
 """A participant's process: no signal reaches anybody else, and its end is seen."""
 
 import os
+import resource
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
 import psutil
 import pytest
+from kernel_support import scenario
 
-from stepbus_orchestrator.processes import Child
+from stepbus_orchestrator.processes import Activity, Child
+from stepbus_orchestrator.run.kernel.barrier import Barrier
+from stepbus_orchestrator.run.kernel.failures import death
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+
+SCENARIO = scenario()
 
 
 @pytest.fixture
@@ -93,3 +101,52 @@ def test_a_short_log_stays_as_it_is(start, tmp_path):
     assert child.wait(20.0)
     child.end()
     assert (tmp_path / "log").read_text() == "all of it\n"
+
+
+def test_a_log_that_can_be_written_has_no_problem(start):
+    assert start("").log_problem() == ""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
+def test_a_full_disk_is_named_and_not_what_was_printed_last(tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk]
+    if subprocess.run(mount, check=False).returncode:
+        pytest.skip("this machine does not let us mount a tmpfs")
+    code = "import os\nwhile True: os.write(1, b'yyyy\\n' * 1000)"
+    try:
+        child = Child(
+            "one", [sys.executable, "-c", code], cwd=tmp_path, log=disk / "log",
+            environment=os.environ,
+        )  # fmt: skip
+        assert child.wait(20.0)
+        participant = ParticipantState(SCENARIO.participant("controller"), child)
+        failure = death(participant, {"controller": participant}, Barrier(SCENARIO), 1)
+        child.end()
+    finally:
+        subprocess.run(["umount", disk], check=True)
+    assert "its log cannot be written (No space left on device)" in str(failure)
+    assert "yyy" not in str(failure)
+
+
+def test_a_log_as_large_as_the_limit_of_files_is_named(start, monkeypatch, tmp_path):
+    child = start("print('y' * 1000)")
+    assert child.wait(20.0)
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (1000, 1000))
+    assert child.log_problem() == "File too large"
+
+
+@pytest.mark.parametrize(
+    ("activity", "sentence"),
+    [
+        (Activity(is_stopped=True, cpu_s=9), "stopped by a signal or a debugger; `kill -CONT -7`"),
+        (Activity(waits_for_disk=True), "waits for a device and takes no signal"),
+        (Activity(cpu_s=4.0), "it has computed for 4.0 s"),
+        (Activity(cpu_s=0.2), ""),
+    ],
+)
+def test_what_a_process_does_is_a_reason(activity, sentence):
+    reason = activity.reason(7, 10.0)
+    assert sentence in reason
+    assert bool(sentence) == bool(reason)

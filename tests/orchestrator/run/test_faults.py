@@ -131,3 +131,31 @@ def test_a_participant_can_end_the_run_and_everybody_finishes_that_step(tmp_path
     assert (result.exit_code, result.steps) == (0, 42)
     assert result.reason == "controller: the goal is reached"
     assert recorded_steps(result) == list(range(43))
+
+
+STOPS = "import os; os.kill(os.getpid(), 19)"
+
+
+@pytest.mark.parametrize(
+    ("program", "sentence"),
+    [
+        ("[python, -c, 'STOPS']", r"has not reached the bus; it has been stopped by a signal"),
+        ("[sh, -c, 'kill -STOP $$']", r"been stopped by a signal or a debugger; `kill -CONT -\d+`"),
+        ("[sh, -c, 'python3 -c \"STOPS\"; true']", r"not reached the bus; it has been stopped"),
+        ("[python, -c, 'while True: pass']", r"bus; it has computed for \d\.\d s; what does it"),
+        (
+            "[sleep, '1000']",
+            r"the bus; does its program take part with stepbus\? It had a deadline",
+        ),
+        (
+            "[python, -c, 'input()']",
+            r'code 1; its last output: "EOFError: EOF when reading a line"',
+        ),
+    ],
+    ids=["stopped", "stopped shell", "stopped child", "busy", "asleep", "reads stdin"],
+)
+def test_what_keeps_a_program_from_the_bus_is_named(tmp_path, program, sentence):
+    program = program.replace("STOPS", STOPS)
+    result = run_joints(tmp_path, f"controller.exec={program}", "controller.spawn_timeout=2s")
+    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
+    assert re.search(sentence, result.reason)

@@ -75,3 +75,13 @@ def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
     with loadable(path) as copy:
         assert f'"{tmp_path / "part.obj"}"' in copy.read_text()
     assert not copy.exists()
+
+
+def test_the_copy_of_a_model_is_in_the_private_folder_of_the_run(tmp_path, monkeypatch):
+    """There it goes even when the plant is killed."""
+    monkeypatch.setenv("STEPBUS_TICKET", str(tmp_path / "private" / "plant.ticket"))
+    (tmp_path / "private").mkdir()
+    path = tmp_path / "half.urdf"
+    path.write_text('<robot name="half"><link name="only"/></robot>')
+    with loadable(path) as copy:
+        assert copy.is_relative_to(tmp_path / "private")

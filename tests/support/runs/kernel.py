@@ -4,6 +4,7 @@ from pathlib import Path
 
 import msgspec
 
+from stepbus_orchestrator.processes import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
@@ -65,11 +66,14 @@ class Process:
     def last_error(self):
         return ""
 
+    def log_problem(self):
+        return ""
+
     def limit_log(self):
         pass
 
-    def is_stopped(self):
-        return self.stopped
+    def activity(self):
+        return Activity(is_stopped=self.stopped)
 
     def signal(self, number):
         self.signals.append(number)

@@ -13,6 +13,7 @@ from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import make_display
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
+from stepbus_orchestrator.processes import check_open_files
 from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.result import Result
@@ -69,6 +70,7 @@ def _execute(args: argparse.Namespace) -> int:
             "--pause-at needs a terminal whose keys let the run continue; it excludes --json "
             "and --debug"
         )
+    check_open_files(len(scenario.participants))
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
     options = Options(out=out, pace=pace, debug=args.debug)

@@ -24,7 +24,15 @@ def check_start(participants: Participants, elapsed_s: float) -> None:
             continue
         participant.in_phase_s += elapsed_s
         if participant.in_phase_s > seconds(participant.spec, PHASE_DEADLINES[participant.phase]):
-            raise late_to_start(participant)
+            raise late_to_start(_cause(participant, participants))
+
+
+def _cause(late: ParticipantState, participants: Participants) -> ParticipantState:
+    """Return who keeps one from being ready: a stopped one that it waits for, or itself."""
+    sources = () if late.waiting is None else late.waiting.sources
+    awaited = [participants[name] for name in sources if name in participants]
+    stopped = (source for source in awaited if source.process.activity().is_stopped)
+    return next(stopped, late)
 
 
 def _waits_for_others(participant: ParticipantState, participants: Participants) -> bool:
@@ -50,7 +58,9 @@ def check_step(state: RunState, elapsed_s: float) -> None:
         if participant.holds_s > seconds(participant.spec, "step")
     ]
     # A publisher to a stopped process may be blocked by it.
-    late = [participant for participant in late if participant.process.is_stopped()] or late
+    late = [
+        participant for participant in late if participant.process.activity().is_stopped
+    ] or late
     if late:
         raise late_for_step(late, barrier, state.scenario.step_ns)
 

@@ -51,22 +51,30 @@ def owed_step(name: str, participants: Participants, barrier: Barrier) -> int:
 
 
 def late_to_start(participant: ParticipantState) -> StartFailed:
-    """Return the failure of a participant that is not ready in time."""
-    phase = PHASE_DEADLINES[participant.phase]
-    what = {
-        "spawn": "has not reached the bus; does its program take part with stepbus?",
-        "join": "has reached the bus and not asked to join; does it hang?",
-        "ready": f"has joined and {_worker(participant)}is not ready; "
-        f"{_why_not_ready(participant)}",
-    }[phase]
-    if phase == "ready" and participant.waiting is not None:
-        sources = ", ".join(participant.waiting.sources)
-        what = f"is not connected to {sources}, which is up; can the two reach each other?"
+    """Return the failure of a participant that is not ready in time, or keeps others from it."""
+    phase = PHASE_DEADLINES.get(participant.phase, "ready")
+    what, why = _start(participant, phase)
+    cause = participant.process.activity().reason(participant.process.pid, participant.in_phase_s)
     return StartFailed(
-        f"before the first step: {participant.who()} {what} "
+        f"before the first step: {participant.who()} {what}; {cause or why} "
         f"It had a {deadline(participant.spec, phase)}; its log: {participant.process.log}",
         participant=participant.name,
     )
+
+
+def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
+    """Return what a participant has not done in time, and what to check."""
+    waiting = participant.waiting
+    if participant.phase == Phase.READY:
+        return "is ready, and does not answer those that connect to it", "does it hang?"
+    if phase == "spawn":
+        return "has not reached the bus", "does its program take part with stepbus?"
+    if phase == "join":
+        return "has reached the bus and not asked to join", "does it hang?"
+    if waiting is not None:
+        sources = ", ".join(waiting.sources)
+        return f"is not connected to {sources}, which is up", "can the two reach each other?"
+    return f"has joined and {_worker(participant)}is not ready", _why_not_ready(participant)
 
 
 def refused(participant: ParticipantState, reason: str) -> StartFailed:
@@ -125,17 +133,20 @@ def death(
     """Return the failure of a participant whose process has ended (P10.4)."""
     is_ready = participant.phase == Phase.READY
     step = owed_step(participant.name, participants, barrier) if is_ready else -1
-    output = participant.process.last_error()
     sentence = (
         f"{at(step, step_ns)}: {participant.who()} {participant.process.how_it_ended()}"
-        f"{_quoted(output)}; its log: {participant.process.log}"
+        f"{_last_words(participant)}; its log: {participant.process.log}"
     )
     if not is_ready:
         return StartFailed(sentence, participant=participant.name)
     return ParticipantDied(sentence, participant=participant.name, step=step)
 
 
-def _quoted(output: str) -> str:
+def _last_words(participant: ParticipantState) -> str:
+    problem = participant.process.log_problem()
+    if problem:
+        return f"; its log cannot be written ({problem}), so the reason may be missing there"
+    output = participant.process.last_error()
     return f'; its last output: "{output}"' if output else ""
 
 
@@ -177,7 +188,7 @@ def _holds(participant: ParticipantState, barrier: Barrier) -> str:
     held = f"{participant.holds_s:.1f} s"
     missing = barrier.missing(participant.name)
     waiting = participant.waiting
-    if participant.process.is_stopped():
+    if participant.process.activity().is_stopped:
         return (
             f"{participant.who()} has been stopped by a signal or a debugger, and has held the "
             f"step for {held}; {limit}"

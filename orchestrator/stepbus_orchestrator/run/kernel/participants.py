@@ -8,6 +8,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Protocol
 
+from stepbus_orchestrator.processes import Activity
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
 
@@ -32,11 +33,14 @@ class Process(Protocol):
     def last_error(self) -> str:
         """Return the last error it printed, or its last line, or nothing."""
 
+    def log_problem(self) -> str:
+        """Return why its log may lack its last words, such as a full disk."""
+
     def limit_log(self) -> None:
         """Keep the head and the tail of its log, once that has become large."""
 
-    def is_stopped(self) -> bool:
-        """Return whether a signal or a debugger has stopped it."""
+    def activity(self) -> Activity:
+        """Return what it, and all it has started, is doing."""
 
     def signal(self, number: int) -> None:
         """Send it a signal."""

@@ -15,6 +15,7 @@ from stepbus_participant.parameters import (
 )
 
 from ..files.paths import is_file
+from .crowd import check_count, refuse_crowd
 
 _KEY = "extends"
 _EXPECTED = "a scenario has at least name, step and participants"
@@ -26,10 +27,13 @@ def read_extended(path: Path) -> YamlFile:
     Maps are merged, everything else is replaced; a key set to null removes what it would inherit.
     Raises SettingsError when a file cannot be read or extends itself.
     """
-    return _read(path, ())
+    document = _read(path, ())
+    check_count(document)
+    return document
 
 
 def _read(path: Path, above: tuple[str, ...]) -> YamlFile:
+    refuse_crowd(path)
     document = read_yaml(path, _EXPECTED)
     if _KEY not in document.data:
         return document

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_participant import package_path, read_urdf_text
+from stepbus_participant import package_path, read_urdf_text, scratch_folder
 from stepbus_schemas import WiringError
 
 # S314: the files are the user's own, and expat itself stops an expansion without end.
@@ -47,7 +47,7 @@ def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
     """Provide a copy of a model in a temporary folder."""
     for mesh in root.iter("mesh"):
         mesh.set("filename", _absolute(mesh.get("filename", ""), urdf.parent))
-    with tempfile.TemporaryDirectory(prefix="stepbus-urdf-") as folder:
+    with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
         copy = Path(folder) / urdf.name.removesuffix(".xacro")
         ET.ElementTree(root).write(copy, encoding="utf-8")
         yield copy

@@ -1,0 +1,66 @@
+"""What a process is doing, as far as the kernel tells it: `/proc/<pid>/stat`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+_BUSY = 0.3
+"""Share of a time in which a process that computes has had a processor; others want it too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Activity:
+    """What a process and all it has started are doing.
+
+    is_stopped: by a signal or a debugger. waits_for_disk: one waits for a device, and takes no
+    signal meanwhile. cpu_s: processor time so far [s].
+    """
+
+    is_stopped: bool = False
+    waits_for_disk: bool = False
+    cpu_s: float = 0.0
+
+    def reason(self, pid: int, elapsed_s: float) -> str:
+        """Return in words why the process may not get on; empty: nobody knows.
+
+        elapsed_s: how long it has had [s].
+        """
+        if self.is_stopped:
+            return (
+                "it has been stopped by a signal or a debugger; `kill -CONT "
+                f"-{pid}` lets it continue."
+            )
+        if self.waits_for_disk:
+            return (
+                "it waits for a device and takes no signal meanwhile; is a disk, or a network "
+                "folder, stuck?"
+            )
+        if self.cpu_s > _BUSY * elapsed_s:
+            return f"it has computed for {self.cpu_s:.1f} s; what does it load, or import?"
+        return ""
+
+
+def activity(group: int) -> Activity:
+    """Return what the processes of a group are doing; nothing where nobody knows."""
+    rows = list(_rows(group))
+    states = {row[0] for row in rows}
+    return Activity(
+        is_stopped=bool(states & {"T", "t"}),
+        waits_for_disk="D" in states,
+        cpu_s=sum(int(row[11]) + int(row[12]) for row in rows) / _TICKS_PER_S,
+    )
+
+
+def _rows(group: int) -> Iterator[list[str]]:
+    """Yield the fields from the state on, see proc(5), of each process of a group."""
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_bytes().rpartition(b")")[2].decode().split()
+        except OSError:
+            continue
+        if int(fields[2]) == group:
+            yield fields

@@ -1,0 +1,24 @@
+"""What this machine has to allow before a run is worth starting."""
+
+from __future__ import annotations
+
+import resource
+
+from stepbus_orchestrator.errors import StartFailed
+
+_OWN_FILES = 15
+"""Open files of an orchestrator without participants; each of these adds a link."""
+
+
+def check_open_files(participants: int) -> None:
+    """Raise StartFailed when the limit of open files is too low for so many participants.
+
+    Somewhere in the midst of a start, the system would fail with `Too many open files`.
+    """
+    needed = _OWN_FILES + participants
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if allowed not in {resource.RLIM_INFINITY, -1} and allowed < needed:
+        raise StartFailed(
+            f"a run of {participants} participants needs {needed} open files, and this shell "
+            f"allows {allowed}; raise the limit with `ulimit -n {max(256, 2 * needed)}`"
+        )

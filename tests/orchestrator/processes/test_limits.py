@@ -1,0 +1,60 @@
+"""Limits of this machine (ulimit): one sentence, and nothing is left behind."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stepbus_orchestrator.errors import ExitCode, StartFailed
+from stepbus_orchestrator.processes import Launcher, private_folder
+
+STEPBUS = str(Path(sys.executable).with_name("stepbus"))
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(own_temp):
+    yield
+    assert list(own_temp.iterdir()) == []
+
+
+def limited(folder, limit, *words):
+    command = f"ulimit {limit}; exec {STEPBUS} {' '.join(words)}"
+    return subprocess.run(
+        ["sh", "-c", command], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+@pytest.mark.parametrize("files", [6, 10, 14, 17])
+def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, files):
+    done = limited(tmp_path, f"-n {files}", "run", "two_link", "--no-report")
+    assert done.returncode == ExitCode.START
+    assert done.stderr == (
+        "stepbus: a run of 3 participants needs 18 open files, and this shell allows "
+        f"{files}; raise the limit with `ulimit -n 256`\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_fewest_open_files_are_enough(tmp_path):
+    words = ["run", "two_link", "--no-report", "--set", "duration=50ms", "--out", "run"]
+    assert limited(tmp_path, "-n 18", *words).returncode == 0
+
+
+def test_too_little_memory_to_load_a_library_is_one_sentence(tmp_path):
+    done = limited(tmp_path, "-v 200000", "validate", "two_link")
+    assert "Traceback" not in done.stderr
+    assert done.returncode != 0 or done.stdout
+
+
+def test_without_a_reaper_the_private_folder_goes(monkeypatch, tmp_path):
+    """`rmtree` opens the folder; that fails with the error for which the reaper did not start."""
+
+    def refuse(*_args, **_options):
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    monkeypatch.setattr(shutil, "rmtree", refuse)
+    with pytest.raises(StartFailed, match="the reaper could not be started: Too many open"):
+        Launcher(run="r", token="t", folder=private_folder(), logs=tmp_path)

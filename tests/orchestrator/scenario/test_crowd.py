@@ -1,0 +1,46 @@
+"""More participants than a run can have are refused before the file is read as a whole."""
+
+import pytest
+from scenario_support import write
+
+from stepbus_orchestrator.scenario import ScenarioError, load
+from stepbus_participant.parameters import yaml_file
+
+ROW = "  p{}:\n    exec: [python, p.py]\n    outputs: {{out: JointState/1}}\n"
+HEAD = "name: crowd\nstep: 5ms\nduration: 50ms\n"
+
+
+def crowd(count):
+    return f"{HEAD}participants:\n{''.join(ROW.format(n) for n in range(count))}"
+
+
+def refusal(path):
+    with pytest.raises(ScenarioError) as caught:
+        load(path)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["{}", "{}bus: {{transport: unix}}\n", "# {{}}\n{}window: 1\n"])
+def test_a_crowd_is_refused_without_reading_it_as_yaml(tmp_path, monkeypatch, text):
+    monkeypatch.setattr(yaml_file, "YAML", None)
+    path = write(tmp_path, text.format(crowd(10_000)), "s.yaml")
+    line = path.read_text().split("\n").index("participants:") + 1
+    assert refusal(path) == f"s.yaml:{line}: has 10000 participants; a run has at most 1000"
+
+
+def test_a_crowd_in_one_line_is_refused_too(tmp_path):
+    rows = ", ".join(f"p{n}: {{exec: [p]}}" for n in range(1001))
+    path = write(tmp_path, f"{HEAD}participants: {{{rows}}}\n", "s.yaml")
+    assert refusal(path) == "s.yaml:4: has 1001 participants; a run has at most 1000"
+
+
+def test_what_stands_elsewhere_is_not_counted(tmp_path):
+    write(tmp_path, "import stepbus\n", "p.py")
+    rows = "".join(f"        k{n}: 1\n" for n in range(1500))
+    text = f"{crowd(2)}    params:\n      deep:\n{rows}"
+    assert len(load(write(tmp_path, text, "s.yaml")).participants) == 2
+
+
+def test_a_thousand_participants_are_not_too_many(tmp_path):
+    write(tmp_path, "import stepbus\n", "p.py")
+    assert len(load(write(tmp_path, crowd(1000), "s.yaml")).participants) == 1000
