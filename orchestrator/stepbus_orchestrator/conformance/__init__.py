@@ -1,8 +1,7 @@
 """The conformance kit: plays orchestrator and peers to one participant, and checks what it does."""
 
-from .catalogue import CHECKS, select
-from .check import Check
+from .checks import CHECKS, select
 from .execute import conformance
 from .outcome import CheckResult, Report
 
-__all__ = ["CHECKS", "Check", "CheckResult", "Report", "conformance", "select"]
+__all__ = ["CHECKS", "CheckResult", "Report", "conformance", "select"]

@@ -11,19 +11,36 @@ from stepbus_orchestrator.errors import Interrupted
 from .harness.kit import Kit
 from .outcome import CheckResult, Failed, Outcome, Skipped
 
+Run = Callable[[Kit], str]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
     """One demand of the protocol.
 
-    name: for `--only`. clause: of docs/protocol.md. summary: what it tries. run: returns what it
-    observed; raises Failed or Skipped.
+    name: for `--only`. clause: of docs/protocol.md. summary: what is demanded. run: returns what
+    it observed; raises Failed or Skipped. inputs, plain: whether it is skipped for a participant
+    without inputs, or without a plain run to compare with.
     """
 
     name: str
     clause: str
     summary: str
-    run: Callable[[Kit], str]
+    run: Run
+    inputs: bool
+    plain: bool
+
+
+def check(
+    clause: str, summary: str, *, inputs: bool = False, plain: bool = False
+) -> Callable[[Run], Check]:
+    """Make a function a `Check`, which has its name."""
+
+    def make(run: Run) -> Check:
+        name = run.__name__.replace("_", "-")
+        return Check(name=name, clause=clause, summary=summary, run=run, inputs=inputs, plain=plain)
+
+    return make
 
 
 def run_checks(
@@ -31,29 +48,30 @@ def run_checks(
 ) -> tuple[CheckResult, ...]:
     """Run checks one after the other; on_result: called with each result. Raises Interrupted."""
     results = []
-    for check in checks:
-        results.append(_run(kit, check))
-        on_result(results[-1])
+    for each in checks:
+        kit.check = each.name
+        began = time.monotonic()
+        outcome, observed = _outcome(kit, each)
+        result = CheckResult(
+            name=each.name,
+            clause=each.clause,
+            summary=each.summary,
+            outcome=outcome,
+            observed=observed,
+            wall_s=time.monotonic() - began,
+        )
+        results.append(result)
+        on_result(result)
     return tuple(results)
 
 
-def _run(kit: Kit, check: Check) -> CheckResult:
-    kit.check = check.name
-    began = time.monotonic()
-    outcome, observed = _outcome(kit, check)
-    return CheckResult(
-        name=check.name,
-        clause=check.clause,
-        summary=check.summary,
-        outcome=outcome,
-        observed=observed,
-        wall_s=time.monotonic() - began,
-    )
-
-
-def _outcome(kit: Kit, check: Check) -> tuple[Outcome, str]:
+def _outcome(kit: Kit, each: Check) -> tuple[Outcome, str]:
     try:
-        return "pass", check.run(kit)
+        if each.inputs and not kit.spec.inputs:
+            return "skipped", "it has no inputs"
+        if each.plain:
+            kit.reference()
+        return "pass", each.run(kit)
     except Failed as exc:
         return "fail", str(exc)
     except Skipped as exc:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import tempfile
 import threading
@@ -13,8 +12,8 @@ from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_comma
 from stepbus_orchestrator.scenario.model import BridgeSpec
 from stepbus_schemas import RAW_TYPES
 
-from .catalogue import CHECKS
 from .check import Check, run_checks
+from .checks import CHECKS
 from .harness.kit import Kit
 from .harness.material import find, record
 from .outcome import CheckResult, Report
@@ -40,66 +39,55 @@ def conformance(
     Raises WiringError when there is no such participant or program, RunFailure when its inputs
     cannot be recorded or it is interrupted.
     """
-    with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="conformance-")))
-        scenario = _prepared(scenario, participant, program, bridge)
-        cwd = Path.cwd() if program else scenario.folder
-        spec = scenario.participant(participant)
-        words = _words(spec, program, bridge, cwd)
-        material = record(scenario, participant, folder / "run")
+    own = find(scenario, participant)
+    started = _started(own, program, bridge)
+    is_raw = started.bridge is not None and started.bridge.format == "raw"
+    scenario = _prepared(scenario, own, is_raw=is_raw)
+    cwd = Path.cwd() if program else scenario.folder
+    command = start_command(started, cwd)
+    with tempfile.TemporaryDirectory(prefix="conformance-") as folder:
+        material = record(scenario, participant, Path(folder, "run"))
         kit = Kit(
             material=material,
-            command=words,
+            command=command,
             cwd=cwd,
-            logs=folder / "logs" if logs is None else logs,
+            logs=logs or Path(folder, "logs"),
             interrupt=interrupt or threading.Event(),
-            is_scenarios=not program and bridge is None,
-            knows_names=_format(spec, program, bridge) != "raw",
+            is_scenarios=started is own,
+            knows_names=not is_raw,
         )
         results = run_checks(kit, checks, on_result)
     return Report(
         scenario=scenario.name,
         participant=participant,
-        program=kit.command,
+        program=command,
         steps=material.steps,
         checks=results,
     )
 
 
-def _prepared(
-    scenario: Scenario, participant: str, program: Sequence[str], bridge: str | None
-) -> Scenario:
+def _started(spec: ParticipantSpec, program: Sequence[str], bridge: str | None) -> ParticipantSpec:
+    """Return the participant with the program and the bridge that are started."""
+    if not program and bridge is None:
+        return spec
+    describe = {} if spec.bridge is None else spec.bridge.describe
+    through = None if bridge is None else BridgeSpec(format=bridge, describe=describe)
+    return dataclasses.replace(spec, exec=tuple(program) or spec.exec, bridge=through)
+
+
+def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scenario:
     """Return the scenario without injected faults, and with the ports that the bridge carries."""
-    spec = find(scenario, participant)
-    outputs = spec.outputs
-    if _format(spec, program, bridge) == "raw":
+    outputs = own.outputs
+    if is_raw:
         # Those that nobody reads are left out, as an author of a raw program does.
         read = {(i.source, i.port) for p in scenario.participants for i in p.inputs.values()}
         outputs = {
             port: output
             for port, output in outputs.items()
-            if output.type in RAW_TYPES or (participant, port) in read
+            if output.type in RAW_TYPES or (own.name, port) in read
         }
     specs = tuple(
-        dataclasses.replace(s, on_fault=None, outputs=outputs if s is spec else s.outputs)
-        for s in scenario.participants
+        dataclasses.replace(spec, on_fault=None, outputs=outputs if spec is own else spec.outputs)
+        for spec in scenario.participants
     )
     return dataclasses.replace(scenario, participants=specs, faults=())
-
-
-def _format(spec: ParticipantSpec, program: Sequence[str], bridge: str | None) -> str | None:
-    """Return the format of the bridge to the program, None where there is no bridge."""
-    own = None if program or spec.bridge is None else spec.bridge.format
-    return own if bridge is None else bridge
-
-
-def _words(
-    spec: ParticipantSpec, program: Sequence[str], bridge: str | None, folder: Path
-) -> tuple[str, ...]:
-    """Return the command line to start."""
-    own = spec.bridge if not program else None
-    if bridge is not None:
-        describe = {} if spec.bridge is None else spec.bridge.describe
-        own = BridgeSpec(format=bridge, describe=describe)
-    words = tuple(program) or spec.exec
-    return start_command(dataclasses.replace(spec, exec=words, bridge=own), folder)

@@ -1,1 +1,30 @@
-"""The checks, by the part of docs/protocol.md that they check."""
+"""The checks, by the part of docs/protocol.md that they check, in the order they run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stepbus_orchestrator.conformance.check import Check
+from stepbus_participant import suggest
+from stepbus_schemas import WiringError
+
+from . import encodings, faults, inputs, join, noise, ready, steps, stop
+
+CHECKS = tuple(
+    item
+    for module in (join, ready, steps, inputs, encodings, noise, faults, stop)
+    for item in vars(module).values()
+    if isinstance(item, Check)
+)
+
+
+def select(names: Sequence[str]) -> tuple[Check, ...]:
+    """Return the checks of these names, in the order they run; without names, all.
+
+    Raises WiringError for an unknown name.
+    """
+    known = [check.name for check in CHECKS]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no check {name!r}{suggest(name, known)}")
+    return tuple(check for check in CHECKS if not names or check.name in names)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.check import check
 from stepbus_orchestrator.conformance.harness.feeds import Ports
 from stepbus_orchestrator.conformance.harness.harness import Harness
 from stepbus_orchestrator.conformance.harness.kit import Kit
@@ -19,17 +19,14 @@ Spoil = Callable[[Harness, str, int, Ports], None]
 
 def _faults(kit: Kit, spoil: Spoil) -> str:
     """Spoil one step of each source in turn; the participant has to report it."""
-    kit.need_inputs()
-    kit.reference()
-    return "; ".join(_blames(kit, source, spoil) for source in kit.material.feed)
+    return "; ".join(_blames(kit, source, spoil) for source in kit.feed)
 
 
 def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
-    with kit.harness() as harness:
-        harness.meet()
-        harness.start()
+    at = _where(kit, source)
+    with kit.running(at) as harness:
         try:
-            _walk_to_fault(kit, harness, source, spoil)
+            _walk_to_fault(kit, harness, source, at, spoil)
         except Failed:
             if not harness.transcript.faults:
                 raise
@@ -38,13 +35,11 @@ def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
         return f"{source}: {fault.message[:100]}"
 
 
-def _walk_to_fault(kit: Kit, harness: Harness, source: str, spoil: Spoil) -> None:
-    at = _where(kit, source)
-    harness.walk(kit.material.feed, 0, at)
+def _walk_to_fault(kit: Kit, harness: Harness, source: str, at: int, spoil: Spoil) -> None:
     # All peers continue, so that it meets what is wrong, however late it checks.
     harness.release(kit.steps)
     for step in range(at, kit.steps):
-        for name, rows in kit.material.feed.items():
+        for name, rows in kit.feed.items():
             if step not in rows:
                 continue
             if name == source and step == at:
@@ -70,7 +65,7 @@ def _walk_to_fault(kit: Kit, harness: Harness, source: str, spoil: Spoil) -> Non
 def _where(kit: Kit, source: str) -> int:
     """Return a step in the middle at which a source publishes what the participant reads."""
     ports = {item.port for item in kit.spec.inputs.values() if item.source == source}
-    steps = [step for step, row in kit.material.feed[source].items() if ports & row.keys()]
+    steps = [step for step, row in kit.feed[source].items() if ports & row.keys()]
     if not steps:
         raise Skipped(f"{source} publishes nothing that it reads")
     return steps[len(steps) // 2]
@@ -93,6 +88,12 @@ def _check_fault(harness: Harness, fault: Fault, source: str) -> None:
         raise Failed("it exited with code 0 after a fault (P10.1)")
 
 
+@check(
+    "P8.1",
+    "a step repeated with other bytes is a fault that blames the source",
+    inputs=True,
+    plain=True,
+)
 def changed_duplicate(kit: Kit) -> str:
     """Publish a step twice, with other bytes."""
 
@@ -103,11 +104,13 @@ def changed_duplicate(kit: Kit) -> str:
     return _faults(kit, spoil)
 
 
+@check("P8.1", "so is a step that a source skips", inputs=True, plain=True)
 def skipped_step(kit: Kit) -> str:
     """Leave out a step of a source."""
     return _faults(kit, lambda _stage, _source, _step, _ports: None)
 
 
+@check("P8.1", "so is a malformed `Outputs` with the right token", inputs=True, plain=True)
 def malformed_outputs(kit: Kit) -> str:
     """Publish what is no Outputs, but carries the token."""
 
@@ -119,6 +122,7 @@ def malformed_outputs(kit: Kit) -> str:
     return _faults(kit, spoil)
 
 
+@check("P8.2", "so is a due message that is not of its type", inputs=True, plain=True)
 def wrong_message(kit: Kit) -> str:
     """Publish messages that are not of their port's type."""
 
@@ -131,31 +135,3 @@ def wrong_message(kit: Kit) -> str:
         harness.publish(source, step, bad)
 
     return _faults(kit, spoil)
-
-
-CHECKS = (
-    Check(
-        name="changed-duplicate",
-        clause="P8.1",
-        summary="a step repeated with other bytes is a fault that blames the source",
-        run=changed_duplicate,
-    ),
-    Check(
-        name="skipped-step",
-        clause="P8.1",
-        summary="so is a step that a source skips",
-        run=skipped_step,
-    ),
-    Check(
-        name="malformed-outputs",
-        clause="P8.1",
-        summary="so is a malformed `Outputs` with the right token",
-        run=malformed_outputs,
-    ),
-    Check(
-        name="wrong-message",
-        clause="P8.2",
-        summary="so is a due message that is not of its type",
-        run=wrong_message,
-    ),
-)

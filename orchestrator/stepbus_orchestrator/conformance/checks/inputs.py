@@ -4,33 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.check import check
 from stepbus_orchestrator.conformance.harness.feeds import Feed, repeated, shifted
 from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit, Trace, step_problem
+from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
 from stepbus_orchestrator.conformance.harness.setup import Setup
 from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 
 _SLOW_S = 0.1
 
 
+@check("P6.2", "it waits for late inputs, reports the source, and publishes the same", inputs=True)
 def late_input(kit: Kit) -> str:
     """Hold back the inputs of one step until it says that it waits for them."""
-    kit.need_inputs()
-    reference, held = kit.reference(), kit.middle
+    kit.reference()
+    held = kit.middle
     needed = {i.source for i in kit.spec.inputs.values() if i.delay == 0}
     if not needed:
         raise Skipped("all of its inputs are delayed")
 
     def play(harness: Harness) -> None:
-        harness.walk(kit.material.feed, 0, held)
+        harness.walk(kit.feed, 0, held)
         harness.release(held + 1)
         _await_waiting(kit, harness, held, needed)
-        harness.feed(kit.material.feed, held)
+        harness.feed(kit.feed, held)
         harness.await_output(held)
-        harness.walk(kit.material.feed, held + 1, kit.steps)
+        harness.walk(kit.feed, held + 1, kit.steps)
 
-    kit.same(kit.play(play=play), "with late inputs", reference)
+    kit.unchanged("with late inputs", play=play)
     return f"waited at step {held}, named its source, then the same outputs"
 
 
@@ -53,84 +54,82 @@ def _await_waiting(kit: Kit, harness: Harness, step: int, sources: set[str]) -> 
         raise Failed(f"it published step {transcript.newest} without the inputs of step {step}")
 
 
+@check("P6.2", "peers that are slow at times change nothing", inputs=True)
 def slow_peer(kit: Kit) -> str:
     """Let one source after the other be slow, at each of some steps."""
-    kit.need_inputs()
-    reference, sources = kit.reference(), list(kit.material.feed)
+    sources = list(kit.feed)
 
     def play(harness: Harness) -> None:
         for step in range(kit.steps):
             harness.release(step + 1)
             slow = sources[step % len(sources)] if step in {2, 3, kit.middle} else ""
-            harness.feed({k: v for k, v in kit.material.feed.items() if k != slow}, step)
+            harness.feed({k: v for k, v in kit.feed.items() if k != slow}, step)
             if slow:
                 harness.idle(_SLOW_S)
-                harness.feed({slow: kit.material.feed[slow]}, step)
+                harness.feed({slow: kit.feed[slow]}, step)
             harness.await_output(step)
 
-    kit.same(kit.play(play=play), "with a slow peer", reference)
+    kit.unchanged("with a slow peer", play=play)
     return "the same outputs"
 
 
+@check(
+    "P6.2", "peers far ahead change nothing: it uses the due message, not the newest", inputs=True
+)
 def inputs_ahead(kit: Kit) -> str:
     """Let the peers publish everything before the first trigger."""
-    kit.need_inputs()
 
     def play(harness: Harness) -> None:
         for step in range(kit.steps):
-            harness.feed(kit.material.feed, step)
-        for step in range(kit.steps):
-            harness.release(step + 1)
-            harness.await_output(step)
+            harness.feed(kit.feed, step)
+        harness.walk({}, 0, kit.steps)
 
-    kit.same(kit.play(play=play), "with peers far ahead")
+    kit.unchanged("with peers far ahead", play=play)
     return f"peers {kit.steps} steps ahead: the same outputs"
 
 
+@check("P6.3", "while an input is absent, it continues or reports a fault", inputs=True, plain=True)
 def absent(kit: Kit) -> str:
     """Leave out one input after the other for the first steps."""
-    kit.need_inputs()
-    kit.reference()
-    found = [f"{name}: {_without(kit, name)}" for name in kit.spec.inputs]
-    return "; ".join(found)
+    return "; ".join(f"{name}: {_without(kit, name)}" for name in kit.spec.inputs)
 
 
 def _without(kit: Kit, name: str) -> str:
     item = kit.spec.inputs[name]
-    feed = _from_step(kit.material.feed, item.source, item.port, kit.middle)
-    with kit.harness() as harness:
-        harness.meet()
-        harness.start()
+    rows = {
+        step: {p: data for p, data in row.items() if p != item.port or step >= kit.middle}
+        for step, row in kit.feed[item.source].items()
+    }
+    try:
+        found = _or_fault(kit, {**kit.feed, item.source: rows})
+    except Failed as exc:
+        raise Failed(f"without {name} at first: {exc}; no Fault came (P10.1)") from exc
+    return f"a fault ({found[:80]})" if isinstance(found, str) else "continues"
+
+
+def _or_fault(kit: Kit, feed: Feed, setup: Setup | None = None) -> Trace | str:
+    """Return a run, or the message of the fault that ends it."""
+    with kit.running(setup=setup) as harness:
         try:
             harness.walk(feed, 0, kit.steps)
-        except Failed as exc:
+        except Failed:
             if not harness.transcript.faults:
-                raise Failed(f"without {name} at first: {exc}; no Fault came (P10.1)") from exc
-            return f"a fault ({harness.transcript.faults[0].message[:80]})"
-    return "continues"
+                raise
+            return harness.transcript.faults[0].message
+        return Trace.of(harness.transcript)
 
 
-def _from_step(feed: Feed, source: str, port: str, first: int) -> Feed:
-    rows = {
-        step: {p: data for p, data in row.items() if p != port or step >= first}
-        for step, row in feed[source].items()
-    }
-    return {**feed, source: rows}
-
-
+@check("P6.1", "an input with more `delay` gets the older message", inputs=True, plain=True)
 def delayed(kit: Kit) -> str:
     """Delay one input after the other by a step: the same as its source a step later."""
-    kit.need_inputs()
-    kit.reference()
     found = []
     for name, item in kit.spec.inputs.items():
-        every = kit.material.scenario.participant(item.source).every
-        more = item.delay + every
-        ports = {(item.source, item.port)}
-        if any(n != name and (i.source, i.port) in ports for n, i in kit.spec.inputs.items()):
+        more = item.delay + kit.every(item.source)
+        port = (item.source, item.port)
+        if any(n != name and (i.source, i.port) == port for n, i in kit.spec.inputs.items()):
             continue
-        expected = _or_fault(kit, shifted(kit.material.feed, ports, every), Setup())
-        given = _or_fault(kit, kit.material.feed, Setup(delays={name: more}))
+        expected = _or_fault(kit, shifted(kit.feed, {port}, kit.every(item.source)))
+        given = _or_fault(kit, kit.feed, Setup(delays={name: more}))
         if isinstance(expected, str) or isinstance(given, str):
             _same_fault(name, expected, given)
             found.append(f"{name}: cannot be absent")
@@ -142,20 +141,6 @@ def delayed(kit: Kit) -> str:
     return "; ".join(found)
 
 
-def _or_fault(kit: Kit, feed: Feed, setup: Setup) -> Trace | str:
-    """Return a run, or the message of the fault that ends it."""
-    with kit.harness(setup) as harness:
-        harness.meet()
-        harness.start()
-        try:
-            harness.walk(feed, 0, kit.steps)
-        except Failed:
-            if not harness.transcript.faults:
-                raise
-            return harness.transcript.faults[0].message
-        return Trace.of(harness.transcript)
-
-
 def _same_fault(name: str, expected: Trace | str, given: Trace | str) -> None:
     if isinstance(expected, str) and isinstance(given, str):
         return
@@ -164,12 +149,11 @@ def _same_fault(name: str, expected: Trace | str, given: Trace | str) -> None:
     raise Failed(f"only with {name} {where} it reports a fault: {text}")
 
 
+@check("P6.1", "from a source that fires less often, it uses the due message", inputs=True)
 def rarer_source(kit: Kit) -> str:
     """Let its sources fire at every third step: the same as messages left out in between."""
-    kit.need_inputs()
-    kit.reference()
-    every = {name: 3 * kit.material.scenario.participant(name).every for name in kit.material.feed}
-    expected = kit.play(_rare(kit.material.feed, every))
+    every = {name: 3 * kit.every(name) for name in kit.feed}
+    expected = kit.play(_rare(kit.feed, every))
     given = kit.play(setup=Setup(every=every))
     kit.same(given, "with sources that fire at every third step", expected)
     return "the due messages, held in between"
@@ -182,42 +166,35 @@ def _rare(feed: Feed, every: Mapping[str, int]) -> Feed:
     }
 
 
+@check("P6.3", "firing at every other step, it still gets the messages in between", inputs=True)
 def own_every(kit: Kit) -> str:
     """Let it fire at every other step, with messages at the steps in between only."""
-    kit.need_inputs()
-    kit.reference()
     often, seldom = kit.spec.every, 2 * kit.spec.every
     setup = Setup(every={kit.spec.name: seldom})
-    between, moved = {}, {}
-    for name, rows in kit.material.feed.items():
-        if kit.material.scenario.participant(name).every != often:
-            between[name] = moved[name] = rows
-            continue
-        between[name] = {s: row if s == 0 or s % seldom else {} for s, row in rows.items()}
-        moved[name] = {
-            s: rows[max(0, s - often)] if s % seldom == 0 else {} for s, row in rows.items()
-        }
+    between, moved = dict(kit.feed), dict(kit.feed)
+    for name, rows in kit.feed.items():
+        if kit.every(name) == often:
+            between[name] = {s: row if s == 0 or s % seldom else {} for s, row in rows.items()}
+            moved[name] = {
+                s: rows[max(0, s - often)] if s % seldom == 0 else {} for s, row in rows.items()
+            }
     given = kit.play(between, setup=setup)
     expected = kit.play(moved, setup=setup)
-    problem = step_problem(given.transcript)
-    if problem:
-        raise Failed(problem)
+    if given.transcript.step_problem:
+        raise Failed(given.transcript.step_problem)
     kit.same(given, "with messages at the steps in between", expected)
     return f"fires at multiples of {seldom}, and has what came in between"
 
 
+@check("P6.3", "it holds an input when the source leaves out the port", inputs=True)
 def held(kit: Kit) -> str:
     """Leave out all messages at every other step: each input holds the one before."""
-    kit.need_inputs()
-    kit.reference()
-    pairs = {name: 2 * kit.material.scenario.participant(name).every for name in kit.material.feed}
-    thin = _rare(kit.material.feed, pairs)
+    thin = _rare(kit.feed, {name: 2 * kit.every(name) for name in kit.feed})
     given = kit.play(thin)
     expected = kit.play(repeated(thin))
     if given.ports == expected.ports:
         return "the same outputs as with repeated messages"
-    if kit.varies():
-        raise Skipped("its outputs differ from run to run anyway; see `determinism`")
+    kit.skip_if_varies()
     _depends_on_held(kit, thin, given)
     return "holds; a held message is not the same to it as one that is repeated"
 
@@ -237,55 +214,3 @@ def _depends_on_held(kit: Kit, thin: Feed, given: Trace) -> None:
             f"its outputs of step {after} do not depend on the messages of step {at}, which hold "
             "there; and they differ from those with the messages repeated"
         )
-
-
-CHECKS = (
-    Check(
-        name="late-input",
-        clause="P6.2",
-        summary="it waits for late inputs, reports the source, and publishes the same",
-        run=late_input,
-    ),
-    Check(
-        name="slow-peer",
-        clause="P6.2",
-        summary="peers that are slow at times change nothing",
-        run=slow_peer,
-    ),
-    Check(
-        name="inputs-ahead",
-        clause="P6.2",
-        summary="peers far ahead change nothing: it uses the due message, not the newest",
-        run=inputs_ahead,
-    ),
-    Check(
-        name="absent",
-        clause="P6.3",
-        summary="while an input is absent, it continues or reports a fault",
-        run=absent,
-    ),
-    Check(
-        name="delayed",
-        clause="P6.1",
-        summary="an input with more `delay` gets the older message",
-        run=delayed,
-    ),
-    Check(
-        name="rarer-source",
-        clause="P6.1",
-        summary="from a source that fires less often, it uses the due message",
-        run=rarer_source,
-    ),
-    Check(
-        name="own-every",
-        clause="P6.3",
-        summary="firing at every other step, it still gets the messages in between",
-        run=own_every,
-    ),
-    Check(
-        name="held",
-        clause="P6.3",
-        summary="it holds an input when the source leaves out the port",
-        run=held,
-    ),
-)

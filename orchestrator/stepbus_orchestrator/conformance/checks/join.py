@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any
 
-from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.check import check
 from stepbus_orchestrator.conformance.harness.kit import Kit
 from stepbus_orchestrator.conformance.harness.setup import Setup
 from stepbus_orchestrator.conformance.outcome import Failed, Skipped
@@ -16,6 +16,7 @@ from stepbus_participant import TICKET_VARIABLE
 _LATE_S = 0.5
 
 
+@check("P1.1", "without a ticket it ends with a code other than 0")
 def no_ticket(kit: Kit) -> str:
     """Start the program without a ticket."""
     environment = {k: v for k, v in os.environ.items() if k != TICKET_VARIABLE}
@@ -36,18 +37,16 @@ def _refused(code: int, when: str) -> str:
     return f"ended with code {code} {when}"
 
 
+@check("P4.2", "it declares itself alive, then sends a valid `Hello`")
 def join(kit: Kit) -> str:
     """Let it join."""
-    with kit.harness() as harness:
-        harness.open_bus()
-        harness.start_program()
-        harness.await_join()
+    with kit.joined() as harness:
         transcript, name = harness.transcript, kit.spec.name
-        if "P4.2" in transcript.problems or transcript.hello is None:
+        hello = transcript.hello
+        if "P4.2" in transcript.problems or hello is None:
             raise Failed(transcript.problems.get("P4.2", "no Hello"))
         if not transcript.alive_before_hello:
             raise Failed(f"it asked to join before its liveliness token alive/{name} was there")
-        hello = transcript.hello
         if (hello.name, hello.token, hello.protocol) != (name, harness.token, 1):
             right = "right" if hello.token == harness.token else "wrong"
             raise Failed(
@@ -57,28 +56,23 @@ def join(kit: Kit) -> str:
         return f"Hello from {hello.language or 'no language'}, protocol 1"
 
 
+@check("P14.3", "the ports in its `Hello`, if any, are the scenario's")
 def port_types(kit: Kit) -> str:
     """Compare the ports it reports with those of the scenario."""
-    with kit.harness() as harness:
-        harness.open_bus()
-        harness.start_program()
-        harness.await_join()
+    with kit.joined() as harness:
         hello = harness.transcript.hello
     welcome: Any = Setup().answer(kit.material.scenario, kit.spec, "")
     if hello is None or (hello.inputs is None and hello.outputs is None):
         raise Skipped("its Hello names no ports, so that it takes those of the scenario")
-    for direction, hello_ports, ports in (
-        ("inputs", hello.inputs, welcome.inputs),
-        ("outputs", hello.outputs, welcome.outputs),
-    ):
-        wanted = {port: item.type for port, item in ports.items()}
-        if hello_ports is not None and hello_ports != wanted:
-            raise Failed(
-                f"its Hello names the {direction} {hello_ports}, the scenario has {wanted}"
-            )
+    for direction in ("inputs", "outputs"):
+        named = getattr(hello, direction)
+        wanted = {port: item.type for port, item in getattr(welcome, direction).items()}
+        if named is not None and named != wanted:
+            raise Failed(f"its Hello names the {direction} {named}, the scenario has {wanted}")
     return "its Hello names the ports of the scenario"
 
 
+@check("P4.2", "it repeats its query until the orchestrator is there")
 def orchestrator_late(kit: Kit) -> str:
     """Open the bus half a second after the program has started."""
     with kit.harness() as harness:
@@ -90,6 +84,7 @@ def orchestrator_late(kit: Kit) -> str:
     return "joined and got ready"
 
 
+@check("P4.2", "it gives up after `join_timeout_s`")
 def nobody_answers(kit: Kit) -> str:
     """Give it a ticket to a run in which nobody answers."""
     with kit.harness(Setup(join_timeout_s=1.0)) as harness:
@@ -101,90 +96,33 @@ def nobody_answers(kit: Kit) -> str:
 
 
 def _not_let_in(kit: Kit, setup: Setup, when: str) -> str:
-    with kit.harness(setup) as harness:
-        harness.open_bus()
-        harness.start_program()
-        harness.await_join()
+    with kit.joined(setup) as harness:
         code = harness.await_end(when, kit.spec.deadlines.join_s, harness.send_handshake)
         if harness.transcript.readies:
             raise Failed(f"it got ready {when}")
     return _refused(code, f"after {when}")
 
 
+@check("P4.3", "a `Refusal` (version, types, token) ends it, with a code other than 0")
 def refused(kit: Kit) -> str:
     """Refuse it, as the orchestrator does for wrong versions, types or tokens."""
     return _not_let_in(kit, Setup(refusal="the conformance kit refuses you"), "a Refusal")
 
 
+@check("P4.3", "so does a `Welcome` of another protocol version")
 def welcome_protocol(kit: Kit) -> str:
     """Welcome it in another version of the protocol."""
     return _not_let_in(kit, Setup(welcome={"protocol": 2}), "a Welcome of protocol 2")
 
 
+@check("P4.3", "so does a `Welcome` for another name")
 def welcome_name(kit: Kit) -> str:
     """Welcome another participant."""
     return _not_let_in(kit, Setup(welcome={"name": "somebody"}), "a Welcome for another name")
 
 
+@check("P4.3", "so does a `Welcome` with another token")
 def welcome_token(kit: Kit) -> str:
     """Welcome it with another run's token."""
     setup = Setup(welcome={"token": "0000000000000000"})
     return _not_let_in(kit, setup, "a Welcome with another token")
-
-
-CHECKS = (
-    Check(
-        name="no-ticket",
-        clause="P1.1",
-        summary="without a ticket it ends with a code other than 0",
-        run=no_ticket,
-    ),
-    Check(
-        name="join",
-        clause="P4.2",
-        summary="it declares itself alive, then sends a valid `Hello`",
-        run=join,
-    ),
-    Check(
-        name="port-types",
-        clause="P14.3",
-        summary="the ports in its `Hello`, if any, are the scenario's",
-        run=port_types,
-    ),
-    Check(
-        name="orchestrator-late",
-        clause="P4.2",
-        summary="it repeats its query until the orchestrator is there",
-        run=orchestrator_late,
-    ),
-    Check(
-        name="nobody-answers",
-        clause="P4.2",
-        summary="it gives up after `join_timeout_s`",
-        run=nobody_answers,
-    ),
-    Check(
-        name="refused",
-        clause="P4.3",
-        summary="a `Refusal` (version, types, token) ends it, with a code other than 0",
-        run=refused,
-    ),
-    Check(
-        name="welcome-protocol",
-        clause="P4.3",
-        summary="so does a `Welcome` of another protocol version",
-        run=welcome_protocol,
-    ),
-    Check(
-        name="welcome-name",
-        clause="P4.3",
-        summary="so does a `Welcome` for another name",
-        run=welcome_name,
-    ),
-    Check(
-        name="welcome-token",
-        clause="P4.3",
-        summary="so does a `Welcome` with another token",
-        run=welcome_token,
-    ),
-)

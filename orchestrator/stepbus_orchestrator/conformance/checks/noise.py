@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
-from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.check import check
 from stepbus_orchestrator.conformance.harness.feeds import Feed, Ports
 from stepbus_orchestrator.conformance.harness.harness import Harness
 from stepbus_orchestrator.conformance.harness.kit import Kit
 from stepbus_orchestrator.conformance.outcome import Skipped
+from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
-from stepbus_schemas import Outputs, Start, Stop, Trigger, encode
+from stepbus_schemas import Start, Stop, Trigger, encode
 
 _OTHER_RUN = "1234567890abcdef"
 _LAST_LOG_S = 0.05
@@ -22,21 +24,19 @@ Noise = Callable[[Harness, int], None]
 
 def _undisturbed(kit: Kit, noise: Noise, what: str) -> str:
     """Make noise before and after the inputs of some steps; the outputs stay the same."""
-    kit.reference()
 
     def play(harness: Harness) -> None:
         for step in range(kit.steps):
             harness.release(step + 1)
             noise(harness, step)
-            harness.feed(kit.material.feed, step)
+            harness.feed(kit.feed, step)
             noise(harness, step)
             harness.await_output(step)
         # What it says to have dropped comes with its last log; nobody demands it.
         harness.idle(_LAST_LOG_S)
 
-    trace = kit.play(play=play)
-    kit.same(trace, what)
-    counted = ", ".join(f"{cause} {count}" for cause, count in trace.transcript.drops.items())
+    drops = kit.unchanged(what, play=play).transcript.drops
+    counted = ", ".join(f"{cause} {count}" for cause, count in drops.items())
     return f"the same outputs; it counts as dropped: {counted or 'nothing'}"
 
 
@@ -57,54 +57,37 @@ def _outputs(harness: Harness, source: str, step: int, token: str | None = None)
     ports = harness.material.feed[source].get(step)
     if ports is None:
         return None
-    return encode(
-        Outputs(
-            token=token or harness.token,
-            step=step,
-            t_ns=step * harness.scenario.step_ns,
-            ports={port: msgspec.Raw(data) for port, data in ports.items()},
-        )
-    )
+    return encode(envelope(token or harness.token, step, harness.scenario.step_ns, ports))
 
 
+@check("P8.1", "duplicate messages change nothing", inputs=True)
 def duplicate(kit: Kit) -> str:
     """Send each message of the sources once more."""
-    kit.need_inputs()
-    kit.reference()
-
-    def play(harness: Harness) -> None:
-        for step in range(kit.steps):
-            harness.release(step + 1)
-            harness.feed(kit.material.feed, step)
-            harness.feed(kit.material.feed, step)
-            harness.await_output(step)
-
-    kit.same(kit.play(play=play), "with duplicates")
-    return "the same outputs"
+    return _with_more(kit, "with duplicates", lambda harness, step: harness.feed(kit.feed, step))
 
 
+@check("P8.1", "messages of older steps change nothing", inputs=True)
 def stale(kit: Kit) -> str:
     """Send messages of older steps again."""
-    kit.need_inputs()
-    kit.reference()
 
-    def play(harness: Harness) -> None:
-        for step in range(kit.steps):
-            harness.release(step + 1)
-            harness.feed(kit.material.feed, step)
-            for source, rows in kit.material.feed.items():
-                older = [s for s in rows if s < step]
-                for s in older[-3:-1]:
-                    harness.publish(source, s, rows[s])
-            harness.await_output(step)
+    def more(harness: Harness, step: int) -> None:
+        for source, rows in kit.feed.items():
+            older = [s for s in rows if s < step]
+            for s in older[-3:-1]:
+                harness.publish(source, s, rows[s])
 
-    kit.same(kit.play(play=play), "with stale messages")
+    return _with_more(kit, "with stale messages", more)
+
+
+def _with_more(kit: Kit, what: str, more: Noise) -> str:
+    """Send more behind the inputs of each step."""
+    kit.unchanged(what, play=lambda h: h.walk(kit.feed, 0, kit.steps, partial(more, h)))
     return "the same outputs"
 
 
+@check("P8.1", "bytes without the token change nothing", inputs=True)
 def garbage(kit: Kit) -> str:
     """Send bytes that are no map with the token; also right ones cut off, or with more behind."""
-    kit.need_inputs()
     pieces = _garbage()
 
     def make(harness: Harness, source: str, step: int) -> bytes | None:
@@ -131,13 +114,14 @@ def _garbage() -> list[bytes]:
     ]
 
 
+@check("P8.1", "messages with another token change nothing", inputs=True)
 def unauthenticated(kit: Kit) -> str:
     """Send right outputs with another run's token, with other content."""
-    kit.need_inputs()
     noise = _to_all(lambda harness, source, step: _outputs(harness, source, step, _OTHER_RUN))
     return _undisturbed(kit, noise, "with messages of another run")
 
 
+@check("P8.4", "unauthenticated or malformed `Stop`, `Start`, `Trigger` change nothing")
 def control_noise(kit: Kit) -> str:
     """Send Stop, Start and Trigger with another token, and garbage on their keys."""
     messages: list[tuple[str, bytes]] = [
@@ -157,79 +141,30 @@ def control_noise(kit: Kit) -> str:
 def _with_ports(kit: Kit, ports: Ports) -> Feed:
     return {
         source: {step: {**ports, **row} for step, row in rows.items()}
-        for source, rows in kit.material.feed.items()
+        for source, rows in kit.feed.items()
     }
 
 
+@check("P8.2", "ports it does not read change nothing, whatever they contain", inputs=True)
 def unread_ports(kit: Kit) -> str:
     """Add ports that it does not read, with anything in them."""
-    kit.need_inputs()
     strange = {
         "conformance_map": msgspec.msgpack.encode({"position": "many"}),
         "conformance_nil": b"\xc0",
         "conformance_list": msgspec.msgpack.encode([1.5, None, b"\x00\xff"]),
     }
-    kit.same(kit.play(_with_ports(kit, strange)), "with more ports")
+    kit.unchanged("with more ports", _with_ports(kit, strange))
     return "ignored"
 
 
+@check("P3.7", "messages as large as the bus allows change nothing", inputs=True)
 def oversize(kit: Kit) -> str:
     """Make each message of the sources as large as the bus allows."""
-    kit.need_inputs()
     limit = min(max_message_bytes(kit.material.scenario), 60_000)
-    own = max(
-        sum(map(len, row.values())) for rows in kit.material.feed.values() for row in rows.values()
-    )
+    own = max(sum(map(len, row.values())) for rows in kit.feed.values() for row in rows.values())
     room = limit - own - 500
     if room < 1:
         raise Skipped(f"its inputs of {own} bytes are as large as the bus allows already")
-    kit.reference()
     filler = {"conformance_filler": msgspec.msgpack.encode(bytes(room))}
-    kit.same(kit.play(_with_ports(kit, filler)), "with large messages")
+    kit.unchanged("with large messages", _with_ports(kit, filler))
     return f"messages of {limit - 500} bytes and more: the same outputs"
-
-
-CHECKS = (
-    Check(
-        name="duplicate",
-        clause="P8.1",
-        summary="duplicate messages change nothing",
-        run=duplicate,
-    ),
-    Check(
-        name="stale",
-        clause="P8.1",
-        summary="messages of older steps change nothing",
-        run=stale,
-    ),
-    Check(
-        name="garbage",
-        clause="P8.1",
-        summary="bytes without the token change nothing",
-        run=garbage,
-    ),
-    Check(
-        name="unauthenticated",
-        clause="P8.1",
-        summary="messages with another token change nothing",
-        run=unauthenticated,
-    ),
-    Check(
-        name="control-noise",
-        clause="P8.4",
-        summary="unauthenticated or malformed `Stop`, `Start`, `Trigger` change nothing",
-        run=control_noise,
-    ),
-    Check(
-        name="unread-ports",
-        clause="P8.2",
-        summary="ports it does not read change nothing, whatever they contain",
-        run=unread_ports,
-    ),
-    Check(
-        name="oversize",
-        clause="P3.7",
-        summary="messages as large as the bus allows change nothing",
-        run=oversize,
-    ),
-)

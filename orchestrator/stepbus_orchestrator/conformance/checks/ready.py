@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.conformance.check import check
 from stepbus_orchestrator.conformance.harness.feeds import reverse_description
 from stepbus_orchestrator.conformance.harness.harness import Harness
 from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
@@ -14,10 +14,10 @@ from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_schemas import Description, Ready
 
 
+@check("P4.6", "it sends handshakes, `Log` and `Ready` until `Start`, and no step before")
 def handshake(kit: Kit) -> str:
     """Listen to its handshakes, and to what comes before Ready."""
-    with kit.harness() as harness:
-        harness.meet()
+    with kit.ready() as harness:
         transcript = harness.transcript
         count, readies = transcript.handshakes + 2, len(transcript.readies) + 2
         harness.until(
@@ -35,23 +35,20 @@ def handshake(kit: Kit) -> str:
     return "empty handshakes and Ready, each repeated"
 
 
+@check("P2.2", "peers that start first, on a link of their own, change nothing", inputs=True)
 def peers_first(kit: Kit) -> str:
     """Let the peers be there, on a link of their own, before the program starts."""
-    kit.need_inputs()
-    setup = Setup(own_peers=True)
-    kit.same(kit.play(setup=setup), "with peers that were there first")
+    kit.unchanged("with peers that were there first", setup=Setup(own_peers=True))
     return "the same outputs"
 
 
+@check(
+    "P4.6", "it waits for late peers, reports them, and publishes the same", inputs=True, plain=True
+)
 def peers_last(kit: Kit) -> str:
     """Let the peers come, on a link of their own, once it waits for them."""
-    kit.need_inputs()
-    reference = kit.reference()
-    with kit.harness(Setup(own_peers=True)) as harness:
-        harness.open_bus()
-        harness.start_program()
-        harness.await_join()
-        sources, transcript = set(kit.material.feed), harness.transcript
+    with kit.joined(Setup(own_peers=True)) as harness:
+        sources, transcript = set(kit.feed), harness.transcript
         harness.until(
             lambda: transcript.waits(-1, sources) or transcript.readies,
             f"a Log with waiting step −1 and sources {sorted(sources)}",
@@ -62,15 +59,15 @@ def peers_last(kit: Kit) -> str:
         harness.open_peers()
         harness.await_ready()
         harness.start()
-        harness.walk(kit.material.feed, 0, kit.steps)
-        kit.same(Trace.of(transcript), "with late peers", reference)
+        harness.walk(kit.feed, 0, kit.steps)
+        kit.same(Trace.of(transcript), "with late peers")
     return "named its source, then the same outputs"
 
 
+@check("P4.7", "names, limits and `like` of its outputs are consistent")
 def descriptions(kit: Kit) -> str:
     """Check what it says of its outputs."""
-    with kit.harness() as harness:
-        harness.meet()
+    with kit.ready() as harness:
         ready = harness.transcript.readies[0]
     for port, description in ready.outputs.items():
         problem = _description_problem(kit, port, description)
@@ -86,9 +83,9 @@ def _description_problem(kit: Kit, port: str, item: Description) -> str | None:
         return f"repeats a name: {item.names}"
     if item.like is not None and item.like not in kit.spec.inputs:
         return f"is like {item.like!r}, which is no input of it"
-    rows: Mapping[str, list[Any]] = {**item.limits, **item.details}
     # Where it is `like` an input, that one's names count.
     names = item.names if item.like is None else kit.material.descriptions[item.like].names
+    rows: Mapping[str, list[Any]] = {**item.limits, **item.details}
     for key, row in rows.items():
         if len(row) != len(names):
             return f"has {len(row)} values of {key} for {len(names)} names"
@@ -100,6 +97,7 @@ def _names(ready: Ready, port: str) -> str:
     return f"like {item.like}" if item.like else (", ".join(item.names) or "no names")
 
 
+@check("P4.8", "later `Start`s change nothing, also with other descriptions")
 def start_again(kit: Kit) -> str:
     """Send a second Start later, with the joints in another order."""
     # Only one input: with all of them turned, a program that uses them might go unnoticed.
@@ -108,74 +106,25 @@ def start_again(kit: Kit) -> str:
         turned[name] = reverse_description(description)
 
     def play(harness: Harness) -> None:
-        harness.walk(kit.material.feed, 0, kit.middle)
+        harness.walk(kit.feed, 0, kit.middle)
         harness.start()
         harness.start(turned)
-        harness.walk(kit.material.feed, kit.middle, kit.steps)
+        harness.walk(kit.feed, kit.middle, kit.steps)
 
-    kit.same(kit.play(play=play), "after another Start")
+    kit.unchanged("after another Start", play=play)
     return "two more, one with other descriptions, changed nothing"
 
 
+@check("P4.9", "it keeps a trigger and outputs that arrive before the `Start`", plain=True)
 def early(kit: Kit) -> str:
     """Send trigger and outputs before the Start, and handshakes behind it."""
-
-    def play(harness: Harness) -> None:
+    with kit.ready() as harness:
         harness.release(1)
-        harness.feed(kit.material.feed, 0)
+        harness.feed(kit.feed, 0)
         harness.send_handshake()
         harness.start()
         harness.await_output(0)
         harness.send_handshake()
-        harness.walk(kit.material.feed, 1, kit.steps)
-
-    reference = kit.reference()
-    with kit.harness() as harness:
-        harness.meet()
-        play(harness)
-        kit.same(
-            Trace.of(harness.transcript),
-            "in this order",
-            reference,
-        )
+        harness.walk(kit.feed, 1, kit.steps)
+        kit.same(Trace.of(harness.transcript), "in this order")
     return "kept the trigger and step 0, ignored the handshakes"
-
-
-CHECKS = (
-    Check(
-        name="handshake",
-        clause="P4.6",
-        summary="it sends handshakes, `Log` and `Ready` until `Start`, and no step before",
-        run=handshake,
-    ),
-    Check(
-        name="peers-first",
-        clause="P2.2",
-        summary="peers that start first, on a link of their own, change nothing",
-        run=peers_first,
-    ),
-    Check(
-        name="peers-last",
-        clause="P4.6",
-        summary="it waits for late peers, reports them, and publishes the same",
-        run=peers_last,
-    ),
-    Check(
-        name="descriptions",
-        clause="P4.7",
-        summary="names, limits and `like` of its outputs are consistent",
-        run=descriptions,
-    ),
-    Check(
-        name="start-again",
-        clause="P4.8",
-        summary="later `Start`s change nothing, also with other descriptions",
-        run=start_again,
-    ),
-    Check(
-        name="early",
-        clause="P4.9",
-        summary="it keeps a trigger and outputs that arrive before the `Start`",
-        run=early,
-    ),
-)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 
 from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_orchestrator.replay.recorded import envelope
@@ -88,11 +87,10 @@ class Harness(Session):
         """Publish bytes on `start`, `trigger` or `stop`."""
         self._send(self._control[key], data)
 
-    def publish(self, source: str, step: int, ports: Ports) -> bytes:
-        """Publish the outputs of a source at a step; return the bytes."""
+    def publish(self, source: str, step: int, ports: Ports) -> None:
+        """Publish the outputs of a source at a step."""
         data = encode(envelope(self.token, step, self.scenario.step_ns, ports))
         self.publish_bytes(source, data)
-        return data
 
     def publish_bytes(self, source: str, data: bytes) -> None:
         """Publish bytes on behalf of a source."""
@@ -126,40 +124,35 @@ class Harness(Session):
             self.repeat if repeating else None,
         )
 
-    def await_logged(self) -> None:
-        """Wait until all it has published has been logged."""
+    def await_logged(self, count: int | None = None) -> None:
+        """Wait until `count` outputs have been logged; default: all it has published."""
+        transcript, every = self.transcript, self.spec.every
+        wanted = len(transcript.packed) if count is None else count
+        step = transcript.newest if count is None else (count - 1) * every
         self.until(
-            lambda: len(self.transcript.logged) >= len(self.transcript.packed),
-            f"the log of step {self.transcript.newest}",
+            lambda: len(transcript.logged) >= wanted,
+            f"the log of step {step}",
             self.spec.deadlines.step_s,
             self.repeat,
         )
 
-    def walk(self, feed: Feed, first: int, end: int) -> None:
-        """Do the steps from `first` to below `end` in lockstep, one after the other."""
+    def walk(
+        self, feed: Feed, first: int, end: int, more: Callable[[int], None] = lambda _step: None
+    ) -> None:
+        """Do the steps from `first` to below `end` in lockstep; more: is done behind the inputs."""
         for step in range(first, end):
             self.release(step + 1)
             self.feed(feed, step)
+            more(step)
             self.await_output(step)
 
     def follow(self, feed: Feed) -> None:
         """Do all steps as a run does: as far ahead of what is logged as the window allows."""
-        fed, steps = 0, self.material.steps
-        while (done := self._logged_steps()) < steps:
+        fed, steps, logged = 0, self.material.steps, self.transcript.logged
+        while (done := len(logged) * self.spec.every) < steps:
             step_limit = min(steps, done + self.scenario.window)
             for step in range(fed, step_limit):
                 self.feed(feed, step)
             fed = max(fed, step_limit)
             self.release(step_limit)
-            self.until(
-                partial(self._has_logged, done),
-                f"the log of step {done}",
-                self.spec.deadlines.step_s,
-                self.repeat,
-            )
-
-    def _logged_steps(self) -> int:
-        return len(self.transcript.logged) * self.spec.every
-
-    def _has_logged(self, more_than: int) -> bool:
-        return self._logged_steps() > more_than
+            self.await_logged(len(logged) + 1)

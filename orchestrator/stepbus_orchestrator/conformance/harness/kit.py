@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
 from stepbus_orchestrator.conformance.outcome import Failed, Skipped
 from stepbus_schemas import Description
 
-from .feeds import Feed
+from .feeds import Feed, Ports
 from .harness import Harness
 from .material import Material
 from .setup import Setup
@@ -21,63 +22,57 @@ from .transcript import Transcript
 Play = Callable[[Harness], None]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Trace:
-    """The result of one run: step → port → bytes, and the transcript."""
+    """The result of one run: its transcript, and step → port → bytes."""
 
-    ports: Mapping[int, Mapping[str, bytes]]
     transcript: Transcript
+    ports: Mapping[int, Ports]
 
     @classmethod
     def of(cls, transcript: Transcript) -> Trace:
         """Return the trace of a finished run."""
-        return cls(ports=transcript.ports(), transcript=transcript)
+        return cls(transcript, transcript.ports())
 
 
+@dataclass(kw_only=True)
 class Kit:
     """One participant under test.
 
     material: what the kit plays to it. command: its command line. cwd: where it is started. logs:
     gets a folder for each start of it. interrupt: ends everything when it is set. is_scenarios:
     whether it is the scenario's own program. knows_names: whether it learns the names of its
-    inputs; not through the raw bridge.
+    inputs; not through the raw bridge. check: name of the check that runs.
     """
 
-    def __init__(
-        self,
-        *,
-        material: Material,
-        command: Sequence[str],
-        cwd: Path,
-        logs: Path,
-        interrupt: threading.Event,
-        is_scenarios: bool = False,
-        knows_names: bool = True,
-    ) -> None:
-        self.material = material
-        self.is_scenarios = is_scenarios
-        self.knows_names = knows_names
-        self.spec = material.spec
-        self.command, self.cwd = tuple(command), cwd
-        self.interrupt = interrupt
-        self.check = ""
-        self._logs = logs
-        self._count = 0
-        self._traces: dict[str, Trace | Failed] = {}
+    material: Material
+    command: Sequence[str]
+    cwd: Path
+    logs: Path
+    interrupt: threading.Event
+    is_scenarios: bool = False
+    knows_names: bool = True
+    check: str = ""
+    _count: int = 0
+    _traces: dict[str, Trace | Failed] = field(default_factory=dict)
 
-    @property
-    def steps(self) -> int:
-        """Return for how many steps there is material."""
-        return self.material.steps
+    def __post_init__(self) -> None:
+        self.spec = self.material.spec
+        self.feed = self.material.feed
+        self.steps = self.material.steps
 
     @property
     def middle(self) -> int:
         """Return a step in the middle at which the participant and all its sources fire."""
-        sources = [self.material.scenario.participant(name) for name in self.material.feed]
-        common = [
-            s for s in range(self.steps) if all(s % p.every == 0 for p in (self.spec, *sources))
-        ]
+        firing = [self.spec.every, *map(self.every, self.feed)]
+        common = [s for s in range(self.steps) if not any(s % every for every in firing)]
         return common[len(common) // 2]
+
+    def every(self, source: str) -> int:
+        """Return at multiples of which step a source fires."""
+        return self.material.scenario.participant(source).every
+
+    # --- starting it -------------------------------------------------------------------------
 
     def harness(self, setup: Setup | None = None) -> Harness:
         """Return a harness, which starts nothing yet."""
@@ -93,9 +88,40 @@ class Kit:
     def log_folder(self) -> Path:
         """Create and return the folder for the log of the next start."""
         self._count += 1
-        folder = self._logs / f"{self._count:03d}-{self.check}"
+        folder = self.logs / f"{self._count:03d}-{self.check}"
         folder.mkdir(parents=True)
         return folder
+
+    @contextlib.contextmanager
+    def joined(self, setup: Setup | None = None) -> Iterator[Harness]:
+        """Yield a harness whose program has asked to join."""
+        with self.harness(setup) as harness:
+            harness.open_bus()
+            harness.start_program()
+            harness.await_join()
+            yield harness
+
+    @contextlib.contextmanager
+    def ready(self, setup: Setup | None = None) -> Iterator[Harness]:
+        """Yield a harness whose program is ready."""
+        with self.harness(setup) as harness:
+            harness.meet()
+            yield harness
+
+    @contextlib.contextmanager
+    def running(
+        self,
+        end: int = 0,
+        setup: Setup | None = None,
+        descriptions: Mapping[str, Description] | None = None,
+    ) -> Iterator[Harness]:
+        """Yield a harness whose program has done the steps below `end`."""
+        with self.ready(setup) as harness:
+            harness.start(descriptions)
+            harness.walk(self.feed, 0, end)
+            yield harness
+
+    # --- runs to compare ---------------------------------------------------------------------
 
     def play(
         self,
@@ -110,8 +136,8 @@ class Kit:
         Raises Skipped where even a plain run fails.
         """
         self.reference()
-        steps = self.material.feed if feed is None else feed
-        walk = play or (lambda harness: harness.walk(steps, 0, self.steps))
+        rows = self.feed if feed is None else feed
+        walk = play or (lambda harness: harness.walk(rows, 0, self.steps))
         return self._play(walk, setup, descriptions)
 
     def _play(
@@ -120,12 +146,24 @@ class Kit:
         setup: Setup | None = None,
         descriptions: Mapping[str, Description] | None = None,
     ) -> Trace:
-        with self.harness(setup) as harness:
-            harness.meet()
-            harness.start(descriptions)
+        with self.running(0, setup, descriptions) as harness:
             play(harness)
             harness.await_output(self.steps - 1)
             return Trace.of(harness.transcript)
+
+    def unchanged(
+        self,
+        what: str,
+        feed: Feed | None = None,
+        *,
+        setup: Setup | None = None,
+        descriptions: Mapping[str, Description] | None = None,
+        play: Play | None = None,
+    ) -> Trace:
+        """Run as `play` does and compare with the plain run; what, raises: as of `same`."""
+        trace = self.play(feed, setup=setup, descriptions=descriptions, play=play)
+        self.same(trace, what)
+        return trace
 
     def plain(self, which: str = "plain run") -> Trace:
         """Return an undisturbed run, made once for each `which`.
@@ -143,7 +181,7 @@ class Kit:
         return found
 
     def _walk_and_log(self, harness: Harness) -> None:
-        harness.walk(self.material.feed, 0, self.steps)
+        harness.walk(self.feed, 0, self.steps)
         # The check `log` reports what is not logged; the other checks still run.
         with contextlib.suppress(Failed):
             harness.await_logged()
@@ -154,53 +192,32 @@ class Kit:
             trace = self.plain()
         except Failed as exc:
             raise Skipped(f"needs a plain run, and `steps` fails: {exc}") from exc
-        if step_problem(trace.transcript):
-            raise Skipped(f"needs a plain run, and `steps` fails: {step_problem(trace.transcript)}")
+        problem = trace.transcript.step_problem
+        if problem:
+            raise Skipped(f"needs a plain run, and `steps` fails: {problem}")
         return trace
 
-    def need_inputs(self) -> None:
-        """Raise Skipped for a participant without inputs."""
-        if not self.spec.inputs:
-            raise Skipped("it has no inputs")
-
-    def same(self, trace: Trace, what: str, reference: Trace | None = None) -> None:
+    def same(self, trace: Trace, what: str, expected: Trace | None = None) -> None:
         """Compare with the plain run, or another; what: this run, for the failure's sentence.
 
         Raises Failed where they differ, Skipped where any two runs do.
         """
-        expected = (reference or self.reference()).ports
-        found = self._difference(expected, trace.ports, what)
-        if found is None:
-            return
-        if self.varies():
-            raise Skipped("its outputs differ from run to run anyway; see `determinism`")
-        raise Failed(found)
-
-    def varies(self) -> bool:
-        """Return whether two plain runs differ."""
-        try:
-            return self.plain().ports != self.plain("second plain run").ports
-        except Failed:
-            return False
-
-    def _difference(
-        self,
-        expected: Mapping[int, Mapping[str, bytes]],
-        given: Mapping[int, Mapping[str, bytes]],
-        what: str,
-    ) -> str | None:
+        pair = [(expected or self.reference()).ports, trace.ports]
         for step in range(0, self.steps, self.spec.every):
             for port, output in self.spec.outputs.items():
                 topic = f"{self.spec.name}/{port}"
                 comparison = PortComparison(topic, output.type, Tolerance())
-                pair = [rows.get(step, {}).get(port) for rows in (expected, given)]
-                if not comparison.take(step, *pair) and comparison.divergence is not None:
-                    return comparison.divergence.text("expected", what)
-        return None
+                comparison.take(step, *(rows.get(step, {}).get(port) for rows in pair))
+                if comparison.divergence is not None:
+                    self.differ(comparison.divergence.text("expected", what))
 
+    def differ(self, text: str) -> NoReturn:
+        """Raise Failed for runs that differ; Skipped where any two runs do."""
+        self.skip_if_varies()
+        raise Failed(text)
 
-def step_problem(transcript: Transcript) -> str | None:
-    """Return what is wrong with the steps, names or tokens of the outputs; None: nothing."""
-    return next(
-        (transcript.problems[c] for c in ("P7.1", "P3.5", "P3.1") if c in transcript.problems), None
-    )
+    def skip_if_varies(self) -> None:
+        """Raise Skipped where two plain runs differ."""
+        with contextlib.suppress(Failed):
+            if self.plain().ports != self.plain("second plain run").ports:
+                raise Skipped("its outputs differ from run to run anyway; see `determinism`")

@@ -10,17 +10,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any, Self
 
 from stepbus_orchestrator.conformance.outcome import Failed
 from stepbus_orchestrator.errors import BusFailed, Interrupted
 from stepbus_orchestrator.processes import Child, Launcher, Watchdog, new_token, private_folder
 from stepbus_participant import BusError, ZenohBus
-from stepbus_schemas import (
-    encode,
-    encoding_of,
-)
+from stepbus_schemas import encode, encoding_of
 
 from .material import Material
 from .setup import Setup
@@ -85,12 +81,7 @@ class Session:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(
-        self,
-        error_type: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         if self._child is not None:
             self._child.signal(signal.SIGKILL)
         self._stack.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
@@ -18,10 +19,12 @@ from stepbus_schemas import (
     message_class,
 )
 
-_decode_outputs = Decoder(Outputs)
-_decode_log = Decoder(Log)
-_decode_ready = Decoder(Ready)
-_decode_fault = Decoder(Fault)
+_DECODERS: Mapping[str, Decoder[Any]] = {
+    "out": Decoder(Outputs),
+    "log": Decoder(Log),
+    "ready": Decoder(Ready),
+    "fault": Decoder(Fault),
+}
 _decode_hello = Decoder(Hello)
 
 
@@ -60,6 +63,13 @@ class Transcript:
         """Return cause → number of messages it reports as dropped."""
         return self.logs[-1].drops if self.logs else {}
 
+    @property
+    def step_problem(self) -> str | None:
+        """Return what is wrong with the steps, names or tokens of the outputs; None: nothing."""
+        return next(
+            (self.problems[c] for c in ("P7.1", "P3.5", "P3.1") if c in self.problems), None
+        )
+
     def waits(self, step: int, sources: set[str]) -> bool:
         """Return whether it reported to wait for these sources at a step; none: for the trigger."""
         waiting = [log.waiting for log in self.logs if log.waiting is not None]
@@ -88,17 +98,35 @@ class Recorder:
     def add(self, channel: str, data: bytes, encoding: str) -> None:
         """Record one message; channel: the first part of its key."""
         self.transcript.encodings.setdefault(channel, set()).add(encoding)
+        where = f"{channel}/{self._spec.name}"
         try:
-            if channel == "out":
-                self._add_outputs(data)
-            elif channel == "log":
-                self._add_log(data)
-            elif channel == "ready":
-                self._add_ready(data)
-            else:
-                self._add_fault(data)
+            message = _DECODERS[channel](data)
         except MessageError as exc:
-            self._add_problem("P3.4", f"on {channel}/{self._spec.name} came {exc}")
+            self._add_problem("P3.4", f"on {where} came {exc}")
+            return
+        name = getattr(message, "name", self._spec.name)
+        if message.token != self._token:
+            self._add_problem("P3.5", f"a message on {where} has another token")
+        if name != self._spec.name:
+            self._add_problem("P3.1", f"a message on {where} is from {name!r}")
+        if message.token == self._token and name == self._spec.name:
+            self._add(message, data)
+
+    def _add(self, message: Outputs | Log | Ready | Fault, data: bytes) -> None:
+        match message:
+            case Outputs(step=step) if step == HANDSHAKE_STEP:
+                self._add_handshake(message)
+            case Outputs():
+                self._check_order(message)
+                self._check_ports(message)
+                self.transcript.outputs.setdefault(message.step, message)
+                self.transcript.packed.append(data)
+            case Log():
+                self._add_log(message)
+            case Ready():
+                self.transcript.readies.append(message)
+            case Fault():
+                self.transcript.faults.append(message)
 
     def add_hello(self, data: bytes) -> None:
         """Record one request to join."""
@@ -111,25 +139,6 @@ class Recorder:
 
     def _add_problem(self, clause: str, text: str) -> None:
         self.transcript.problems.setdefault(clause, text)
-
-    def _is_ours(self, channel: str, token: str, name: str) -> bool:
-        if token != self._token:
-            self._add_problem("P3.5", f"a message on {channel}/{self._spec.name} has another token")
-        if name != self._spec.name:
-            self._add_problem("P3.1", f"a message on {channel}/{self._spec.name} is from {name!r}")
-        return token == self._token and name == self._spec.name
-
-    def _add_outputs(self, data: bytes) -> None:
-        outputs = _decode_outputs(data)
-        if not self._is_ours("out", outputs.token, self._spec.name):
-            return
-        if outputs.step == HANDSHAKE_STEP:
-            self._add_handshake(outputs)
-            return
-        self._check_order(outputs)
-        self._check_ports(outputs)
-        self.transcript.outputs.setdefault(outputs.step, outputs)
-        self.transcript.packed.append(data)
 
     def _add_handshake(self, outputs: Outputs) -> None:
         self.transcript.handshakes += 1
@@ -163,28 +172,13 @@ class Recorder:
         if outputs.bulk:
             self._add_problem("P7.3", f"{where} announces bulk content, and there is no bulk port")
 
-    def _add_log(self, data: bytes) -> None:
-        log = _decode_log(data)
-        if self._is_ours("log", log.token, log.name):
-            self.transcript.log_before_ready |= not self.transcript.readies
-            self.transcript.logs.append(log)
-            self.transcript.logged += [bytes(raw) for raw in log.outputs]
-            self._check_sources(log)
-
-    def _check_sources(self, log: Log) -> None:
+    def _add_log(self, log: Log) -> None:
+        self.transcript.log_before_ready |= not self.transcript.readies
+        self.transcript.logs.append(log)
+        self.transcript.logged += [bytes(raw) for raw in log.outputs]
         known = {item.source for item in self._spec.inputs.values()}
         strange = set(log.waiting.sources) - known if log.waiting else set()
         if strange:
             self._add_problem(
                 "P9.3", f"it reports to wait for {sorted(strange)}, which are no sources of it"
             )
-
-    def _add_ready(self, data: bytes) -> None:
-        ready = _decode_ready(data)
-        if self._is_ours("ready", ready.token, ready.name):
-            self.transcript.readies.append(ready)
-
-    def _add_fault(self, data: bytes) -> None:
-        fault = _decode_fault(data)
-        if self._is_ours("fault", fault.token, fault.name):
-            self.transcript.faults.append(fault)
