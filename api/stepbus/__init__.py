@@ -1,86 +1,15 @@
 """stepbus: co-simulation for robotics in lockstep; everything a user does from Python.
 
-What a controller on a robot takes part with is imported at once. The rest (scenarios, runs,
-recordings) is imported when it is first used, since it loads the orchestrator.
+Each name is imported when it is first used. What a controller on a robot takes part with loads
+nothing of the orchestrator.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stepbus_participant import (
-    Bus,
-    BusError,
-    CallError,
-    Config,
-    Count,
-    Duration,
-    Endpoint,
-    ExtraMissing,
-    File,
-    Finite,
-    InputAbsent,
-    Method,
-    Name,
-    Names,
-    NonNegative,
-    NonNegativePerJoint,
-    OutputError,
-    Participant,
-    PerJoint,
-    PerName,
-    Plugin,
-    Ports,
-    PortType,
-    Positive,
-    PositivePerJoint,
-    Problems,
-    Settings,
-    SettingsError,
-    Share,
-    Step,
-    Text,
-    Ticket,
-    Vector3,
-    Whole,
-    each,
-    load_ticket,
-    main,
-    needed_when,
-    take_part,
-    when,
-)
-from stepbus_schemas import (
-    BaseCommand,
-    BaseState,
-    Contacts,
-    ControllerStatus,
-    Description,
-    Detections,
-    Event,
-    Goal,
-    GoalStatus,
-    GripperCommand,
-    GripperState,
-    Image,
-    JointCommand,
-    JointReference,
-    JointState,
-    Message,
-    MessageError,
-    Plan,
-    PlanRequest,
-    Poses,
-    RunError,
-    Spiral,
-    StepbusError,
-    WiringError,
-)
-
 if TYPE_CHECKING:
-    from . import testing
-    from .orchestration import (
+    from stepbus_orchestrator import (
         BusFailed,
-        CheckedScenario,
         Diff,
         ExitCode,
         Interrupted,
@@ -98,23 +27,24 @@ if TYPE_CHECKING:
         Rerun,
         Result,
         RunFailure,
-        Scenario,
         ScenarioError,
         StartFailed,
         StepTimeout,
         StopTimeout,
         Tolerance,
         Verification,
-        call,
-        describe,
-        diff,
-        load,
-        recover,
-        replay,
-        rerun,
-        run,
-        verify,
     )
+    from stepbus_orchestrator import Scenario as CheckedScenario
+    from stepbus_participant import *
+    from stepbus_schemas import *
+
+    from . import testing
+    from .recordings import diff, recover, replay, rerun
+    from .runs import call, describe, load, run, verify
+    from .scenarios import Scenario
+
+_HOMES = ("stepbus_participant", "stepbus_schemas", ".runs", ".recordings", "stepbus_orchestrator")
+"""Where a name of `__all__` comes from: the first that has it."""
 
 __all__ = [
     "BaseCommand",
@@ -221,13 +151,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name of the orchestrator's when it is first used (PEP 562)."""
+    """Import a name when it is first used (PEP 562)."""
     if name == "testing":
         return import_module("stepbus.testing")
     if name not in __all__:
         raise AttributeError(f"module 'stepbus' has no attribute {name!r}")
-    value = getattr(import_module("stepbus.orchestration"), name)
-    globals()[name] = value
+    homes = (import_module(home, __name__) for home in _HOMES)
+    value = globals()[name] = next(getattr(h, name) for h in homes if hasattr(h, name))
     return value
 
 

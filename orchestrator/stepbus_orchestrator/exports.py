@@ -28,7 +28,7 @@ from .run.progress import Observer, Progress
 from .run.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
-from .scenario import Problem, Scenario, ScenarioError, builtin_names, check_data, load
+from .scenario import Problem, Scenario, ScenarioError, check_data, load
 
 __all__ = [
     "BusFailed",
@@ -59,7 +59,6 @@ __all__ = [
     "StopTimeout",
     "Tolerance",
     "Verification",
-    "builtin_names",
     "call",
     "check_data",
     "default_folder",

@@ -5,7 +5,7 @@ from .reader import Entry, Port, Recording
 from .recorder import Recorder
 from .recover import Recovery, recover
 from .sink import Descriptions, Sink
-from .timing import StepTiming, TimingRecorder
+from .timing import TimingRecorder
 
 __all__ = [
     "Descriptions",
@@ -16,7 +16,6 @@ __all__ = [
     "Recording",
     "Recovery",
     "Sink",
-    "StepTiming",
     "TimingRecorder",
     "recover",
 ]

@@ -1,5 +1,5 @@
 """Plots a recording."""
 
-from .report import REPORT_FILE, write_report
+from .report import write_report
 
-__all__ = ["REPORT_FILE", "write_report"]
+__all__ = ["write_report"]

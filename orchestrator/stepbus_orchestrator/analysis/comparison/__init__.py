@@ -1,6 +1,6 @@
 """Compares messages: equal to the byte, within a tolerance, or where they diverge."""
 
-from .divergence import Divergence, FieldCount, PortResult, in_order
+from .divergence import Divergence, PortResult, in_order
 from .port import PortComparison, fields_of
 from .text import port_lines
 from .tolerance import FieldTolerance, Tolerance, parse_tolerance, read_tolerance
@@ -8,7 +8,6 @@ from .values import differences, short
 
 __all__ = [
     "Divergence",
-    "FieldCount",
     "FieldTolerance",
     "PortComparison",
     "PortResult",

@@ -14,8 +14,6 @@ from stepbus_schemas import WiringError
 ANY = "*"
 """Stands for every port, or for every field of a port."""
 
-IGNORE = "ignore"
-
 
 @dataclass(frozen=True, kw_only=True)
 class FieldTolerance:

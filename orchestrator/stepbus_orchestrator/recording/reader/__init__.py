@@ -1,7 +1,7 @@
 """Reads recordings lazily: the index at once, the messages of a port when they are asked for."""
 
 from .port import Port
-from .recording import Recording, UnknownPort
+from .recording import Recording
 from .source import Entry
 
-__all__ = ["Entry", "Port", "Recording", "UnknownPort"]
+__all__ = ["Entry", "Port", "Recording"]
