@@ -26,6 +26,24 @@ class Command:
     is_run: bool = False
 
 
+def add_overrides(
+    parser: argparse.ArgumentParser, text: str = "override one value, e.g. window=1"
+) -> None:
+    """Declare `--set`; text: for the help."""
+    parser.add_argument("--set", action="append", default=[], metavar="PATH=VALUE", help=text)
+
+
+def number(what: str, least: int) -> Callable[[str], int]:
+    """Return the type of an argument that is an integer; what: it, and its limit, in words."""
+
+    def parse(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
+        return int(text)
+
+    return parse
+
+
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what every command that takes a scenario understands."""
     parser.add_argument(
@@ -33,10 +51,6 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
         help="a scenario file, a folder with a scenario.yaml, or the name of a built-in one "
         "such as two_link or two_link/pd",
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PATH=VALUE",
-        help="override one value, e.g. controller.params.kp=80 or duration=2s; may be repeated",
+    add_overrides(
+        parser, "override one value, e.g. controller.params.kp=80 or duration=2s; may be repeated"
     )

@@ -6,9 +6,10 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.command import Command, add_overrides
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.conformance import CHECKS, CheckResult, Report, conformance, select
@@ -38,13 +39,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="participant that the program plays (default: controller)",
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PATH=VALUE",
-        help="override one value of the scenario, e.g. controller.step_timeout=10s",
-    )
+    add_overrides(parser, "override one value of the scenario, e.g. controller.step_timeout=10s")
     parser.add_argument(
         "--only",
         action="append",
@@ -71,7 +66,7 @@ def _execute(args: argparse.Namespace) -> int:
             bridge=args.bridge,
             checks=checks,
             logs=args.logs,
-            on_result=_silent if args.json else _Display(),
+            on_result=(lambda _result: None) if args.json else _show,
             interrupt=interrupt,
         )
     if args.junit is not None:
@@ -94,21 +89,13 @@ def _list(args: argparse.Namespace) -> int:
     return ExitCode.FINISHED
 
 
-def _silent(_result: CheckResult) -> None:
-    """Print nothing; the JSON has it all."""
-
-
-class _Display:
-    """Shows each result as it comes: a row of a table in a terminal, else a plain line."""
-
-    def __init__(self) -> None:
-        self._console = Console()
-
-    def __call__(self, result: CheckResult) -> None:
-        if not self._console.is_terminal:
-            say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
-            return
-        self._console.print(_row(result))
+def _show(result: CheckResult) -> None:
+    """Show a result as it comes: a row of a table in a terminal, else a plain line."""
+    console = Console()
+    if console.is_terminal:
+        console.print(_row(result))
+    else:
+        say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
 
 
 def _row(result: CheckResult) -> Table:
@@ -118,13 +105,9 @@ def _row(result: CheckResult) -> Table:
     row.add_column(ratio=1)
     style = _STYLES[result.outcome]
     row.add_row(
-        f"[{style}]{result.outcome}[/]", result.name, result.clause, _escaped(result.observed)
+        f"[{style}]{result.outcome}[/]", result.name, result.clause, escape(result.observed)
     )
     return row
-
-
-def _escaped(text: str) -> str:
-    return text.replace("[", "\\[")
 
 
 def _conclude(report: Report) -> None:

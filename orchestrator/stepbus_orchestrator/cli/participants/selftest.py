@@ -11,7 +11,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
-from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import load
@@ -35,13 +35,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _execute(args: argparse.Namespace) -> int:
     scenario = load(args.scenario, args.set)
-    display = None if args.json else make_display(f"{scenario.name} selftest")
-    try:
-        with interruptible() as interrupt:
-            found = selftest(scenario, math.radians(args.angle), display, interrupt)
-    finally:
-        if display is not None:
-            display.close()
+    title = f"{scenario.name} selftest"
+    with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
+        found = selftest(scenario, math.radians(args.angle), display, interrupt)
     if args.json:
         say_json(found)
     else:
@@ -68,7 +64,7 @@ def _show(found: SelfTest) -> None:
 def _row(verdict: Verdict) -> list[str]:
     if verdict.commanded is None or verdict.measured is None:
         return [verdict.joint, verdict.mode, "", "", "", "", "no motor"]
-    others = "" if verdict.others is None else f"{_people(verdict, verdict.others[1])}"
+    others = "" if verdict.others is None else _people(verdict, verdict.others[1])
     return [
         verdict.joint,
         verdict.mode,

@@ -25,19 +25,11 @@ def _execute(args: argparse.Namespace) -> int:
     target = args.out or source.with_name(f"{source.stem}.recovered.mcap")
     recovery = recover(source, source if args.in_place else target, in_place=args.in_place)
     if args.json:
-        say_json({**_fields(recovery), "missing_steps": recovery.missing_steps})
+        say_json({**vars(recovery), "missing_steps": recovery.missing_steps})
     else:
         for line in _lines(recovery):
             say(line)
     return 0
-
-
-def _fields(recovery: Recovery) -> dict[str, object]:
-    return {name: _plain(value) for name, value in vars(recovery).items()}
-
-
-def _plain(value: object) -> object:
-    return str(value) if isinstance(value, Path) else value
 
 
 def _lines(recovery: Recovery) -> list[str]:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.command import Command, add_overrides, number
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
-from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay import WINDOW, ReplayResult, replay
@@ -22,19 +22,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, help="the run.mcap of a run")
     parser.add_argument("--participant", required=True, metavar="NAME", help="participant to start")
     add_tolerance_arguments(parser)
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PATH=VALUE",
-        help="override one value of the recorded scenario, e.g. controller.params.kp=101",
+    add_overrides(
+        parser, "override one value of the recorded scenario, e.g. controller.params.kp=101"
     )
     parser.add_argument(
         "--update", type=Path, metavar="OUT.mcap", help="write a new reference recording"
     )
     parser.add_argument(
         "--window",
-        type=_window,
+        type=number("a number of steps, at least 1", 1),
         default=WINDOW,
         help=f"how many steps its peers are played ahead of it (default: {WINDOW})",
     )
@@ -46,12 +42,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start this program instead of the recorded one, in the current folder; everything "
         "after it is its command line",
     )
-
-
-def _window(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of steps, at least 1")
-    return int(text)
 
 
 def _execute(args: argparse.Namespace) -> int:
@@ -67,23 +57,19 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _replay(args: argparse.Namespace) -> ReplayResult:
     tolerance = tolerance_of(args, args.participant)
-    display = None if args.json else make_display(f"replay of {args.participant}")
-    try:
-        with interruptible() as interrupt:
-            return replay(
-                args.recording,
-                args.participant,
-                program=args.exec,
-                overrides=args.set,
-                tolerance=tolerance,
-                update=args.update,
-                window=args.window,
-                observer=display,
-                interrupt=interrupt,
-            )
-    finally:
-        if display is not None:
-            display.close()
+    title = f"replay of {args.participant}"
+    with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
+        return replay(
+            args.recording,
+            args.participant,
+            program=args.exec,
+            overrides=args.set,
+            tolerance=tolerance,
+            update=args.update,
+            window=args.window,
+            observer=display,
+            interrupt=interrupt,
+        )
 
 
 def _conclude(result: ReplayResult) -> None:

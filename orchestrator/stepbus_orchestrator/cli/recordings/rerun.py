@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import Diff, diff
-from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.command import Command, add_overrides
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
-from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
@@ -17,13 +17,7 @@ from stepbus_orchestrator.replay.rerun import Preparation, Rerun
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, help="the run.mcap of a run")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PATH=VALUE",
-        help="override one value, e.g. window=1; may be repeated",
-    )
+    add_overrides(parser, "override one value, e.g. window=1; may be repeated")
     parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
 
@@ -32,7 +26,9 @@ def _execute(args: argparse.Namespace) -> int:
     preparation = Preparation(args.recording, args.out or _default(args.recording), args.set)
     if not args.json:
         _warn(preparation.notes)
-    rerun = _run(preparation, quiet=args.json)
+    title = preparation.scenario.name
+    with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
+        rerun = preparation.run(display, interrupt)
     found = None if rerun.equal else diff(rerun.recording, rerun.result.recording)
     if args.json:
         say_json(_fields(rerun, found))
@@ -55,16 +51,6 @@ def _default(recording: Path) -> Path:
 def _warn(notes: Sequence[str]) -> None:
     for note in notes:
         say(f"note: {note}")
-
-
-def _run(preparation: Preparation, *, quiet: bool) -> Rerun:
-    display = None if quiet else make_display(preparation.scenario.name)
-    try:
-        with interruptible() as interrupt:
-            return preparation.run(display, interrupt)
-    finally:
-        if display is not None:
-            display.close()
 
 
 def _conclude(rerun: Rerun, found: Diff | None) -> None:

@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.entry import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
-from stepbus_orchestrator.cli.terminal.live import make_display
+from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes import check_open_files
 from stepbus_orchestrator.report import write_report
@@ -89,15 +89,10 @@ def _run(
     scenario: Scenario, options: Options, pace: Pace, interrupt: threading.Event, *, quiet: bool
 ) -> Result:
     """Run with a display; signals end the run cleanly, keys control it."""
-    display = None if quiet else make_display(scenario.name, plain=bool(options.debug))
-    try:
-        # A participant in a debugger reads the keys itself.
-        keys = nullcontext() if quiet or options.debug else controlled(pace, interrupt)
-        with keys:
-            return run(scenario, options, display, interrupt)
-    finally:
-        if display is not None:
-            display.close()
+    # A participant in a debugger reads the keys itself.
+    keys = nullcontext() if quiet or options.debug else controlled(pace, interrupt)
+    with displayed(scenario.name, quiet=quiet, plain=bool(options.debug)) as display, keys:
+        return run(scenario, options, display, interrupt)
 
 
 def _report(result: Result, interrupt: threading.Event) -> list[str]:

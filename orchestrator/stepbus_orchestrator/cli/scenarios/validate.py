@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
+from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.scenario import Schedule, load
 
@@ -15,17 +15,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument(
         "--steps",
-        type=_count,
+        type=number("a number of steps, from 0 on", 0),
         default=_SHOWN_STEPS,
         help=f"how many steps of the schedule to show (default: {_SHOWN_STEPS})",
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of steps, from 0 on")
-    return int(text)
 
 
 def _execute(args: argparse.Namespace) -> int:

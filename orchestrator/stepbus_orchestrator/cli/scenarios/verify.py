@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
-from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
+from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
@@ -21,26 +21,22 @@ _SHOWN_HASH = 12
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
-    parser.add_argument("-n", type=_count, default=_RUNS, help="number of runs (default: 5)")
     parser.add_argument(
-        "--seed", type=_seed, default=0, help="seed of the start orders and delays (default: 0)"
+        "-n",
+        type=number("a number of runs, at least 2", 2),
+        default=_RUNS,
+        help="number of runs (default: 5)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=number("a seed, a number from 0 on", 0),
+        default=0,
+        help="seed of the start orders and delays (default: 0)",
     )
     parser.add_argument(
         "--keep", type=Path, metavar="FOLDER", help="keep the runs in this new folder"
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 2:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of runs, at least 2")
-    return int(text)
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a seed, a number from 0 on")
-    return int(text)
 
 
 def _execute(args: argparse.Namespace) -> int:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from queue import SimpleQueue
 
@@ -19,57 +20,54 @@ _PLAIN_EVERY_S = 2.0
 _LAST_S = 2.0
 
 
-class LiveTable:
-    """Shows progress as a table, drawn again with each report."""
+class Display:
+    """Shows sentences only: a debugger has the terminal."""
 
     def __init__(self, title: str, console: Console) -> None:
         self._title = title
+        self._console = console
+
+    def progress(self, progress: Progress) -> None:
+        """Show the progress of the run."""
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Print a sentence, above a table if there is one."""
+        self._print(f"{level}: {who} at step {step}: {text}")
+
+    def close(self) -> None:
+        """Remove what is not to stay."""
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, markup=False, soft_wrap=True)
+
+
+class LiveTable(Display):
+    """Shows progress as a table, drawn again with each report."""
+
+    def __init__(self, title: str, console: Console) -> None:
+        super().__init__(title, console)
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._live.start()
-        self._console = console
 
     def progress(self, progress: Progress) -> None:
         """Draw the table again."""
         self._live.update(_table(self._title, progress), refresh=True)
-
-    def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Print a sentence above the table."""
-        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
 
     def close(self) -> None:
         """Remove the table."""
         self._live.stop()
 
 
-class PlainLines:
+class PlainLines(Display):
     """Shows progress as a line every two seconds."""
 
-    def __init__(self, title: str, console: Console) -> None:
-        self._title = title
-        self._console = console
-        self._shown_s = -_PLAIN_EVERY_S
+    _shown_s = -_PLAIN_EVERY_S
 
     def progress(self, progress: Progress) -> None:
         """Print a line if the last one is two seconds old."""
         if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
             self._shown_s = progress.elapsed_s
-            self._console.print(
-                f"{self._title}: {_headline(progress)}", markup=False, soft_wrap=True
-            )
-
-    def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Print a sentence."""
-        self._console.print(f"{level}: {who} at step {step}: {text}", markup=False, soft_wrap=True)
-
-    def close(self) -> None:
-        """Do nothing: every line is printed."""
-
-
-class EventsOnly(PlainLines):
-    """Shows no progress: a debugger has the terminal."""
-
-    def progress(self, progress: Progress) -> None:
-        """Print nothing."""
+            self._print(f"{self._title}: {_headline(progress)}")
 
 
 class Aside:
@@ -79,7 +77,7 @@ class Aside:
     When there is no time, progress is left out, sentences are not.
     """
 
-    def __init__(self, display: LiveTable | PlainLines) -> None:
+    def __init__(self, display: Display) -> None:
         self._display = display
         self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="display", daemon=True)
@@ -105,12 +103,16 @@ class Aside:
             show()
 
 
-def make_display(title: str, *, plain: bool = False) -> Aside:
-    """Return the display for where stdout goes; plain: a debugger has the terminal."""
+@contextlib.contextmanager
+def displayed(title: str, *, quiet: bool, plain: bool = False) -> Iterator[Aside | None]:
+    """Yield the display for where stdout goes; plain: a debugger has it; quiet: there is none."""
+    if quiet:
+        yield None
+        return
     console = Console()
-    if plain:
-        return Aside(EventsOnly(title, console))
-    return Aside(LiveTable(title, console) if console.is_terminal else PlainLines(title, console))
+    shown = Display if plain else LiveTable if console.is_terminal else PlainLines
+    with contextlib.closing(Aside(shown(title, console))) as display:
+        yield display
 
 
 def _headline(progress: Progress) -> str:

@@ -33,4 +33,4 @@ def print_error(text: str) -> None:
 
 def say_json(value: object) -> None:
     """Print a value for programs."""
-    say(msgspec.json.format(msgspec.json.encode(value), indent=2).decode())
+    say(msgspec.json.format(msgspec.json.encode(value, enc_hook=os.fspath), indent=2).decode())
