@@ -17,12 +17,14 @@ from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES
 from .schema import json_schema
 from .tables import messages_page
-from .vectors import vectors
+from .vectors import from_notation, vectors
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Where this file lies in a checkout of the repository."""
 
 SCHEMAS_FOLDER = "schemas/json"
+VECTORS_FILE = "schemas/vectors.json"
+_VECTORS = CHECKOUT / VECTORS_FILE
 
 
 def generated_files(root: Path) -> dict[Path, str]:
@@ -31,7 +33,8 @@ def generated_files(root: Path) -> dict[Path, str]:
         root / SCHEMAS_FOLDER / f"{name.replace('/', '.')}.json": _indented(json_schema(name))
         for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
     }
-    files[root / "schemas/vectors.json"] = _line_by_line(vectors(), 4) + "\n"
+    known = json.loads(_VECTORS.read_text(encoding="utf-8"), object_hook=from_notation)
+    files[root / VECTORS_FILE] = _line_by_line(vectors(known), 4) + "\n"
     files[root / "docs/reference/messages.md"] = messages_page()
     return files
 

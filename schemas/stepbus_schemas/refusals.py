@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from .examples import Value
 from .schema import not_null
+
+Value = dict[str, Any]
 
 _NEVER_USED = b"\xc1"
 """The one byte MessagePack gives no meaning to."""

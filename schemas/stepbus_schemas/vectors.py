@@ -2,20 +2,21 @@
 
 For each type: `exact` values with the bytes our encoder makes of them; `accepted` bytes that a
 decoder has to take although our encoder would not make them; `refused` bytes, with the path of
-what is wrong and a part of the sentence our decoder says.
+what is wrong and a part of the sentence our decoder says. All follow from the types and from the
+names and values of the exact vectors, which you write: `minimal`, with the required fields only,
+`full`, with all of them, none empty, and what else is worth a vector.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
 
-from .examples import EXAMPLES, Value
-from .refusals import Refusal, refusals
+from .refusals import Refusal, Value, refusals
 from .schema import json_schema, not_null
 
 NOTATION = (
@@ -35,14 +36,17 @@ Row = dict[str, Any]
 _pack = msgspec.msgpack.Encoder().encode
 
 
-def vectors() -> dict[str, Any]:
-    """Return the content of `schemas/vectors.json`."""
-    types = {name: _of_type(name) for name in sorted(EXAMPLES)}
-    return {"notation": NOTATION, "types": types}
+def vectors(known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of `schemas/vectors.json`.
+
+    known: the same, of which the names and values of the exact vectors count.
+    """
+    types = {name: _of_type(name, groups["exact"]) for name, groups in known["types"].items()}
+    return {"notation": NOTATION, "types": dict(sorted(types.items()))}
 
 
-def _of_type(type_name: str) -> dict[str, list[Row]]:
-    examples = EXAMPLES[type_name]
+def _of_type(type_name: str, exact: list[Row]) -> dict[str, list[Row]]:
+    examples = {row["name"]: row["value"] for row in exact}
     minimal, full = examples["minimal"], examples["full"]
     schema = json_schema(type_name)
     return {
@@ -74,6 +78,19 @@ def notation(value: Any) -> Any:
     if isinstance(value, int) and abs(value) > _SAFE_INTEGER:
         return {"$int": str(value)}
     return value
+
+
+def from_notation(value: dict[str, Any]) -> Any:
+    """Return what an object of the JSON of `NOTATION` stands for; for `json.loads`."""
+    match value:
+        case {"$float": text}:
+            return float(text)
+        case {"$int": text}:
+            return int(text)
+        case {"$bin": text}:
+            return bytes.fromhex(text)
+        case _:
+            return value
 
 
 def _accepted(schema: Value, minimal: Value, full: Value) -> Iterator[Row]:

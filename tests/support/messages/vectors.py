@@ -11,25 +11,14 @@ from hypothesis import strategies as st
 from support.paths import CHECKOUT
 
 from stepbus_schemas import ENVELOPE_TYPES, MESSAGE_TYPES, Envelope, Message
+from stepbus_schemas.vectors import from_notation
 
 TYPES: dict[str, type[Message] | type[Envelope]] = {**MESSAGE_TYPES, **ENVELOPE_TYPES}
 
 
 def load_vectors() -> dict[str, dict[str, list[dict[str, Any]]]]:
     text = (CHECKOUT / "schemas/vectors.json").read_text(encoding="utf-8")
-    return json.loads(text, object_hook=_read_notation)["types"]
-
-
-def _read_notation(value: dict[str, Any]) -> Any:
-    match value:
-        case {"$float": text}:
-            return float(text)
-        case {"$int": text}:
-            return int(text)
-        case {"$bin": text}:
-            return bytes.fromhex(text)
-        case _:
-            return value
+    return json.loads(text, object_hook=from_notation)["types"]
 
 
 @cache
