@@ -3,7 +3,8 @@
 import sys
 
 import stepbus
-from stepbus_participant import Description, JointCommand, JointReference, JointState, Participant
+from stepbus_participant import Participant
+from stepbus_schemas import Description, JointCommand, JointReference, JointState
 
 PAIR = [0.25, 0.75]
 

@@ -1,31 +1,5 @@
 """What a process imports to take part in a run."""
 
-from stepbus_schemas import (
-    BaseCommand,
-    BaseState,
-    Contacts,
-    ControllerStatus,
-    Description,
-    Detections,
-    Event,
-    Goal,
-    GoalStatus,
-    GripperCommand,
-    GripperState,
-    Image,
-    JointCommand,
-    JointReference,
-    JointState,
-    Message,
-    MessageError,
-    Plan,
-    PlanRequest,
-    Poses,
-    RunError,
-    StepbusError,
-    WiringError,
-)
-
 from .bus import ONE_THREAD, Bus, BusError, Request, ZenohBus
 from .bus.ticket import (
     TICKET_VARIABLE,
@@ -36,12 +10,14 @@ from .bus.ticket import (
     scratch_folder,
 )
 from .config import Config, Ports
-from .config.plugins import load_class, make_plugin
+from .config.plugins import make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .files import find_file, last_error, package_path, read_urdf_text
 from .main import main, take_part
 from .methods import CallError, Method
-from .parameters import (
+from .parameters.durations import LONGEST_NS, format_duration, parse_duration
+from .parameters.problems import Problems, SettingsError, suggest
+from .parameters.settings import (
     Count,
     Duration,
     File,
@@ -56,19 +32,15 @@ from .parameters import (
     Plugin,
     Positive,
     PositivePerJoint,
-    Problems,
     Settings,
-    SettingsError,
     Share,
     Text,
     Vector3,
     Whole,
     each,
     needed_when,
-    suggest,
     when,
 )
-from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .participant import Participant, PortType
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
@@ -77,35 +49,18 @@ __all__ = [
     "LONGEST_NS",
     "ONE_THREAD",
     "TICKET_VARIABLE",
-    "BaseCommand",
-    "BaseState",
     "Bus",
     "BusError",
     "CallError",
     "Config",
-    "Contacts",
-    "ControllerStatus",
     "Count",
-    "Description",
-    "Detections",
     "Duration",
     "Endpoint",
-    "Event",
     "ExtraMissing",
     "File",
     "Finite",
-    "Goal",
-    "GoalStatus",
-    "GripperCommand",
-    "GripperState",
-    "Image",
     "Input",
     "InputAbsent",
-    "JointCommand",
-    "JointReference",
-    "JointState",
-    "Message",
-    "MessageError",
     "MessageFault",
     "Method",
     "Name",
@@ -117,27 +72,21 @@ __all__ = [
     "Participant",
     "PerJoint",
     "PerName",
-    "Plan",
-    "PlanRequest",
     "Plugin",
     "PortType",
     "Ports",
-    "Poses",
     "Positive",
     "PositivePerJoint",
     "Problems",
     "Request",
-    "RunError",
     "Settings",
     "SettingsError",
     "Share",
     "Step",
-    "StepbusError",
     "Text",
     "Ticket",
     "Vector3",
     "Whole",
-    "WiringError",
     "ZenohBus",
     "each",
     "extra_hint",
@@ -146,7 +95,6 @@ __all__ = [
     "import_error_hint",
     "install_command",
     "last_error",
-    "load_class",
     "load_ticket",
     "main",
     "make_plugin",

@@ -12,17 +12,17 @@ from support.runs.joints import run_joints
 
 import stepbus_participant.session.admission
 import stepbus_participant.session.step_loop
-from stepbus_participant import (
+from stepbus_participant import Endpoint, Participant, Ticket, take_part
+from stepbus_participant.bus import zenoh_settings
+from stepbus_schemas import (
+    ENVELOPE_TYPES,
+    Decoder,
     Description,
-    Endpoint,
     JointCommand,
     JointState,
-    Participant,
-    Ticket,
-    take_part,
+    encode,
+    encoding_of,
 )
-from stepbus_participant.bus import zenoh_settings
-from stepbus_schemas import ENVELOPE_TYPES, Decoder, encode, encoding_of
 
 PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")
 EXAMPLE = re.compile(

@@ -31,7 +31,8 @@ from stepbus import (
     needed_when,
     when,
 )
-from stepbus_participant.parameters import Name, Own, Pause, Problems, find_problems, read_value
+from stepbus_participant import Name, Own, Problems
+from stepbus_participant.parameters import Pause, find_problems, read_value
 
 
 class Spring(Settings):

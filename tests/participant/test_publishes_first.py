@@ -3,8 +3,8 @@
 import pytest
 from support.messages.scripted_bus import command, run_plant, stop
 
-from stepbus_participant import JointCommand, JointState, Participant
-from stepbus_schemas import RunError
+from stepbus_participant import Participant
+from stepbus_schemas import JointCommand, JointState, RunError
 
 
 class Plant(Participant):

@@ -20,7 +20,7 @@ from typing import Annotated, Any, ClassVar, Self, dataclass_transform
 
 import msgspec
 
-from .problems import Keys, Problems, SettingsError, suggest
+from .problems import Keys, Problems, suggest
 
 _DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
 NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]*"
@@ -188,32 +188,3 @@ NonNegativePerJoint = Annotated[PerName, _per(NonNegative)]
 """As `PerJoint`, none of the numbers negative."""
 PositivePerJoint = Annotated[PerName, _per(Positive)]
 """As `PerJoint`, each number above 0."""
-
-__all__ = [
-    "LONGEST_NAME",
-    "NAME_FORM",
-    "Count",
-    "Duration",
-    "File",
-    "Finite",
-    "Name",
-    "Names",
-    "NonNegative",
-    "NonNegativePerJoint",
-    "Own",
-    "Pause",
-    "PerJoint",
-    "PerName",
-    "Plugin",
-    "Positive",
-    "PositivePerJoint",
-    "Settings",
-    "SettingsError",
-    "Share",
-    "Text",
-    "Vector3",
-    "Whole",
-    "each",
-    "needed_when",
-    "when",
-]

@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
-from stepbus_participant import Config, Description, Participant, RunError, WiringError
-from stepbus_schemas import json_schema, not_null
+from stepbus_participant import Config, Participant
+from stepbus_schemas import Description, RunError, WiringError, json_schema, not_null
 
 from .link import Framing, Link
 from .program import Program

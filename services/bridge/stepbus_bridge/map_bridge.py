@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import msgspec
 from msgspec.structs import astuple
 
-from stepbus_participant import Config, Description, Message, Step
-from stepbus_schemas import PROTOCOL_VERSION, message_class
+from stepbus_participant import Config, Step
+from stepbus_schemas import PROTOCOL_VERSION, Description, Message, message_class
 
 from .bridge import Bridge, BridgedProgram
 from .errors import BridgeError

@@ -6,18 +6,19 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 
-from stepbus_participant import (
-    Config,
+from stepbus_participant import Config, Step
+from stepbus_schemas import (
+    PROTOCOL_VERSION,
     Description,
     JointCommand,
+    JointMode,
     JointReference,
     JointState,
     Message,
     RunError,
-    Step,
     WiringError,
+    raw_problem,
 )
-from stepbus_schemas import PROTOCOL_VERSION, JointMode, raw_problem
 
 from .bridge import Bridge, BridgedProgram
 from .link import Block

@@ -11,8 +11,15 @@ from support.runs.bridge import BRIDGED
 
 from stepbus.testing import feed
 from stepbus_bridge import BridgedProgram, BridgeError, MapBridge, RawBridge
-from stepbus_participant import Config, Description, JointCommand, JointState, WiringError
-from stepbus_schemas import InputConfig, OutputConfig
+from stepbus_participant import Config
+from stepbus_schemas import (
+    Description,
+    InputConfig,
+    JointCommand,
+    JointState,
+    OutputConfig,
+    WiringError,
+)
 
 STATE = InputConfig(source="plant", port="joint_state", type="JointState/1")
 JOINTS = {"joint_state": Description(names=["knee", "hip"])}

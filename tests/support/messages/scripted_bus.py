@@ -2,9 +2,10 @@
 
 import msgspec
 
-from stepbus_participant import Endpoint, JointCommand, Ticket, take_part
+from stepbus_participant import Endpoint, Ticket, take_part
 from stepbus_schemas import (
     InputConfig,
+    JointCommand,
     OutputConfig,
     Outputs,
     Start,

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from stepbus_participant.parameters import NonNegative, Settings, read_value, read_yaml, suggest
+from stepbus_participant import NonNegative, Settings, suggest
+from stepbus_participant.parameters import read_value, read_yaml
 from stepbus_schemas import WiringError
 
 ANY = "*"

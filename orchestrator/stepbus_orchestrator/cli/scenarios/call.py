@@ -15,7 +15,8 @@ from rich.table import Table
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.run.control.live_file import call
-from stepbus_participant.parameters import parse_yaml, suggest
+from stepbus_participant import suggest
+from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
 

@@ -7,7 +7,8 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_participant.parameters import SettingsError, texts_in
+from stepbus_participant import SettingsError
+from stepbus_participant.parameters import texts_in
 from stepbus_schemas import WiringError
 
 _JS_FILE = re.compile(r"""(?:"(\.{1,2}/[^"\n]+)"|'(\.{1,2}/[^'\n]+)')""")

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import LONGEST_NS, format_duration
-from stepbus_participant.parameters import Keys, Problems, read
+from stepbus_participant import LONGEST_NS, Problems, format_duration
+from stepbus_participant.parameters import Keys, read
 from stepbus_schemas import WiringError
 
 from ..faults import FaultContext, parse_fault

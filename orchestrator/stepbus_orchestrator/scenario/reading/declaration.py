@@ -11,16 +11,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from stepbus_participant.parameters import (
-    Count,
-    Duration,
-    Keys,
-    Name,
-    Pause,
-    Settings,
-    Whole,
-    suggest,
-)
+from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
+from stepbus_participant.parameters import Keys, Pause
 from stepbus_schemas import BridgeFormat, Description, WiringError, message_class
 
 from ..model import BusSpec, Deadlines, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Publishes

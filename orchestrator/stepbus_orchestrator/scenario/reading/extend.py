@@ -5,14 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.parameters import (
-    Problem,
-    SettingsError,
-    YamlFile,
-    read_yaml,
-    show,
-    suggest,
-)
+from stepbus_participant import SettingsError, suggest
+from stepbus_participant.parameters import Problem, YamlFile, read_yaml, show
 
 from ..files.paths import is_file
 from .crowd import check_count, refuse_crowd

@@ -6,7 +6,8 @@ import importlib.util
 import re
 from pathlib import Path
 
-from stepbus_participant.parameters import fatal, suggest
+from stepbus_participant import suggest
+from stepbus_participant.parameters import fatal
 
 from ..files.paths import is_file, is_folder
 

@@ -7,16 +7,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from stepbus_participant.parameters import (
-    Keys,
-    Place,
-    Problem,
-    SettingsError,
-    YamlFile,
-    parse_yaml,
-    show,
-    suggest,
-)
+from stepbus_participant import SettingsError, suggest
+from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
 from stepbus_schemas import WiringError
 
 from .declaration import ScenarioFile

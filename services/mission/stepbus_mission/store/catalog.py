@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stepbus_participant import SettingsError
-from stepbus_participant.parameters import read_yaml
+from stepbus_participant import SettingsError, parameters
 
 
 def types_in(path: Path) -> list[str]:
@@ -14,7 +13,7 @@ def types_in(path: Path) -> list[str]:
     Raises ValueError with a sentence for a file without any, or one that cannot be read.
     """
     try:
-        data = read_yaml(path, "a world has at least bodies").data
+        data = parameters.read_yaml(path, "a world has at least bodies").data
     except SettingsError as exc:
         raise ValueError(str(exc)) from exc
     stock = data.get("stock")

@@ -20,13 +20,14 @@ from stepbus_participant import (
     Finite,
     NonNegative,
     Positive,
+    Problems,
     Settings,
     Share,
     Vector3,
     Whole,
     parameters,
 )
-from stepbus_participant.parameters import Keys, Problems, read
+from stepbus_participant.parameters import Keys, read
 
 Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
