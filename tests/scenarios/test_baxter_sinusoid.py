@@ -9,7 +9,7 @@ import pytest
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
-from stepbus_orchestrator.analysis.sinusoid import fit_sinusoids, motion_at_rest, sinusoid_lines
+from stepbus_orchestrator.analysis.sinusoid import JointMotions
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
@@ -41,9 +41,16 @@ def tracking(result):
     return read_tracking(Recording(result.recording))
 
 
-def test_both_joints_follow_within_two_percent_and_five_milliseconds(result, tracking):
+@pytest.fixture(scope="module")
+def motions(tracking):
+    found = JointMotions()
+    found.take(tracking)
+    return found
+
+
+def test_both_joints_follow_within_two_percent_and_five_milliseconds(result, tracking, motions):
     assert result.exit_code == 0
-    fits = {fit.joint: fit for fit in fit_sinusoids(tracking, after_s=2.0)}
+    fits = {fit.joint: fit for fit in motions.fits([tracking], after_s=2.0)}
     assert {joint: round(np.degrees(fit.wanted), 6) for joint, fit in fits.items()} == {
         "left_s0": 10.0,
         "right_s0": 5.0,
@@ -52,8 +59,8 @@ def test_both_joints_follow_within_two_percent_and_five_milliseconds(result, tra
     assert max(abs(fit.lag_s) for fit in fits.values()) < 0.005
 
 
-def test_no_other_joint_moves_more_than_half_a_degree(tracking):
-    _, angle = motion_at_rest(tracking)
+def test_no_other_joint_moves_more_than_half_a_degree(motions):
+    _, angle = motions.at_rest()
     assert 0 < np.degrees(angle) < 0.5
 
 
@@ -70,8 +77,8 @@ def test_targets_and_measurements_of_all_fourteen_are_recorded(tracking):
     assert tracking.command is None
 
 
-def test_the_summary_gives_amplitude_and_lag_in_degrees_and_milliseconds(tracking):
-    lines = sinusoid_lines(tracking, after_s=2.0)
+def test_the_summary_gives_amplitude_and_lag_in_degrees_and_milliseconds(tracking, motions):
+    lines = motions.lines([tracking], after_s=2.0)
     assert [line.split(":")[0] for line in lines[:2]] == ["sinusoid  left_s0", "sinusoid  right_s0"]
     assert "° of 10.000° (" in lines[0]
     assert "lag " in lines[0]

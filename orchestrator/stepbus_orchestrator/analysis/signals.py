@@ -1,25 +1,35 @@
-"""Joint signals of a recording as arrays, brought together by joint name."""
+"""Joint signals of a recording as arrays, brought together by joint name.
+
+A long recording is read in pieces: each piece is a `Tracking` of some consecutive steps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.recording import BATCH_BYTES, Batch, Port, Recording
 
 Array = NDArray[np.float64]
+
+_STATE = ("JointState/1", ("position", "velocity", "effort", "target"))
+_REFERENCE = ("JointReference/1", ("position", "velocity", "acceleration"))
+_COMMAND = ("JointCommand/1", ("mode", "values"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """One port over time.
+    """One port over time, or a piece of it.
 
     names: of the joints. steps: shape (m,). t: simulation time, shape (m,), [s]. fields:
     quantity → values, shape (m, n). limits: as in the port's description. joint_types: joint → its
-    type, where the description gives it.
+    type, where the description gives it. modes: those in it, of a command. before: what a piece
+    follows, its last message alone. end: the step up to which the last value of all holds; as
+    long as between the first two without.
     """
 
     names: Sequence[str]
@@ -28,6 +38,9 @@ class Signal:
     fields: Mapping[str, Array]
     limits: Mapping[str, Sequence[float]] = field(default_factory=dict)
     joint_types: Mapping[str, str] = field(default_factory=dict)
+    modes: frozenset[str] = frozenset()
+    before: Signal | None = None
+    end: int | None = None
 
     def of(self, quantity: str, joint: str) -> Array | None:
         """Return one quantity of one joint, shape (m,); None where there is none."""
@@ -36,19 +49,39 @@ class Signal:
         values: Array = self.fields[quantity][:, list(self.names).index(joint)]
         return values
 
-    def held_at(self, steps: NDArray[np.int64], values: Array) -> Array:
-        """Return values of this signal at other steps, held until the next; NaN outside."""
-        index = np.searchsorted(self.steps, steps, side="right") - 1
-        every = int(self.steps[1] - self.steps[0]) if len(self.steps) > 1 else 1
-        known = (index >= 0) & (steps < self.steps[-1] + every)
-        held: Array = np.where(known, values[np.maximum(index, 0)], np.nan)
+    def held_at(self, steps: NDArray[np.int64], quantity: str, joint: str) -> Array:
+        """Return a quantity of a joint at other steps, held until the next; NaN outside."""
+        parts = [part for part in (self.before, self) if part is not None]
+        rows = [row for part in parts if (row := part.of(quantity, joint)) is not None]
+        known = np.concatenate([part.steps for part in parts])
+        values = np.concatenate(rows) if rows else np.empty(0)
+        if not len(values) or len(values) != len(known):
+            return np.full(len(steps), np.nan)
+        index = np.searchsorted(known, steps, side="right") - 1
+        end = self.end if self.end is not None else known[-1] + _interval(known)
+        held: Array = np.where((index >= 0) & (steps < end), values[np.maximum(index, 0)], np.nan)
         return held
+
+    def slice(self, rows: slice) -> Signal:
+        """Return some of its messages."""
+        fields = {quantity: values[rows].copy() for quantity, values in self.fields.items()}
+        return replace(self, steps=self.steps[rows].copy(), t=self.t[rows].copy(), fields=fields)
+
+
+def _interval(steps: NDArray[np.int64]) -> int:
+    """Return how many steps lie between the first two messages; 1 where there are fewer."""
+    return int(steps[1] - steps[0]) if len(steps) > 1 else 1
 
 
 def read_signal(port: Port, quantities: Sequence[str]) -> Signal | None:
     """Return a port as arrays; None when it has no messages, or none of a constant width."""
-    arrays = port.arrays(*quantities)
-    if not len(port):
+    return _signal(port, port, quantities)
+
+
+def _signal(port: Port, source: Port | Batch, quantities: Sequence[str]) -> Signal | None:
+    """Return what `source` has of a port."""
+    arrays = source.arrays(*quantities)
+    if not len(source.steps):
         return None
     fields = {
         quantity: values.astype(float)
@@ -61,28 +94,30 @@ def read_signal(port: Port, quantities: Sequence[str]) -> Signal | None:
         return None
     described = port.description
     types = dict(zip(names, described.details.get("type", []), strict=False))
+    modes = arrays.get("mode")
     return Signal(
         names=names,
-        steps=port.steps,
-        t=port.t,
+        steps=source.steps,
+        t=source.t,
         fields=fields,
         limits=described.limits,
         joint_types=types,
+        modes=frozenset() if modes is None else frozenset(modes),
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tracking:
-    """What the classic plots of joint control need.
+    """What the classic plots of joint control need, or a piece of it.
 
-    state, reference, command: the first port of each type; absent where there is none.
-    command: of mode torque only.
+    state, reference: the first port of each type; absent where there is none. commands: all ports
+    of commands, by topic.
     joints: those that state and reference share, in the state's order.
     """
 
     state: Signal | None
     reference: Signal | None
-    command: Signal | None
+    commands: Mapping[str, Signal] = field(default_factory=dict)
 
     @property
     def joints(self) -> list[str]:
@@ -95,56 +130,61 @@ class Tracking:
         """Return reference minus measured position, shape (m,), at the steps of the state."""
         state, reference = self.state, self.reference
         measured = None if state is None else state.of("position", joint)
-        wanted = None if reference is None else reference.of("position", joint)
-        if state is None or reference is None or measured is None or wanted is None:
+        if state is None or reference is None or measured is None:
             return np.full(0 if state is None else len(state.steps), np.nan)
-        return reference.held_at(state.steps, wanted) - measured
+        return reference.held_at(state.steps, "position", joint) - measured
 
 
 def read_tracking(recording: Recording) -> Tracking:
-    """Return the joint signals of a recording."""
-    found = {
-        type_name: _first(recording, type_name, quantities)
-        for type_name, quantities in (
-            ("JointState/1", ("position", "velocity", "effort", "target")),
-            ("JointReference/1", ("position", "velocity", "acceleration")),
-        )
-    }
-    return Tracking(
-        state=found["JointState/1"],
-        reference=found["JointReference/1"],
-        command=_torques(recording),
+    """Return the joint signals of a recording in one piece; what it takes grows with its length."""
+    pieces = tracking_pieces(recording, sys.maxsize)
+    return next(pieces, Tracking(state=None, reference=None))
+
+
+def tracking_pieces(
+    recording: Recording, most_bytes: int = BATCH_BYTES, *, has_commands: bool = True
+) -> Iterator[Tracking]:
+    """Yield the joint signals of a recording, piece by piece; a short one is one piece."""
+    state, reference = (
+        next(iter(recording.of_type(name)), None) for name, _ in (_STATE, _REFERENCE)
     )
+    commands = recording.of_type(_COMMAND[0]) if has_commands else []
+    series = [port for port in (state, reference, *commands) if port is not None]
+    held = None if reference is None else _Held(reference)
+    for batch in recording.batches(series, most_bytes):
+        yield Tracking(
+            state=None if state is None else _signal(state, batch[state.topic], _STATE[1]),
+            reference=None if held is None else held.take(batch[held.topic]),
+            commands={
+                port.topic: signal
+                for port in commands
+                if (signal := _signal(port, batch[port.topic], _COMMAND[1])) is not None
+            },
+        )
 
 
-def _torques(recording: Recording) -> Signal | None:
-    """Return the first port that commands torques, and nothing else but to brake."""
-    for port in recording.of_type("JointCommand/1"):
-        found = port.arrays("mode", "values")["mode"]
-        modes = set() if found is None else set(found)
-        if "torque" in modes and modes <= {"torque", "brake"}:
-            return read_signal(port, ("values",))
-    return None
+class _Held:
+    """The pieces of a reference, each of which knows what it follows."""
 
+    def __init__(self, port: Port) -> None:
+        self.topic = port.topic
+        self._port = port
+        self._interval = 0
+        self._before: Signal | None = None
 
-def _first(recording: Recording, type_name: str, quantities: Sequence[str]) -> Signal | None:
-    ports = recording.of_type(type_name)
-    return read_signal(ports[0], quantities) if ports else None
-
-
-def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
-    """Return the root mean square of each joint's tracking error [rad].
-
-    after_s: what comes before is left out [s]. The closing sample has no reference and is left
-    out too.
-    """
-    state, reference = tracking.state, tracking.reference
-    if state is None or reference is None:
-        return {}
-    chosen = state.t >= after_s
-    rows = {joint: tracking.error(joint)[chosen] for joint in tracking.joints}
-    return {
-        joint: float(np.sqrt(np.nanmean(e**2)))
-        for joint, e in rows.items()
-        if not np.isnan(e).all()
-    }
+    def take(self, batch: Batch) -> Signal | None:
+        """Return a piece; one without messages where the last one still holds."""
+        before = self._before
+        found = _signal(self._port, batch, _REFERENCE[1])
+        if found is None and before is not None and not len(batch.steps):
+            found = before.slice(slice(0, 0))
+        if found is None:
+            return None
+        if not self._interval:
+            first = [] if before is None else [before.steps]
+            steps = np.concatenate([*first, found.steps])
+            self._interval = _interval(steps) if len(steps) > 1 else 0
+        end = self._port.last_step + (self._interval or 1)
+        if len(found.steps):
+            self._before = found.slice(slice(-1, None))
+        return replace(found, before=before, end=end)

@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array, Signal, Tracking
+from stepbus_orchestrator.analysis.signals import Array
+
+from .curve import Line
+from .tracking_curves import SignalCurves, TrackingCurves
 
 # Less than this is noise, not motion [°, mm].
 _LEAST_SPAN = 1.0
@@ -15,7 +18,7 @@ _MEASURED = {"color": "#1f77b4", "linewidth": 2.0}
 _TARGET = {"color": "#d95f02", "linewidth": 1.4, "linestyle": (0, (4, 3))}
 
 
-def draw_panels(figure: Any, tracking: Tracking) -> None:
+def draw_panels(figure: Any, tracking: TrackingCurves) -> None:
     """Draw one panel per measured joint; angles in degrees, prismatic joints in millimetres.
 
     figure: of matplotlib, with a constrained layout. Lines that mean the same have one colour.
@@ -36,33 +39,33 @@ def draw_panels(figure: Any, tracking: Tracking) -> None:
     figure.legend(handles, labels, loc="outside lower right", ncols=len(labels), fontsize=12)
 
 
-def _panel(axis: Any, tracking: Tracking, state: Signal, joint: str) -> None:
+def _panel(axis: Any, tracking: TrackingCurves, state: SignalCurves, joint: str) -> None:
     scale, unit = _unit(state, joint)
     axis.set_title(joint)
     axis.set_ylabel(f"[{unit}]")
     axis.grid(visible=True, alpha=0.3)
     axis.margins(x=0.01)
+    rows = (
+        (state.of("position", joint), {"label": "measured", **_MEASURED}),
+        (_target_of(tracking, state, joint), {"label": "target", **_TARGET}),
+    )
     shown: list[Array] = []
-    measured = state.of("position", joint)
-    if measured is not None:
-        shown.append(scale * measured)
-        axis.plot(state.t, shown[-1], label="measured", **_MEASURED)
-    source, quantity = _target_of(tracking, joint)
-    wanted = None if source is None else source.of(quantity, joint)
-    if source is not None and wanted is not None:
-        shown.append(scale * wanted)
-        axis.plot(source.t, shown[-1], label="target", **_TARGET)
+    for points, style in rows:
+        if points is not None:
+            t, values = points
+            shown.append(scale * values)
+            axis.plot(t, shown[-1], **style)
     _widen(axis, shown)
 
 
-def _target_of(tracking: Tracking, joint: str) -> tuple[Signal | None, str]:
-    """Return the source of a joint's target: its reference, or else its position target."""
+def _target_of(tracking: TrackingCurves, state: SignalCurves, joint: str) -> Line | None:
+    """Return a joint's target: its reference, or else its position target."""
     if tracking.reference is not None and joint in tracking.reference.names:
-        return tracking.reference, "position"
-    return tracking.state, "target"
+        return tracking.reference.of("position", joint)
+    return state.of("target", joint)
 
 
-def _unit(state: Signal, joint: str) -> tuple[float, str]:
+def _unit(state: SignalCurves, joint: str) -> tuple[float, str]:
     is_prismatic = state.joint_types.get(joint) == "prismatic"
     return (1e3, "mm") if is_prismatic else (float(np.degrees(1.0)), "°")
 

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.signals import Tracking, read_tracking
+from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
 from .device_panels import Panel, device_panels
 from .joint_panels import draw_panels
-from .summary import summary_lines
+from .summary import Summary
+from .tracking_curves import TrackingCurves
 from .tracking_panels import draw_tracking
 
 REPORT_FILE = "report.png"
@@ -24,22 +25,28 @@ _MOST_LINES = 6
 def write_report(path: Path) -> list[str]:
     """Plot a recording and return what a summary should say of it.
 
-    path: the recording. The plots are beside it, in report.png. Returns nothing for a recording
-    without joint states, and one line that says why for one that cannot be plotted.
+    path: the recording, which is read piece by piece. The plots are beside it, in report.png.
+    Returns nothing for a recording without joint states, and one line that says why for one that
+    cannot be plotted.
     """
+    lines: list[str] = []
     try:
         with Recording(path) as recording:
-            tracking = read_tracking(recording)
+            tracking, summary = TrackingCurves(), Summary()
+            for piece in tracking_pieces(recording):
+                tracking.take(piece)
+                summary.take(piece)
             if tracking.state is None:
                 return []
+            lines = summary.lines(tracking_pieces(recording, has_commands=False))
             target = path.with_name(REPORT_FILE)
             draw_report(_title(recording), tracking, device_panels(recording), target)
     except ImportError as exc:
         why = f"{exc.name} is not installed{extra_hint(exc.name or '')}"
-        return [*summary_lines(tracking), f"no plots  {why}"]
+        return [*lines, f"no plots  {why}"]
     except (StepbusError, OSError) as exc:
         return [f"no plots  {exc}"]
-    return [*summary_lines(tracking), f"plots     {target}"]
+    return [*lines, f"plots     {target}"]
 
 
 def _title(recording: Recording) -> str:
@@ -48,7 +55,9 @@ def _title(recording: Recording) -> str:
     return names[0].strip() if names else recording.path.stem
 
 
-def draw_report(title: str, tracking: Tracking, devices: Sequence[Panel], target: Path) -> None:
+def draw_report(
+    title: str, tracking: TrackingCurves, devices: Sequence[Panel], target: Path
+) -> None:
     """Write the figure: joints to the left, devices to the right where there are any.
 
     Raises ImportError without matplotlib, OSError when it cannot be written.

@@ -4,39 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
+from .curve import Line
 
-from stepbus_orchestrator.analysis.signals import Array
-
-_MOST_POINTS = 8000
 _COLOURS = ("#1f77b4", "#d95f02", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#17becf")
 _DASHED = {"color": "black", "linestyle": (0, (4, 6)), "linewidth": 1.1, "zorder": 3}
 
 
-def line(
-    axis: Any, t: Array, values: Array, label: str, index: int, *, dashed: bool = False
-) -> None:
+def line(axis: Any, points: Line, label: str, index: int, *, dashed: bool = False) -> None:
     """Plot one line. index: of its joint, which decides the colour."""
-    t, values = thinned(t, values)
     style = _DASHED if dashed else {"color": _COLOURS[index % len(_COLOURS)], "linewidth": 2}
-    axis.plot(t, values, label=label, **style)
-
-
-def thinned(t: Array, values: Array) -> tuple[Array, Array]:
-    """Return fewer points that look the same: the least and the largest of each bucket."""
-    if len(t) <= _MOST_POINTS:
-        return t, values
-    size = -(-len(t) // (_MOST_POINTS // 2))
-    starts = range(0, len(t), size)
-    filled = np.where(np.isnan(values), 0.0, values)
-    chosen = sorted(
-        {
-            start + int(pick(filled[start : start + size]))
-            for start in starts
-            for pick in (np.argmin, np.argmax)
-        }
-    )
-    return t[chosen], values[chosen]
+    axis.plot(*points, label=label, **style)
 
 
 def legend(axis: Any) -> None:

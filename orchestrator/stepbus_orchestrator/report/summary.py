@@ -2,27 +2,42 @@
 
 from __future__ import annotations
 
-from stepbus_orchestrator.analysis.signals import Tracking, tracking_rmse
-from stepbus_orchestrator.analysis.sinusoid import sinusoid_lines
+from collections.abc import Iterable
+
+from stepbus_orchestrator.analysis.signals import Tracking
+from stepbus_orchestrator.analysis.sinusoid import JointMotions
+from stepbus_orchestrator.analysis.tracking import TrackingError
 
 _SETTLED_S = 2.0
 # More joints than that are named by the worst one only.
 _MOST_NAMED = 6
 
 
-def summary_lines(tracking: Tracking) -> list[str]:
-    """Return how well the joints follow their reference, in lines; none without one."""
-    state = tracking.state
-    if state is None:
-        return []
-    settled = bool(state.t[-1] > _SETTLED_S)
-    rmse = tracking_rmse(tracking, _SETTLED_S if settled else 0.0)
-    if not rmse:
-        return []
-    when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
-    lines = sinusoid_lines(tracking, _SETTLED_S if settled else 0.0)
-    if len(rmse) > _MOST_NAMED:
-        worst = max(rmse, key=lambda joint: rmse[joint])
-        return [*lines, f"tracking RMSE {when}: at most {rmse[worst]:.3g} rad ({worst})"]
-    values = ", ".join(f"{joint} {value:.3g} rad" for joint, value in rmse.items())
-    return [*lines, f"tracking RMSE {when}: {values}"]
+class Summary:
+    """How well the joints follow their reference; give it all pieces of a recording."""
+
+    def __init__(self) -> None:
+        self._last_s = 0.0
+        self._motions = JointMotions()
+        self._whole, self._settled = TrackingError(0.0), TrackingError(_SETTLED_S)
+
+    def take(self, piece: Tracking) -> None:
+        """Take the next piece of a recording."""
+        if piece.state is not None:
+            self._last_s = float(piece.state.t[-1])
+        for part in (self._motions, self._whole, self._settled):
+            part.take(piece)
+
+    def lines(self, pieces: Iterable[Tracking]) -> list[str]:
+        """Return it in lines, none without a reference. pieces: the same, read once more."""
+        settled = self._last_s > _SETTLED_S
+        rmse = (self._settled if settled else self._whole).rmse()
+        if not rmse:
+            return []
+        when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
+        lines = self._motions.lines(pieces, _SETTLED_S if settled else 0.0)
+        if len(rmse) > _MOST_NAMED:
+            worst = max(rmse, key=lambda joint: rmse[joint])
+            return [*lines, f"tracking RMSE {when}: at most {rmse[worst]:.3g} rad ({worst})"]
+        values = ", ".join(f"{joint} {value:.3g} rad" for joint, value in rmse.items())
+        return [*lines, f"tracking RMSE {when}: {values}"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stepbus_orchestrator.analysis.signals import Signal, Tracking
-from stepbus_orchestrator.analysis.sinusoid import fit_sinusoids, sinusoid_lines
+from stepbus_orchestrator.analysis.sinusoid import JointMotions
 
 T = np.arange(0.0, 10.0, 0.01)
 OMEGA = 2 * np.pi
@@ -18,16 +18,51 @@ def signal(**fields):
 def tracking(measured):
     wanted = np.sin(OMEGA * T)
     reference = signal(position=wanted, acceleration=-(OMEGA**2) * wanted)
-    return Tracking(state=signal(position=measured), reference=reference, command=None)
+    return Tracking(state=signal(position=measured), reference=reference)
+
+
+def motions(pieces):
+    found = JointMotions()
+    for piece in pieces:
+        found.take(piece)
+    return found
+
+
+def cut(whole, at):
+    """Return a tracking in two pieces."""
+    rows = slice(0, at), slice(at, None)
+    parts = [(whole.state.slice(r), whole.reference.slice(r)) for r in rows]
+    return [Tracking(state=state, reference=reference) for state, reference in parts]
 
 
 def test_amplitude_and_lag_are_those_of_the_measured_sinusoid():
-    (fit,) = fit_sinusoids(tracking(0.9 * np.sin(OMEGA * (T - 0.02))), after_s=2.0)
+    pieces = [tracking(0.9 * np.sin(OMEGA * (T - 0.02)))]
+    (fit,) = motions(pieces).fits(pieces, after_s=2.0)
     assert (fit.wanted, fit.measured) == pytest.approx((1.0, 0.9))
     assert (fit.lag_s, fit.excess) == pytest.approx((0.02, -0.1))
 
 
 @pytest.mark.parametrize("position", [0.0, 0.3])
 def test_a_joint_that_never_moved_has_no_lag(position):
-    (line, *_) = sinusoid_lines(tracking(np.full_like(T, position)), after_s=2.0)
+    pieces = [tracking(np.full_like(T, position))]
+    (line, *_) = motions(pieces).lines(pieces, after_s=2.0)
     assert line == "sinusoid  knee: did not move; its reference has 57.296°"
+
+
+@pytest.mark.parametrize("at", [1, 3, 500, 999])
+def test_a_fit_over_several_pieces_is_that_over_one(at):
+    whole = tracking(0.9 * np.sin(OMEGA * (T - 0.02)) + 0.01 * np.sin(3.3 * T))
+    (one,) = motions([whole]).fits([whole], after_s=2.0)
+    pieces = cut(whole, at)
+    (other,) = motions(pieces).fits(pieces, after_s=2.0)
+    expected = (one.wanted, one.measured, one.lag_s)
+    assert (other.wanted, other.measured, other.lag_s) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_reference_that_leaves_its_sinusoid_in_a_later_piece_is_none():
+    wanted = np.sin(OMEGA * T)
+    acceleration = -(OMEGA**2) * wanted
+    acceleration[900] += 1e-3
+    reference = signal(position=wanted, acceleration=acceleration)
+    pieces = cut(Tracking(state=signal(position=wanted), reference=reference), 500)
+    assert motions(pieces).fits(pieces, after_s=2.0) == []

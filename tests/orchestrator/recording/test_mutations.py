@@ -10,7 +10,7 @@ from mcap.writer import Writer
 from support.messages.recordings import chunks
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.conformance.harness import material
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, recover
@@ -19,7 +19,7 @@ from stepbus_orchestrator.replay.inputs import inputs_of
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.rerun import read_origin
 from stepbus_orchestrator.report.device_panels import device_panels
-from stepbus_orchestrator.report.summary import summary_lines
+from stepbus_orchestrator.report.summary import Summary
 from stepbus_schemas import StepbusError
 
 DESCRIPTIONS = [
@@ -58,7 +58,10 @@ def arrays(path, _folder, _original):
 
 def report(path, _folder, _original):
     recording = Recording(path)
-    summary_lines(read_tracking(recording))
+    summary = Summary()
+    for piece in tracking_pieces(recording):
+        summary.take(piece)
+    summary.lines(tracking_pieces(recording))
     device_panels(recording)
 
 

@@ -1,21 +1,25 @@
 """The plots of a run: which panels there are, and what they show."""
 
+import math
 import subprocess
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from support.messages.recordings import write
 
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_pieces
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording.reader import source
 from stepbus_orchestrator.report import write_report
+from stepbus_orchestrator.report.curve import Curve
 from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
 from stepbus_orchestrator.report.joint_panels import draw_panels
 from stepbus_orchestrator.report.report import draw_report
-from stepbus_orchestrator.report.style import thinned
-from stepbus_orchestrator.report.summary import summary_lines
+from stepbus_orchestrator.report.summary import Summary
+from stepbus_orchestrator.report.tracking_curves import TrackingCurves
 from stepbus_orchestrator.report.tracking_panels import draw_error
 from stepbus_participant import extra_hint
 from stepbus_schemas import (
@@ -23,6 +27,7 @@ from stepbus_schemas import (
     Goal,
     GripperState,
     JointCommand,
+    JointReference,
     JointState,
     Poses,
 )
@@ -58,6 +63,13 @@ def mobile():
         "goal": ("Goal/1", [], [goal]),
         "poses": ("Poses/1", ["chassis", "grasp"], poses),
     }
+
+
+def curves(*pieces):
+    found = TrackingCurves()
+    for piece in pieces:
+        found.take(piece)
+    return found
 
 
 def draw(panel):
@@ -109,12 +121,13 @@ def test_spans_of_holding_last_until_it_is_lost(holding, spans):
 
 
 def test_positions_that_are_commanded_are_not_shown_as_torques(record):
-    assert read_tracking(record(**arm("position"))).command is None
-    assert read_tracking(record(**arm("torque"))).command.fields["values"].tolist() == [[7.0]] * 4
+    assert curves(read_tracking(record(**arm("position")))).command is None
+    command = curves(read_tracking(record(**arm("torque")))).command
+    assert command.of("values", "j")[1].tolist() == [7.0] * 4
 
 
 def test_without_a_reference_the_error_is_that_of_the_motors(record):
-    axis = draw(lambda axis: draw_error(axis, read_tracking(record(**arm(target=[0.5])))))
+    axis = draw(lambda axis: draw_error(axis, curves(read_tracking(record(**arm(target=[0.5]))))))
     assert axis.get_title() == "error of the motors: target − measured"
     assert axis.lines[1].get_ydata() == pytest.approx([0.5, 0.4, 0.3, 0.2])
 
@@ -122,7 +135,7 @@ def test_without_a_reference_the_error_is_that_of_the_motors(record):
 def test_the_plots_of_a_mobile_manipulator_are_written(record, tmp_path):
     path = tmp_path / "report.png"
     recording = record(**arm(target=[0.5]), **mobile())
-    draw_report("store", read_tracking(recording), device_panels(recording), path)
+    draw_report("store", curves(read_tracking(recording)), device_panels(recording), path)
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
@@ -136,20 +149,104 @@ def test_many_joints_have_a_panel_each_in_degrees():
         joint_types={"j6": "prismatic"},
     )
     figure = Figure(layout="constrained")
-    draw_panels(figure, Tracking(state=state, reference=None, command=None))
+    draw_panels(figure, curves(Tracking(state=state, reference=None)))
     shown = [axis for axis in figure.axes if axis.axison]
     assert [axis.get_title() for axis in shown] == names
     assert shown[0].lines[0].get_ydata() == pytest.approx([180.0] * 3)
     assert shown[6].lines[0].get_ydata() == pytest.approx([1e3 * np.pi] * 3)
 
 
-def test_long_lines_are_thinned_to_what_can_be_seen():
-    t = np.arange(100_000.0)
-    values = np.zeros(100_000)
+def curve(count, piece, columns=1, **options):
+    """Return a curve of random walks, added piece by piece, with their times and values."""
+    t = np.arange(float(count))
+    values = np.random.default_rng(count).normal(size=(count, columns)).cumsum(axis=0)
+    found = Curve(**options)
+    for start in range(0, count, piece):
+        found.add(t[start : start + piece], values[start : start + piece])
+    return found, t, values
+
+
+def test_a_line_of_up_to_8000_points_is_all_there():
+    found, t, values = curve(8000, 700)
+    assert (found.line(0)[0] == t).all()
+    assert (found.line(0)[1] == values[:, 0]).all()
+
+
+@pytest.mark.parametrize("count", [8001, 30_011, 200_000])
+@pytest.mark.parametrize("piece", [1777, 200_000])
+@pytest.mark.parametrize("together", [False, True])
+def test_a_long_line_keeps_its_extremes_in_their_order(count, piece, together):
+    found, _, values = curve(count, piece, columns=2, together=together)
+    for index in (0, 1):
+        thin, kept = found.line(index)
+        assert 2000 <= len(thin) <= 9000
+        assert (np.diff(thin) >= 0).all()
+        assert (kept == values[thin.astype(int), index]).all()
+        assert (kept.min(), kept.max()) == (values[:, index].min(), values[:, index].max())
+    if together:
+        assert (found.line(0)[0] == found.line(1)[0]).all()
+
+
+def test_a_single_spike_in_a_long_line_is_shown():
+    values = np.zeros((100_000, 1))
     values[777] = 5.0
-    thin, kept = thinned(t, values)
-    assert len(thin) <= 8000
-    assert kept.max() == 5.0
+    found = Curve()
+    found.add(np.arange(100_000.0), values)
+    assert found.line(0)[1].max() == 5.0
+
+
+def test_the_lines_of_several_pieces_are_those_of_one(record):
+    recording = record(
+        arm=("JointState/1", ["j"], [JointState(position=[math.sin(n)]) for n in range(50)]),
+        goal=("JointReference/1", ["j"], [reference(n) if n % 5 == 2 else None for n in range(45)]),
+        command=(
+            "JointCommand/1",
+            ["j"],
+            [JointCommand(mode="torque", values=[n]) for n in range(9)],
+        ),
+    )
+    whole, cut = (curves(*tracking_pieces(recording, size)) for size in (10**9, 60))
+    assert len(list(tracking_pieces(recording, 60))) > 10
+    for found in ("position", "velocity"):
+        assert np.array_equal(lines(whole, found), lines(cut, found), equal_nan=True)
+    assert np.array_equal(whole.error("j"), cut.error("j"), equal_nan=True)
+    assert np.array_equal(whole.command.of("values", "j"), cut.command.of("values", "j"))
+    assert np.allclose(whole.state.slope("j"), cut.state.slope("j"), atol=1e-12, rtol=0)
+
+
+def reference(n):
+    return JointReference(position=[0.1 * n], velocity=[1.0 * n], acceleration=[0.0])
+
+
+def lines(found, quantity):
+    return found.reference.of(quantity, "j")
+
+
+def test_a_report_takes_as_much_memory_for_a_long_recording_as_for_a_short_one(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(source, "_CACHE_BYTES", 500_000)
+    peaks = []
+    for count in (20_000, 60_000):
+        states = [JointState(position=[math.sin(0.01 * n)], target=[0.0]) for n in range(count)]
+        path = write(tmp_path / f"{count}.mcap", arm=("JointState/1", ["j"], states))
+        del states
+        peaks.append(peak_of_a_report(path))
+    assert peaks[1] < peaks[0] + 1_000_000
+
+
+def peak_of_a_report(path):
+    """Return the most memory [bytes] that reading a recording for its report takes."""
+    with Recording(path) as recording:
+        tracemalloc.start()
+        found, summary = TrackingCurves(), Summary()
+        for piece in tracking_pieces(recording, 200_000):
+            found.take(piece)
+            summary.take(piece)
+        summary.lines(tracking_pieces(recording, 200_000))
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    return peak
 
 
 def test_the_summary_names_the_worst_of_many_joints():
@@ -158,8 +255,9 @@ def test_the_summary_names_the_worst_of_many_joints():
     offset = zero + 0.01 * np.arange(7)
     state = Signal(names=names, steps=steps, t=t, fields={"position": offset})
     reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
-    lines = summary_lines(Tracking(state=state, reference=reference, command=None))
-    assert lines == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
+    summary, tracking = Summary(), Tracking(state=state, reference=reference)
+    summary.take(tracking)
+    assert summary.lines([tracking]) == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
 
 
 def test_nothing_loads_matplotlib_before_it_plots():

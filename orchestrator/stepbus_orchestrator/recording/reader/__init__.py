@@ -1,7 +1,9 @@
 """Reads recordings lazily: the index at once, the messages of a port when they are asked for."""
 
+from .batches import BATCH_BYTES, Batch
 from .port import Port
 from .recording import Recording
 from .source import Entry
 
-__all__ = ["Entry", "Port", "Recording"]
+
+__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording"]

@@ -21,6 +21,7 @@ class Port:
     """One recorded port: `port.position` is a field of all its messages as one array.
 
     topic: `participant/port`. type: `Name/major`. description: as its participant gave it.
+    channels: its numbers in the file.
     A field that has the name of an attribute is there as `port["names"]`.
     """
 
@@ -40,7 +41,7 @@ class Port:
         self.description = description
         self._names = names
         self._source = source
-        self._channels = channels
+        self.channels = channels
         self._arrays: dict[str, NDArray[Any] | None] = {}
         self._clock: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
 
@@ -73,7 +74,7 @@ class Port:
     @property
     def last_step(self) -> int:
         """Return the step of the last message; −1 without any. It reads one chunk."""
-        return self._source.last_step(self._channels)
+        return self._source.last_step(self.channels)
 
     def __len__(self) -> int:
         """Return the number of messages."""
@@ -85,7 +86,7 @@ class Port:
 
     def entries(self) -> Iterator[Entry]:
         """Yield each message undecoded."""
-        return self._source.entries(self._channels)
+        return self._source.entries(self.channels)
 
     def messages(self) -> Iterator[tuple[int, Message]]:
         """Yield (step, message).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -14,6 +14,7 @@ from stepbus_orchestrator.recording.holes import Holes
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
+from .batches import BATCH_BYTES, Batch, batches
 from .descriptions import Names, read_description
 from .port import Port
 from .source import Source
@@ -79,6 +80,15 @@ class Recording:
         """Yield (step, message) of a port, as `recording[topic].messages()`."""
         return self[topic].messages()
 
+    def batches(
+        self, ports: Iterable[Port], most_bytes: int = BATCH_BYTES
+    ) -> Iterator[dict[str, Batch]]:
+        """Yield all messages of some ports in pieces: topic → its batch, of the same steps.
+
+        It reads the recording once, and holds one piece of about `most_bytes` at a time.
+        """
+        return batches(self._source, list(ports), most_bytes)
+
     def holes(self) -> Sequence[str]:
         """Return what is missing in its midst, a sentence for each hole; it reads all messages.
 
@@ -87,8 +97,8 @@ class Recording:
         if self._holes is None:
             holes = Holes(self.attachments.get(layout.SCENARIO_ATTACHMENT))
             channels = self._source.index.channels
-            for channel, entry in self._source.messages():
-                holes.take(channels[channel].topic, entry.step, entry.data)
+            for channel, step, _, data in self._source.rows():
+                holes.take(channels[channel].topic, step, data)
             self._holes = holes.end()
         return self._holes
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 import weakref
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -22,8 +23,13 @@ from stepbus_orchestrator.recording.records import (
 
 from .index import Block, read_index
 
-_CACHE_BYTES = 32 * 1024 * 1024
+_CACHE_BYTES = 8 * 1024 * 1024
 _LATEST_NS = 2**63 - 1
+_RECORD = struct.Struct(HEAD.format + MESSAGE_HEAD.format[1:])
+"""Of a message: opcode, length, channel, sequence, log time, publish time."""
+
+Row = tuple[int, int, int, bytes]
+"""One message: its channel, step, simulation time [ns] and bytes."""
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -52,32 +58,31 @@ class Source:
         self._blocks = self.index.blocks
         self._cache = _Cache()
 
-    def messages(self) -> Iterator[tuple[int, Entry]]:
-        """Yield (channel, message) of all in recorded order, up to the first damage."""
-        everything = frozenset(self.index.channels)
-        for block in self._blocks:
-            try:
-                yield from self._in_block(block, everything)
-            except DamagedRecord as exc:
-                self._end_before(block, exc)
-                return
+    def rows(self, channels: frozenset[int] | None = None) -> Iterator[Row]:
+        """Yield the messages of some channels, or all, in recorded order, up to the first damage.
 
-    def entries(self, channels: frozenset[int]) -> Iterator[Entry]:
-        """Yield the messages of some channels in recorded order, up to the first damage."""
+        It holds one block at a time.
+        """
+        wanted = frozenset(self.index.channels) if channels is None else channels
         for block in self._blocks:
-            if block.channels & channels:
+            if block.channels & wanted:
                 try:
-                    yield from (entry for _, entry in self._in_block(block, channels))
+                    yield from self._in_block(block, wanted)
                 except DamagedRecord as exc:
                     self._end_before(block, exc)
                     return
+
+    def entries(self, channels: frozenset[int]) -> Iterator[Entry]:
+        """Yield the messages of some channels in recorded order, up to the first damage."""
+        for _, step, t_ns, data in self.rows(channels):
+            yield Entry(step=step, t_ns=t_ns, data=data)
 
     def last_step(self, channels: frozenset[int]) -> int:
         """Return the newest step of some channels; −1 without a message."""
         for block in reversed(self._blocks):
             if block.channels & channels:
                 try:
-                    return max(entry.step for _, entry in self._in_block(block, channels))
+                    return max(step for _, step, _, _ in self._in_block(block, channels))
                 except DamagedRecord as exc:
                     self._end_before(block, exc)
         return -1
@@ -87,7 +92,7 @@ class Source:
         self.damage = str(exc)
         self._blocks = [other for other in self._blocks if other.offset < block.offset]
 
-    def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[tuple[int, Entry]]:
+    def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[Row]:
         if not self.close.alive:
             raise RecordingFailed(f"{self.path} is closed")
         data = self._cache.get(block)
@@ -112,26 +117,46 @@ class Source:
         return chunk_content(data[HEAD.size :]) if opcode == Opcode.CHUNK else data
 
 
-def _messages(data: bytes, channels: frozenset[int]) -> Iterator[tuple[int, Entry]]:
+def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
     """Yield the messages of some channels in a block; raises DamagedRecord."""
+    unpack, message, fixed = _RECORD.unpack_from, int(Opcode.MESSAGE), _RECORD.size
     offset, size = 0, len(data)
     while offset < size:
-        if size - offset < HEAD.size:
-            raise DamagedRecord(f"inside a chunk: it ends in the head of the record at {offset}")
-        opcode, length = HEAD.unpack_from(data, offset)
-        check_head(opcode, length, offset, size)
-        start = offset + HEAD.size
-        offset = start + length
-        if opcode != Opcode.MESSAGE:
+        if size - offset < fixed or data[offset] != message:
+            offset = _skip(data, offset)
             continue
-        if length < MESSAGE_HEAD.size:
-            raise DamagedRecord(f"inside a chunk: a message of {length} bytes")
-        channel, step, t_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
-        if t_ns > _LATEST_NS:
-            raise DamagedRecord(f"inside a chunk: a message has the time {t_ns} ns")
+        _, length, channel, step, t_ns, _ = unpack(data, offset)
+        end = offset + HEAD.size + length
+        if length < MESSAGE_HEAD.size or end > size or t_ns > _LATEST_NS:
+            raise _corrupt(data, offset)
         if channel in channels:
-            content = data[start + MESSAGE_HEAD.size : offset]
-            yield channel, Entry(step=step, t_ns=t_ns, data=content)
+            yield channel, step, t_ns, data[offset + fixed : end]
+        offset = end
+
+
+def _skip(data: bytes, offset: int) -> int:
+    """Return where a record ends that is no message; raises DamagedRecord."""
+    size = len(data)
+    if size - offset < HEAD.size:
+        raise DamagedRecord(f"inside a chunk: it ends in the head of the record at {offset}")
+    opcode, length = HEAD.unpack_from(data, offset)
+    check_head(opcode, length, offset, size)
+    if opcode == Opcode.MESSAGE:
+        raise _corrupt(data, offset)
+    return offset + HEAD.size + int(length)
+
+
+def _corrupt(data: bytes, offset: int) -> DamagedRecord:
+    """Return what is wrong with a message."""
+    opcode, length = HEAD.unpack_from(data, offset)
+    try:
+        check_head(opcode, length, offset, len(data))
+    except DamagedRecord as exc:
+        return exc
+    if length < MESSAGE_HEAD.size:
+        return DamagedRecord(f"inside a chunk: a message of {length} bytes")
+    *_, t_ns, _ = _RECORD.unpack_from(data, offset)
+    return DamagedRecord(f"inside a chunk: a message has the time {t_ns} ns")
 
 
 class _Cache:

@@ -1,0 +1,46 @@
+"""How well joints follow their reference, summed up piece by piece."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .signals import Tracking
+
+
+class TrackingError:
+    """The root mean square of each joint's tracking error.
+
+    after_s: what comes before is left out [s]. The closing sample has no reference and is left
+    out too. Of a recording in several pieces the sum may differ from that in one in the last
+    digits of a double.
+    """
+
+    def __init__(self, after_s: float) -> None:
+        self._after_s = after_s
+        self._sums: dict[str, tuple[float, int]] = {}
+
+    def take(self, piece: Tracking) -> None:
+        """Take the next piece of a recording."""
+        if piece.state is None:
+            return
+        chosen = piece.state.t >= self._after_s
+        for joint in piece.joints:
+            error = piece.error(joint)[chosen]
+            total, count = self._sums.get(joint, (0.0, 0))
+            known = int(np.count_nonzero(~np.isnan(error)))
+            self._sums[joint] = (total + float(np.nansum(error**2)), count + known)
+
+    def rmse(self) -> dict[str, float]:
+        """Return joint → root mean square [rad]; none for a joint without a reference."""
+        return {
+            joint: float(np.sqrt(total / count))
+            for joint, (total, count) in self._sums.items()
+            if count
+        }
+
+
+def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
+    """Return the root mean square of each joint's tracking error in one piece [rad]."""
+    error = TrackingError(after_s)
+    error.take(tracking)
+    return error.rmse()
