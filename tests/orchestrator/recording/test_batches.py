@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from recording_support import write
+from support.messages.recordings import write
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader.arrays import array_of

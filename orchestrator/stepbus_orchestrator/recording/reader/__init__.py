@@ -5,5 +5,4 @@ from .port import Port
 from .recording import Recording
 from .source import Entry
 
-
 __all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording"]
