@@ -275,6 +275,55 @@ def test_the_base_backs_off_five_centimetres(robot):
     furthest = max(self_x for self_x in _xs(robot, 4.0))
     assert robot.news[-1].cause == "collision"
     assert furthest - robot.x == pytest.approx(0.05, abs=5e-3)
+    went = f"chassis touches crate with 30.0 N; stopped, backed off {1e3 * (furthest - robot.x):.0f} mm"
+    assert robot.news[-1].text == f"{went} by odometry, nothing is near it"
+
+
+def test_a_base_that_cannot_get_away_says_so(robot):
+    robot.start(0, "drive", by=1.0)
+    robot.run(1.5)
+    robot.touching = [("chassis", "crate", 30.0, 0.0)]
+    robot.step()
+    robot.touching = [("chassis", "crate", 45.0, 0.0)]
+    robot.jammed = True
+    robot.run(8.0)
+    text = "chassis touches crate with 45.0 N; stopped, backed off 0 mm by odometry"
+    assert robot.news[-1].text == f"{text}, still touches it with 45.0 N"
+    assert robot.commands[-1]["base"].vx == 0.0
+
+
+def test_backing_off_stops_before_what_comes_close_behind(robot):
+    robot.start(0, "drive", by=1.0)
+    robot.run(1.5)
+    robot.touching = [("chassis", "crate", 30.0, 0.0)]
+    robot.step()
+    stood = robot.x
+    for _ in range(500):
+        behind = 0.01 - max(stood - robot.x, 0.0)
+        robot.touching = [("chassis", "crate", 0.0, 0.01), ("chassis", "post", 0.0, behind)]
+        robot.step()
+    assert 3e-3 < behind < 5e-3
+    assert "mm from post behind it, now 10.0 mm from it" in robot.news[-1].text
+
+
+def test_the_base_stops_before_it_touches_what_it_comes_close_to(robot):
+    robot.start(0, "drive", by=2.0)
+    robot.run(1.0)
+    post = robot.x + 0.4
+    while robot.news[-1].state not in ("failed", "succeeded"):
+        if post - robot.x < 0.08:
+            robot.touching = [("chassis", "post", 0.0, post - robot.x)]
+        robot.step()
+    assert (robot.news[-1].state, robot.news[-1].cause) == ("failed", "blocked")
+    gap = 1e3 * (post - robot.x)
+    assert 3.0 < gap < 5.0
+    assert robot.news[-1].text == f"chassis is {gap:.1f} mm from post; stopped before it touches"
+    assert robot.step()["base"].vx == 0.0
+
+
+def test_what_is_close_but_comes_no_closer_does_not_stop_the_base(robot):
+    robot.touching = [("chassis", "post", 0.0, 0.004)]
+    assert robot.go(0, "drive", by=0.1).state == "succeeded"
 
 
 def _xs(robot, seconds):

@@ -20,13 +20,20 @@ from .tracking import TrackingError, slow_wheels, tracking_command, tracking_err
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""
 
+_EMERGENCY = 1.5
+"""Of the hardest braking without slip, for what appears within its path."""
+
 
 @dataclass(kw_only=True)
 class _Drive:
-    """A segment under way: its profile, the profile's own time, the time since its end [s]."""
+    """A segment under way: its profile, the profile's own time, the time since its end [s].
+
+    brakes: the profile is a hard stop.
+    """
 
     segment: Segment
     profile: Motion
+    brakes: bool = False
     tau: float = 0.0
     late: float = 0.0
     settled: int = 0
@@ -39,6 +46,13 @@ class _Drive:
         """Return position, speed and acceleration along the segment, in the profile's own time."""
         at = self.profile.at(self.tau)
         return float(at.position[0]), float(at.velocity[0]), float(at.acceleration[0])
+
+
+@dataclass(kw_only=True)
+class _Halt:
+    """The wheels are locked; steps: of standing, in a row."""
+
+    steps: int = 0
 
 
 class BaseMotion:
@@ -59,11 +73,25 @@ class BaseMotion:
         self._sent = BaseCommand()
         self._target: tuple[float, float, float] | None = None
         self._pose: Reference | None = None
+        self._halt: _Halt | None = None
+        self._behind: _Drive | None = None
 
     @property
     def is_moving(self) -> bool:
-        """Return whether the base follows a reference that moves."""
-        return self._drive is not None
+        """Return whether the base follows a reference that moves, or has yet to come to rest."""
+        return self._drive is not None or self._halt is not None
+
+    @property
+    def state(self) -> BaseState:
+        """Return odometry; raises RunError before the first one."""
+        if self._state is None:
+            raise RunError("the base has not been measured yet")
+        return self._state
+
+    @property
+    def is_halting(self) -> bool:
+        """Return whether its wheels are locked, and it has not come to rest yet."""
+        return self._halt is not None
 
     def hold(self, state: BaseState) -> None:
         """Stand where the base is."""
@@ -77,6 +105,7 @@ class BaseMotion:
         """
         self._state = state
         route = base_route(goal, state, self._settings.position)
+        self._behind = None
         self._target = route.target
         if self._drive is not None and not self._drive.is_over:
             # The old segment ends first, and the new one starts where the base then stands.
@@ -89,44 +118,60 @@ class BaseMotion:
         return route.text
 
     def stop(self) -> None:
-        """Come to rest as fast as the limits allow."""
+        """Come to rest as fast as motors and ground allow without slip."""
         self._waiting.clear()
         self._done = False
         self._target = None
         drive = self._drive
         if drive is not None and not drive.is_over:
-            self._brake(drive)
+            self._brake(drive, hard=True)
         elif drive is not None:
             self._drive, self._pose = None, self._reference(drive)
 
-    def back_off(self, distance: float) -> float:
-        """Stop, then go back along the segment, no further than its start; return the length [m].
+    def halt(self) -> None:
+        """Lock the wheels until the base stands, wherever that is."""
+        if self._drive is not None:
+            self._behind = self._drive
+        self._waiting.clear()
+        self._done = False
+        self._drive, self._pose, self._target = None, None, None
+        self._halt = _Halt()
+
+    def back_off(self, distance: float) -> bool:
+        """Halt, then go back along the segment, no further than its start; False: it has not begun.
 
         distance: [m]; a turn goes back by the angle that belongs to it.
         """
-        drive = self._drive
-        self.stop()
-        if drive is None:
-            return 0.0
+        self.halt()
+        drive = self._behind
+        if drive is None or not drive.now()[0]:
+            return False
         segment, (s, _, _) = drive.segment, drive.now()
         wanted = distance / _BACK_TURN if segment.turns else distance
-        length = min(wanted, abs(s))
-        self._waiting.append(same_line(segment, -math.copysign(length, s)))
-        self._next_segment()
-        return length * _BACK_TURN if segment.turns else length
+        self._waiting.append(same_line(segment, -math.copysign(min(wanted, abs(s)), s)))
+        return True
 
-    def advance(self, dt: float, scale: float) -> None:
-        """Move the reference on by dt [s], at `scale` (0 to 1) of its speed.
+    def travelled(self, start: BaseState) -> float:
+        """Return how far odometry has moved since a state, a turn as an arc [m]."""
+        now = self.state
+        return math.hypot(now.x - start.x, now.y - start.y) + _BACK_TURN * abs(now.yaw - start.yaw)
 
-        The scale is approached so that the base keeps the acceleration limit of its segment: that
-        of a turn is another one than that of a straight line.
+    def advance(self, dt: float, gap: float = math.inf) -> None:
+        """Move the reference on by dt [s], so fast that the base could stop within a gap [m].
+
+        It slows down by braking as hard as that takes, and becomes faster within the acceleration
+        limit of its segment.
         """
         drive = self._drive
-        limits = self._settings.limits(turns=drive is not None and drive.segment.turns)
-        most = float(limits.acceleration[0] / limits.velocity[0]) * dt
-        self._scale += min(max(scale - self._scale, -most), most)
         if drive is None:
             return
+        turns = drive.segment.turns
+        limits, speed = self._settings.limits(turns=turns), abs(drive.now()[1])
+        wanted = min(self._settings.safe_speed(gap, turns=turns) / max(speed, 1e-9), 1.0)
+        rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
+        hardest = _EMERGENCY * self._settings.braking(turns=turns).acceleration[0]
+        fall = hardest / max(speed, 1e-9) * dt
+        self._scale += min(max(wanted - self._scale, -float(fall)), rise)
         if drive.is_over:
             drive.late += dt
         drive.tau += dt * self._scale
@@ -134,16 +179,19 @@ class BaseMotion:
     def command(self) -> BaseCommand:
         """Return the command of this step."""
         wanted = self._reference(self._drive) if self._drive is not None else self._pose
-        if wanted is None:
+        if wanted is None or self._halt is not None:
             self._sent = BaseCommand()
         else:
             holds = self._drive is None
-            self._sent = tracking_command(wanted, self._now(), self._settings, holds=holds)
+            self._sent = tracking_command(wanted, self.state, self._settings, holds=holds)
         return self._sent
 
     def check(self, state: BaseState) -> Outcome | None:
         """Compare with odometry; return how the goal ended, once it has."""
         self._state = state
+        if self._halt is not None:
+            self._wait_for_rest(self._halt)
+            return self._finish() if self._done else None
         drive = self._drive
         if drive is None:
             if self._pose is not None and self._is_lost(tracking_error(self._pose, state)):
@@ -156,6 +204,19 @@ class BaseMotion:
             return self._jammed(drive, error)
         return self._settle(drive, error) if drive.is_over else None
 
+    def _wait_for_rest(self, halt: _Halt) -> None:
+        """Go on once the base stands; what is to come starts there."""
+        state = self.state
+        halt.steps = halt.steps + 1 if self._stands(state) else 0
+        if halt.steps >= self._settings.steps:
+            self._halt, self._scale = None, 1.0
+            self._pose = Reference.standing(state.x, state.y, state.yaw)
+            self._next_segment()
+
+    def _stands(self, state: BaseState) -> bool:
+        settings = self._settings
+        return abs(state.vx) <= settings.still and abs(state.wz) <= settings.still_turning
+
     def _is_lost(self, error: TrackingError) -> bool:
         return error.exceeds(self._settings.lag, self._settings.lag_angle)
 
@@ -164,10 +225,9 @@ class BaseMotion:
         return drive.segment.at(s, speed * self._scale)
 
     def _settle(self, drive: _Drive, error: TrackingError) -> Outcome | None:
-        settings, state = self._settings, self._now()
+        settings, state = self._settings, self.state
         is_there = abs(error.along) <= settings.position and abs(error.angle) <= settings.angle
-        stands = abs(state.vx) <= settings.still and abs(state.wz) <= settings.still_turning
-        drive.settled = drive.settled + 1 if is_there and stands else 0
+        drive.settled = drive.settled + 1 if is_there and self._stands(state) else 0
         if drive.settled >= settings.steps:
             self._drive, self._pose = None, self._reference(drive)
             self._next_segment()
@@ -180,7 +240,7 @@ class BaseMotion:
 
     def _finish(self) -> Outcome:
         self._done = False
-        state = self._now()
+        state = self.state
         text = f"stands at x {state.x:.4f} m, y {state.y:.4f} m, "
         text += f"yaw {math.degrees(state.yaw):.2f}°"
         if self._target is not None:
@@ -195,7 +255,7 @@ class BaseMotion:
         text = (
             f"the base is {miss * 1e3:.0f} mm and {abs(math.degrees(error.angle)):.1f}° behind "
             f"after {segment.shown(drive.now()[0])} of {segment.shown(segment.length)}; "
-            f"{slow_wheels(self._now(), self._sent, self._settings.track)}"
+            f"{slow_wheels(self.state, self._sent, self._settings.track)}"
         )
         return self._give_up("jammed", text)
 
@@ -207,22 +267,20 @@ class BaseMotion:
 
     def _next_segment(self) -> None:
         """Start the next segment, once nothing is under way; none left: all is done."""
-        while self._drive is None and self._waiting:
-            segment = self._waiting.popleft()(self._now())
+        while self._drive is None and self._halt is None and self._waiting:
+            segment = self._waiting.popleft()(self.state)
             if segment is not None:
                 start, goal = JointMotion.at_rest(np.zeros(1)), np.array([segment.length])
                 limits = self._settings.limits(turns=segment.turns)
                 self._drive = _Drive(segment=segment, profile=motion_to(start, goal, limits))
-        self._done = self._drive is None
+        self._done = self._drive is None and self._halt is None
 
-    def _brake(self, drive: _Drive) -> None:
+    def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
         """Let the reference of a segment come to rest, from the speed that it has now."""
-        now = drive.profile.at(drive.tau).scaled(self._scale)
-        profile = stop_from(now, self._settings.limits(turns=drive.segment.turns))
-        self._drive = _Drive(segment=drive.segment, profile=profile)
+        if drive.brakes and not hard:
+            return
+        now, turns = drive.profile.at(drive.tau).scaled(self._scale), drive.segment.turns
+        limits = self._settings.braking(turns=turns) if hard else self._settings.limits(turns=turns)
+        profile = stop_from(now, limits)
+        self._drive = _Drive(segment=drive.segment, profile=profile, brakes=hard)
         self._scale = 1.0
-
-    def _now(self) -> BaseState:
-        if self._state is None:
-            raise RunError("the base has not been measured yet")
-        return self._state

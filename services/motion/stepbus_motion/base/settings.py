@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from stepbus_motion.motions.joint_motion import MotionLimits
 
+_BRAKE_RISE = 0.04
+"""Time in which the hardest braking builds up [s]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class BaseSettings:
@@ -17,7 +20,10 @@ class BaseSettings:
     [1/s, 1/m², 1/s]. position, angle: largest error of a goal [m, rad]. still, still_turning:
     largest velocity that counts as standing [m/s, rad/s]. steps: of standing, in a row. timeout:
     for that, after the end of the motion [s]. lag, lag_angle: behind its reference by more, the
-    base is jammed [m, rad]. track: between the wheels, to tell which of them lags [m].
+    base is jammed [m, rad]. track: between the wheels, to tell which of them lags [m]. brake,
+    turn_brake: of the hardest stop without slip [m/s², rad/s²]. clearance: what stands still comes
+    no closer than that [m]. creep: slowest speed near things [m/s]. reaction: from a measurement to
+    its effect on the wheels [s]. reach: of the robot's farthest point from the axis of a turn [m].
     """
 
     speed: float = 0.5
@@ -38,9 +44,32 @@ class BaseSettings:
     lag: float = 0.05
     lag_angle: float = math.radians(6.0)
     track: float = 0.5
+    brake: float = 4.0
+    turn_brake: float = 10.0
+    clearance: float = 8e-3
+    creep: float = 0.03
+    reaction: float = 0.04
+    reach: float = 0.9
 
     def limits(self, *, turns: bool) -> MotionLimits:
         """Return the limits of a turn or of a straight segment, shape (1,)."""
         if turns:
             return MotionLimits.of_one(self.turn_speed, self.turn_acceleration, self.turn_jerk)
         return MotionLimits.of_one(self.speed, self.acceleration, self.jerk)
+
+    def braking(self, *, turns: bool) -> MotionLimits:
+        """Return the limits of the hardest stop without slip, shape (1,)."""
+        speed = self.turn_speed if turns else self.speed
+        brake = self.turn_brake if turns else self.brake
+        return MotionLimits.of_one(speed, brake, brake / _BRAKE_RISE)
+
+    def safe_speed(self, gap: float, *, turns: bool) -> float:
+        """Return the largest speed with which the base stops in time [m/s, rad/s].
+
+        gap: to the nearest thing [m]. The path of reaction and braking, v·t + v²/2a, ends at
+        `clearance` (ISO 13855, 2010, section 5). In a turn the farthest point of the robot counts.
+        """
+        brake = self.turn_brake * self.reach if turns else self.brake
+        room, before = max(gap - self.clearance, 0.0), brake * self.reaction
+        speed = max(math.sqrt(before**2 + 2 * brake * room) - before, self.creep)
+        return speed / self.reach if turns else speed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from stepbus_schemas import Contacts, RunError
@@ -13,6 +13,12 @@ Moves = Literal["arm", "base", "all"]
 
 _APART = 5e-3
 """Distance from which a thing that was between the pads counts as let go [m]."""
+
+_CLOSE = 5e-3
+"""Distance below which nothing may come closer [m]."""
+
+_CLOSER = 1e-5
+"""Change of a distance in a step from which a link comes closer [m]."""
 
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
@@ -64,7 +70,23 @@ class Collision:
         return self.ours, self.other
 
     def __str__(self) -> str:
-        return f"{self.ours} touches {self.other} with {self.force:.1f} N"
+        return self.with_force(self.force)
+
+    def with_force(self, force: float) -> str:
+        """Return a sentence with another force [N], such as the largest so far."""
+        return f"{self.ours} touches {self.other} with {force:.1f} N"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approach:
+    """Two links that are close and come closer; gap: [m]."""
+
+    ours: str
+    other: str
+    gap: float
+
+    def __str__(self) -> str:
+        return f"{self.ours} is {self.gap * 1e3:.1f} mm from {self.other}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +128,8 @@ class CollisionMonitor:
         self._moves: Moves = "all"
         self._known: dict[tuple[str, str], float] = {}
         self._last: list[_Row] = []
+        self._closing: list[_Row] = []
+        self._gaps: dict[tuple[str, str], float] = {}
         self._scale = 1.0
 
     @property
@@ -137,9 +161,10 @@ class CollisionMonitor:
             raise RunError(f"the contacts have {text}; they need as many of each")
         self._learn_ground(contacts)
         self._learn_held(contacts, holding)
+        self._gaps = {(row.ours, row.other): row.distance for row in self._last}
         self._last = list(self._rows(contacts))
         watched = [row for row in self._last if not self._is_allowed(row)]
-        closing = [row for row in watched if self._may_close(row)]
+        closing = self._closing = [row for row in watched if self._may_close(row)]
         nearest = min(closing, key=lambda row: row.distance, default=None)
         gap = max(nearest.distance, 0.0) if nearest else self._settings.within
         self._slow_down(gap, dt)
@@ -150,6 +175,33 @@ class CollisionMonitor:
             held=self._held,
             scale=self._scale,
         )
+
+    def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
+        """Return the closest pair that has come closer in this step and is about to touch.
+
+        besides: a pair that does not count. None: there is no such pair.
+        """
+        close = [
+            row
+            for row in self._closing
+            if row.distance < _CLOSE
+            and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
+            and (row.ours, row.other) != besides
+        ]
+        if not close:
+            return None
+        nearest = min(close, key=lambda row: row.distance)
+        return Approach(ours=nearest.ours, other=nearest.other, gap=nearest.distance)
+
+    def measured(self, approach: Approach) -> Approach:
+        """Return an approach with the gap of this step."""
+        _, gap = self.touch((approach.ours, approach.other))
+        return replace(approach, gap=approach.gap if gap is None else gap)
+
+    def touch(self, pair: tuple[str, str]) -> tuple[float, float | None]:
+        """Return force [N] and distance [m] of a pair, the robot's link first; None: it is far."""
+        rows = [row for row in self._last if (row.ours, row.other) == pair]
+        return (rows[0].force, rows[0].distance) if rows else (0.0, None)
 
     def _slow_down(self, gap: float, dt: float) -> None:
         settings = self._settings

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from stepbus_motion.collisions.monitor import Collision, CollisionMonitor, Watch
+from stepbus_motion.collisions.monitor import Approach, Collision, CollisionMonitor, Watch
 from stepbus_motion.outcome import Outcome
 from stepbus_schemas import Goal, RunError
 
+from .base_back_off import BaseBackOff
 from .measured import Measured
 from .parts import MOVES, Part, Parts
 from .reports import Reports
@@ -58,6 +60,8 @@ class Avoidance:
         self._touched: tuple[str, str] | None = None
         self._is_slow = False
         self._back_off: _BackOff | None = None
+        self._base_back_off: BaseBackOff | None = None
+        self._near: Approach | None = None
         self._replans = 0
         self._close: tuple[str, str] | None = None
 
@@ -70,6 +74,7 @@ class Avoidance:
         """Watch a new goal."""
         self._touched, self._is_slow = None, False
         self._back_off, self._replans, self._close = None, 0, None
+        self._base_back_off, self._near = None, None
         self._monitor_goal(goal, part, grips=goal.type == "grip")
 
     def _monitor_goal(self, goal: Goal, part: Part, *, grips: bool = False) -> None:
@@ -91,6 +96,12 @@ class Avoidance:
         self._is_slow = watch.near is not None
         return watch.scale
 
+    @property
+    def gap(self) -> float:
+        """Return the distance to the nearest thing that must not be touched [m]."""
+        is_near = self._watch is not None and self._watch.near is not None
+        return self._watch.gap if self._watch is not None and is_near else math.inf
+
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""
         collision = self._watch.collision if self._watch is not None else None
@@ -101,11 +112,16 @@ class Avoidance:
     def collide(self, goal: Goal, part: Part, collision: Collision, t: float) -> Outcome | None:
         """Stop, and back off along the path so far; return the end of a goal that cannot."""
         text = f"{collision}; stopped"
+        if part == "base" and self._parts.base is not None and self._monitor is not None:
+            self._base_back_off = BaseBackOff(
+                self._parts.base, self._monitor, goal, collision, self._settings.back_off
+            )
+            return None
         if part == "gripper":
             self._parts.rest(part, t)
             return Outcome(state="failed", cause="collision", text=text)
         may_replan = part == "arm" and self._parts.arm.follows_plan
-        length = self._parts.back_off(part, t, self._settings.back_off)
+        length = self._parts.back_off_arm(t, self._settings.back_off)
         replans = may_replan and length > 0.0 and self._replans < self._settings.replans
         text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
         failure = Outcome(state="failed", cause="collision", text=text)
@@ -116,7 +132,7 @@ class Avoidance:
     @property
     def backs_off(self) -> bool:
         """Return whether the robot backs off from what it has touched."""
-        return self._back_off is not None
+        return self._back_off is not None or self._base_back_off is not None
 
     def check_back_off(
         self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
@@ -125,12 +141,13 @@ class Avoidance:
 
         end: of the part's motion. collision: that has just started.
         """
+        if self._base_back_off is not None:
+            return self._base_back_off.check(collision)
         back_off = self._back_off
         if back_off is None:
             return None
-        stands = part == "base" and self._parts.base_rests()
         is_other = collision is not None and collision.pair != back_off.collision.pair
-        if not is_other and end is None and not stands:
+        if not is_other and end is None:
             return None
         if is_other:
             self._parts.rest(part, t)
@@ -139,6 +156,21 @@ class Avoidance:
             self._back_off = None
             return self.replan(goal, part, back_off.failure.text, t)
         return back_off.failure
+
+    def approach(self, part: Part) -> Outcome | None:
+        """Halt a base that comes too close to something; return the end of its goal."""
+        base, monitor = self._parts.base, self._monitor
+        if part != "base" or base is None or monitor is None:
+            return None
+        if self._near is None:
+            self._near = monitor.approach() if base.is_moving else None
+            if self._near is not None:
+                base.halt()
+            return None
+        if base.is_halting:
+            return None
+        text = f"{monitor.measured(self._near)}; stopped before it touches"
+        return Outcome(state="failed", cause="blocked", text=text)
 
     def hindrance(self, part: Part) -> str:
         """Return a sentence about what hinders an arm on a planner's path; empty: nothing."""

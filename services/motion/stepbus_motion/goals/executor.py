@@ -94,7 +94,7 @@ class GoalExecutor:
         self._measured = now
         scale = self._avoidance.scale(now, dt, has_goal=self._active is not None)
         if scale is not None or self._parts.base is not None:
-            self._parts.advance(dt, 1.0 if scale is None else scale)
+            self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.gap)
         ends = self._parts.check(now, t)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
         active = self._active
@@ -131,7 +131,7 @@ class GoalExecutor:
             return Outcome(state="failed", cause="slipped", text=lost)
         if hindrance := avoidance.hindrance(part):
             return avoidance.replan(goal, part, hindrance, t)
-        return ends[part]
+        return avoidance.approach(part) or ends[part]
 
     def _stopped(self, active: _Active, end: Outcome | None) -> Outcome | None:
         if end is not None and end.state == "failed":

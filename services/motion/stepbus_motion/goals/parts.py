@@ -71,11 +71,14 @@ class Parts:
                 return "stop"
         raise Refused("invalid", f"this robot has no {part} for goals of type {goal.type}")
 
-    def advance(self, dt: float, scale: float) -> None:
-        """Move arm and base on by dt [s], at a scale of their speed, 0 to 1."""
+    def advance(self, dt: float, scale: float, gap: float) -> None:
+        """Move arm and base on by dt [s].
+
+        scale: of the arm's speed, 0 to 1. gap: within which the base could stop [m].
+        """
         self.arm.advance(dt, scale)
         if self.base is not None:
-            self.base.advance(dt, scale)
+            self.base.advance(dt, gap)
 
     def check(self, now: Measured, t: float) -> dict[Part, Outcome | None]:
         """Return how the goal of each part ended at a time [s], once it has."""
@@ -99,10 +102,8 @@ class Parts:
         elif part == "gripper" and self.gripper is not None:
             self.gripper.stop()
 
-    def back_off(self, part: Part, t: float, distance: float) -> float:
-        """Start to go back along the path so far; return its length [m]."""
-        if part == "base" and self.base is not None:
-            return self.base.back_off(distance)
+    def back_off_arm(self, t: float, distance: float) -> float:
+        """Start to go back along the arm's path so far; return its length [m]."""
         try:
             return self.arm.back_off(t, distance)
         except RunError:

@@ -49,6 +49,12 @@ class Params(JointParams):
     """[rad/s²]"""
     base_turn_jerk: Positive = 4.0
     """[rad/s³]"""
+    base_brake: Positive = 4.0
+    """Hardest braking of the base without slip [m/s²]; its speed near things follows from that."""
+    base_turn_brake: Positive = 10.0
+    """The same in a turn [rad/s²]."""
+    base_clearance: Positive = 0.008
+    """The base comes to rest before it is closer to what it must not touch [m]."""
     base_position: Positive = 1e-3
     """Largest error of the base at its goal [m]."""
     base_angle: Positive = 0.0017453292519943296
@@ -80,9 +86,9 @@ class Params(JointParams):
     collision_force: Positive = 0.5
     """Above it a forbidden touch is a collision [N]."""
     slow_within: Positive = 0.08
-    """Closer than this to what it must not touch, the robot slows down [m]."""
+    """Closer than this to what it must not touch, the arm slows down [m]."""
     slowest: Share = 0.2
-    """Share of the full speed at distance 0."""
+    """Share of the arm's full speed at distance 0."""
     back_off: NonNegative = 0.05
     """How far the robot goes back from what it has touched [m]."""
     stop_within: NonNegative = 0.004

@@ -101,6 +101,10 @@ def _base(params: Params) -> BaseSettings:
         lag=params.base_lag,
         lag_angle=params.base_lag_angle,
         track=params.track,
+        brake=params.base_brake,
+        turn_brake=params.base_turn_brake,
+        clearance=params.base_clearance,
+        reach=params.safe_reach,
     )
 
 

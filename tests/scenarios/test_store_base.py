@@ -1,0 +1,85 @@
+"""Something stands in the way of the store's base, or appears there: judged by the recording."""
+
+import math
+
+import numpy as np
+import pytest
+from store_support import last, slow_with_robots, store
+
+from stepbus_orchestrator.recording import Recording
+
+pytestmark = slow_with_robots
+
+STEP = 0.016
+"""[s]"""
+
+ROBOT = {"chassis", "left_wheel_link", "right_wheel_link", "front_caster", "back_caster", "hand"}
+
+
+def script(*actions):
+    return f"plant.params.script=[{', '.join(f'{{{action}}}' for action in actions)}]"
+
+
+def touches(recording, link):
+    """Return the force of each step in which the robot presses on a link [N]."""
+    return [
+        force
+        for _, contacts in recording.messages("plant/contacts")
+        for pair, force in zip(contacts.pairs, contacts.force, strict=True)
+        if link in pair and force > 0.0 and ROBOT.intersection(pair)
+    ]
+
+
+def moved(recording, link, since):
+    """Return how far a link has moved after a time [s] to the end [m]."""
+    index = recording.ports["plant/poses"].description.names.index(link)
+    places = [m.position[index] for k, m in recording.messages("plant/poses") if k * STEP > since]
+    return math.dist(places[0], places[-1])
+
+
+def true_speed(recording):
+    """Return the speed of the chassis over the last poses [m/s]."""
+    index = recording.ports["plant/poses"].description.names.index("chassis")
+    rows = [(k, message.position[index]) for k, message in recording.messages("plant/poses")]
+    (k0, one), (k1, other) = rows[-2:]
+    return math.dist(one, other) / ((k1 - k0) * STEP)
+
+
+def assert_stands(recording):
+    assert true_speed(recording) < 1e-3
+    assert np.abs(last(recording, "plant/joint_state").velocity).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("overrides", "link", "since"),
+    [
+        ((script("at: 0s, body: crate, position: [0.95, 0.15, 0]"), "plant.params.stock.seed=90210"), "crate_box", 0.1),
+        ((script("at: 0s, body: pillar, position: [0.9, 0.2, 0]"),), "pillar_post", 0.1),
+        # At the corner that turns towards it, in front of the shelf.
+        ((script("at: 6.4s, body: pillar, position: [1.832, 0.161, 0]"),), "pillar_post", 6.5),
+    ],
+)  # fmt: skip
+def test_what_stands_in_the_way_is_not_touched(tmp_path, overrides, link, since):
+    result = store(tmp_path, *overrides, "duration=12s")
+    recording = Recording(result.recording)
+    assert touches(recording, link) == []
+    assert moved(recording, link, since) < 1e-3
+    assert_stands(recording)
+
+
+def test_what_appears_within_the_braking_distance_is_left_at_once(tmp_path):
+    crate = "body: crate, position: [1.0818, 0.2588, 0], orientation_rpy: [0, 0, 0.2344]"
+    result = store(tmp_path, script(f"at: 3.52s, {crate}"), "duration=12s")
+    recording = Recording(result.recording)
+    assert 1 <= len(touches(recording, "crate_box")) < 10
+    assert moved(recording, "crate_box", 3.6) < 0.06
+    assert "mm by odometry, now " in result.reason
+    gap = float(result.reason.partition("now ")[2].partition(" mm")[0])
+    rows = last(recording, "plant/contacts")
+    (distance,) = [
+        d
+        for pair, d in zip(rows.pairs, rows.distance, strict=True)
+        if set(pair) == {"chassis", "crate_box"}
+    ]
+    assert 1e3 * distance == pytest.approx(gap, abs=0.5)
+    assert_stands(recording)
