@@ -11,14 +11,18 @@ from msgspec import inspect
 
 from .settings import PerName
 
-_EMPTY: Mapping[type, Any] = {
-    inspect.DictType: {},
-    inspect.VarTupleType: (),
-    inspect.StrType: "",
-    inspect.IntType: 0,
-    inspect.FloatType: 0.0,
-    inspect.BoolType: False,
+_PLAIN: Mapping[type, tuple[Any, str, Any]] = {
+    inspect.StrType: (str, "text", ""),
+    inspect.IntType: (int, "an integer", 0),
+    inspect.FloatType: (int | float, "a number", 0.0),
+    inspect.BoolType: (bool, "true or false", False),
+    inspect.DictType: (Mapping, "a map", {}),
+    inspect.StructType: (Mapping, "a map", None),
+    inspect.VarTupleType: (list | tuple, "a list", ()),
+    inspect.TupleType: (list | tuple, "a list", None),
 }
+"""Type → data that it takes, what that is called in a sentence, and an empty value."""
+_OTHER = (object, "something else", None)
 
 
 def empty(node: inspect.Type) -> Any:
@@ -38,7 +42,7 @@ def empty(node: inspect.Type) -> Any:
         case inspect.CustomType():
             found = PerName(0.0) if node.cls is PerName else Path()
         case _:
-            found = _EMPTY.get(type(node))
+            found = _PLAIN.get(type(node), _OTHER)[2]
     return found
 
 
@@ -49,23 +53,24 @@ def default(field: inspect.Field) -> Any:
     return field.default_factory()
 
 
+def _extra(node: inspect.Type) -> Mapping[str, Any]:
+    return (node.extra if isinstance(node, inspect.Metadata) else None) or {}
+
+
 def conditions(field: inspect.Field) -> Mapping[str, tuple[Any, ...]]:
     """Return which values of other keys a field belongs to; see `settings.when`."""
-    extra = field.type.extra if isinstance(field.type, inspect.Metadata) else None
-    found: Mapping[str, tuple[Any, ...]] = (extra or {}).get("when", {})
+    found: Mapping[str, tuple[Any, ...]] = _extra(field.type).get("when", {})
     return found
 
 
 def is_ignored(field: inspect.Field) -> bool:
     """Return whether a field may stay where it means nothing; see `settings.needed_when`."""
-    extra = field.type.extra if isinstance(field.type, inspect.Metadata) else None
-    return bool((extra or {}).get("ignored"))
+    return bool(_extra(field.type).get("ignored"))
 
 
 def mark(node: inspect.Type) -> str:
     """Return the mark of a type of `settings.py`, such as `duration`, or nothing."""
-    extra = node.extra if isinstance(node, inspect.Metadata) else None
-    return str((extra or {}).get("read", ""))
+    return str(_extra(node).get("read", ""))
 
 
 def is_own(field: inspect.Field) -> bool:
@@ -99,32 +104,9 @@ def takes(node: inspect.Type, data: Any) -> bool:
     bare = plain(node)
     if isinstance(bare, inspect.LiteralType):
         return isinstance(data, str) and data in bare.values
-    if isinstance(bare, inspect.StructType):
-        return isinstance(data, Mapping)
-    if isinstance(bare, inspect.BoolType) or isinstance(data, bool):
-        return isinstance(bare, inspect.BoolType) and isinstance(data, bool)
-    wanted = _DATA.get(type(bare), object)
-    return isinstance(data, wanted)
-
-
-_DATA: Mapping[type, Any] = {
-    inspect.StrType: str,
-    inspect.IntType: int,
-    inspect.FloatType: int | float,
-    inspect.DictType: Mapping,
-    inspect.VarTupleType: list | tuple,
-    inspect.TupleType: list | tuple,
-}
-_NOUNS: Mapping[type, str] = {
-    inspect.StrType: "text",
-    inspect.IntType: "an integer",
-    inspect.FloatType: "a number",
-    inspect.BoolType: "true or false",
-    inspect.DictType: "a map",
-    inspect.StructType: "a map",
-    inspect.VarTupleType: "a list",
-    inspect.TupleType: "a list",
-}
+    if isinstance(data, bool):
+        return isinstance(bare, inspect.BoolType)
+    return isinstance(data, _PLAIN.get(type(bare), _OTHER)[0])
 
 
 def noun(node: inspect.Type) -> str:
@@ -132,7 +114,7 @@ def noun(node: inspect.Type) -> str:
     bare = plain(node)
     if isinstance(bare, inspect.LiteralType):
         return listed(bare.values)
-    return _NOUNS.get(type(bare), "something else")
+    return _PLAIN.get(type(bare), _OTHER)[1]
 
 
 def words_of(options: Sequence[inspect.Type]) -> list[Any]:

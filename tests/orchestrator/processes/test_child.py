@@ -9,7 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from kernel_support import scenario
+from support.runs.kernel import scenario
 
 from stepbus_orchestrator.processes import Activity, Child
 from stepbus_orchestrator.run.kernel.barrier import Barrier

@@ -1,7 +1,7 @@
 """More participants than a run can have are refused before the file is read as a whole."""
 
 import pytest
-from scenario_support import write
+from support.runs.scenario import write
 
 from stepbus_orchestrator.scenario import ScenarioError, load
 from stepbus_participant.parameters import yaml_file
