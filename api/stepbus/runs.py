@@ -70,18 +70,21 @@ def run(
     observer: Observer | None = None,
     pace: Pace | None = None,
     interrupt: threading.Event | None = None,
+    in_process: bool = False,
 ) -> Result:
     """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
 
     scenario, set, faults: as of `load`. out: folder of the run, a new one; default:
     `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
-    run. interrupt: ends the run once it is set, from any thread.
+    run. interrupt: ends the run once it is set, from any thread. in_process: host all participants
+    in this process, which is quicker and records the same bytes (docs/in_process.md).
 
     Raises ScenarioError when the scenario cannot run, RecordingFailed when `out` cannot be written.
     """
     loaded = load(scenario, set=set, faults=faults)
     folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
-    return run_scenario(loaded, Options(out=folder, pace=pace), observer, interrupt)
+    options = Options(out=folder, pace=pace, in_process=in_process)
+    return run_scenario(loaded, options, observer, interrupt)
 
 
 def describe(

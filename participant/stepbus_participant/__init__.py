@@ -1,6 +1,15 @@
 """What a process imports to take part in a run."""
 
-from .bus import ONE_THREAD, Bus, BusError, Request, ZenohBus
+from .bus import (
+    ONE_THREAD,
+    Bus,
+    BusError,
+    FaultyPublisher,
+    LoopbackBus,
+    Queue,
+    Request,
+    ZenohBus,
+)
 from .bus.ticket import (
     TICKET_VARIABLE,
     Endpoint,
@@ -13,6 +22,7 @@ from .config import Config, Ports
 from .config.plugins import make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .files import find_file, last_error, package_path, read_urdf_text
+from .hosting import HOST, Host
 from .main import main, take_part
 from .methods import CallError, Method
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
@@ -46,6 +56,7 @@ from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
 
 __all__ = [
+    "HOST",
     "LONGEST_NS",
     "ONE_THREAD",
     "TICKET_VARIABLE",
@@ -57,10 +68,13 @@ __all__ = [
     "Duration",
     "Endpoint",
     "ExtraMissing",
+    "FaultyPublisher",
     "File",
     "Finite",
+    "Host",
     "Input",
     "InputAbsent",
+    "LoopbackBus",
     "MessageFault",
     "Method",
     "Name",
@@ -78,6 +92,7 @@ __all__ = [
     "Positive",
     "PositivePerJoint",
     "Problems",
+    "Queue",
     "Request",
     "Settings",
     "SettingsError",

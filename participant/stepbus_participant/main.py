@@ -12,6 +12,7 @@ from stepbus_schemas import StepbusError, WiringError, type_name
 from .bus import Bus, BusError, FaultyBus, ZenohBus
 from .bus.ticket import Ticket, load_ticket
 from .config import Config
+from .hosting import HOST, Host
 from .participant import Participant, PortType
 from .session import Session, Terminated, join
 
@@ -24,23 +25,32 @@ def main(factory: Factory) -> int:
     factory: makes the participant from its configuration; usually its class. Exit code 0: the
     run ended; 1: this participant could not continue, its log says why; 2: there is no ticket.
     """
+    host = HOST.get()
     try:
-        ticket = load_ticket()
+        if host is None:
+            host = _own_process()
     except WiringError as exc:
         return _report(str(exc), 2)
-    signal.signal(signal.SIGTERM, _terminate)
-    try:
-        bus = _open_bus(ticket)
     except BusError as exc:
-        return _report(f"{ticket.name}: {exc}", 1)
+        return _report(str(exc), 1)
     try:
-        take_part(factory, ticket, bus)
+        take_part(factory, host.ticket, host.bus)
     except (StepbusError, KeyboardInterrupt) as exc:
-        return _report(f"{ticket.name}: {exc or type(exc).__name__}", 1)
+        return _report(f"{host.ticket.name}: {exc or type(exc).__name__}", 1)
     finally:
         # A process with an open session and a callback hangs at its exit (P2.6).
-        bus.close()
+        host.bus.close()
     return 0
+
+
+def _own_process() -> Host:
+    """Return the bus of this process's ticket; raises WiringError without one, BusError."""
+    ticket = load_ticket()
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        return Host(ticket, _open_bus(ticket))
+    except BusError as exc:
+        raise BusError(f"{ticket.name}: {exc}") from exc
 
 
 def _open_bus(ticket: Ticket) -> ZenohBus:

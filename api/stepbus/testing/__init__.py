@@ -12,10 +12,11 @@ def test_it_pushes_back():
 ```
 """
 
+from stepbus_participant import LoopbackBus
+
 from .bench import Bench, feed
 from .configs import make_config, scenario_config
 from .golden import assert_replays
-from .loopback import LoopbackBus
 
 __all__ = [
     "Bench",

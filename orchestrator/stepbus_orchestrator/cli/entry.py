@@ -1,6 +1,6 @@
 """The process of the command `stepbus`: takes signals from its first moment to its last.
 
-It loads nothing but the standard library by itself: the rest takes a second or more.
+It loads little but the standard library by itself: the rest takes a second or more.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
 
+from stepbus_orchestrator.environment import PYTHON
+
+_IN_PROCESS = "--in-process"
 _INTERNAL = 1
 _INTERRUPTED = 130
 _SENTENCE = "stepbus: interrupted\n"
@@ -47,6 +50,8 @@ def _main() -> int:
 
 def _guarded() -> int:
     on_signals(_leave)
+    if _IN_PROCESS in sys.argv[1:]:
+        _set_environment()
     from .commands import execute  # noqa: PLC0415  (loads everything)
     from .terminal.outlet import outlets  # noqa: PLC0415
 
@@ -65,6 +70,13 @@ def _guarded() -> int:
         finally:
             on_signals(signal.SIG_IGN)
     return code
+
+
+def _set_environment() -> None:
+    """Start anew with the environment of participants; Python and BLAS read it at their start."""
+    if any(os.environ.get(name) != value for name, value in PYTHON.items()):
+        again = [sys.executable, *sys.orig_argv[1:]]
+        os.execve(sys.executable, again, {**os.environ, **PYTHON})  # noqa: S606  (it is this one)
 
 
 def settle() -> None:

@@ -1,6 +1,7 @@
 """The processes of a run: started, watched, ended."""
 
 from .activity import Activity
+from .bounded_log import BoundedLog
 from .child import Child
 from .credentials import ORCHESTRATOR, certificates, passwords
 from .delays import Delays
@@ -13,15 +14,18 @@ from .endpoints import (
 )
 from .launcher import Launcher
 from .limits import check_open_files
+from .reaping import Reaper
 from .watchdog import Watchdog
 
 __all__ = [
     "ORCHESTRATOR",
     "Activity",
+    "BoundedLog",
     "Child",
     "Delays",
     "Launcher",
     "Mesh",
+    "Reaper",
     "Watchdog",
     "certificates",
     "check_open_files",

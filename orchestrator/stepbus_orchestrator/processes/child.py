@@ -32,6 +32,9 @@ class Child:
     go instead, and its stdin is ours. pid: its process id and group.
     """
 
+    late = None
+    """It has a thread of its own."""
+
     def __init__(
         self,
         name: str,

@@ -19,7 +19,7 @@ from .control.calls import Calls
 from .control.injector import Injector
 from .control.pace import Pace
 from .fallback.safe_stop import SafeStop
-from .kernel.failures import death, took_nothing
+from .kernel.failures import death, kept_thread, took_nothing
 from .kernel.gates import Gate, step_limit
 from .kernel.messages import MessageHandler
 from .kernel.participants import ParticipantState
@@ -183,6 +183,8 @@ class RunLoop:
         details = (participant, state.participants, state.barrier, state.scenario.step_ns)
         if participant.name in self._killed:
             return took_nothing(*details)
+        if participant.process.late is not None:
+            return kept_thread(participant, participant.process.late, *details[1:])
         # A fault that it, or a witness, has reported is more precise, and is raised from here.
         self.receive_for(LAST_REPORTS_S)
         return death(*details)

@@ -18,12 +18,13 @@ from stepbus_orchestrator.processes import (
 )
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
 from stepbus_orchestrator.scenario import FaultSpec, Scenario, Schedule, format_fault
-from stepbus_participant import BusError, ZenohBus
+from stepbus_participant import Bus, BusError, ZenohBus
 
 from .bus.session import Session
 from .control.injector import Injector
 from .control.live_file import Live, forget
 from .events import Events
+from .inprocess import LocalRun, check_scenario, surroundings
 from .loop import Controls, Records, RunLoop
 from .phases import run_phases
 from .progress import Observer, Silent
@@ -87,9 +88,13 @@ class _Run:
         self._token = new_token()
         self._run = new_token()
         self._loop: RunLoop | None = None
+        if options.in_process:
+            check_scenario(scenario)
         claim(options.out)
-        self._file = McapFile(options.out / layout.RUN_FILE)
-        self._timing = TimingRecorder(options.out / layout.TIMING_FILE)
+        # A run in one process works in the scenario's folder.
+        out = options.out.resolve()
+        self._file = McapFile(out / layout.RUN_FILE)
+        self._timing = TimingRecorder(out / layout.TIMING_FILE)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
         self._recorder = Recorder(self._file, order, scenario.step_ns, self._events.take)
@@ -108,7 +113,7 @@ class _Run:
         reason = ""
         try:
             attach(self._file, self._scenario)
-            reason = self._with_processes()
+            reason = self._with_participants()
         except RunFailure as exc:
             failure = exc
         finally:
@@ -136,6 +141,23 @@ class _Run:
             return failure or exc
         return failure
 
+    def _with_participants(self) -> str:
+        return self._with_hub() if self._options.in_process else self._with_processes()
+
+    def _with_hub(self) -> str:
+        logs = self._options.out.resolve() / LOGS_FOLDER
+        local = LocalRun(
+            run=self._run,
+            token=self._token,
+            logs=logs,
+            timing=self._timing,
+            options=self._options,
+            interrupt=self._interrupt,
+        )
+        native_log = logs / "native.log" if self._options.owns_descriptors else None
+        with surroundings(self._scenario.folder, local.hub, native_log), local.watched():
+            return self._run_phases(local.bus, local)
+
     def _with_processes(self) -> str:
         logs = self._options.out.resolve() / LOGS_FOLDER
         folder = private_folder()
@@ -154,20 +176,23 @@ class _Run:
             except BusError as exc:
                 raise BusFailed(str(exc)) from exc
             stack.callback(bus.close)
-            live = LiveRun(launcher, mesh, self._timing, self._options)
-            loop = self._loop = RunLoop(
-                Session(self._scenario, bus, self._token),
-                self._adapt(live),
-                Records(recorder=self._recorder, timing=self._timing),
-                self._controls(),
-            )
-            if self._injector is not None:
-                injector = self._injector
-                stack.callback(lambda: injector.close(loop.state.steps))
             live_file = Live(run=self._run, token=self._token, endpoint=mesh.caller)
             live_file.save(self._options.out)
             stack.callback(forget, self._options.out)
+            return self._run_phases(bus, LiveRun(launcher, mesh, self._timing, self._options))
+
+    def _run_phases(self, bus: Bus, live: Strategy) -> str:
+        loop = self._loop = RunLoop(
+            Session(self._scenario, bus, self._token),
+            self._adapt(live),
+            Records(recorder=self._recorder, timing=self._timing),
+            self._controls(),
+        )
+        try:
             return run_phases(loop)
+        finally:
+            if self._injector is not None:
+                self._injector.close(loop.state.steps)
 
     def _controls(self) -> Controls:
         return Controls(

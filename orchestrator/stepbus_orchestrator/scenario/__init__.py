@@ -15,7 +15,7 @@ from .model import (
     ParticipantSpec,
     Scenario,
 )
-from .program import command, start_command
+from .program import command, python_target, start_command
 from .reading.locate import builtin_names
 from .resolve import files, resolved
 from .schedule import Schedule
@@ -43,6 +43,7 @@ __all__ = [
     "files",
     "format_fault",
     "load",
+    "python_target",
     "resolved",
     "start_command",
 ]

@@ -1,7 +1,19 @@
 """The bus: the interface that the rest of stepbus knows, and its implementation over Zenoh."""
 
-from .faulty_bus import FaultyBus
-from .interface import Bus, BusError, Request
+from .faulty_bus import FaultyBus, FaultyPublisher
+from .interface import Bus, BusError, Queue, Request
+from .loopback import LoopbackBus
 from .zenoh_bus import ONE_THREAD, ZenohBus, zenoh_settings
 
-__all__ = ["ONE_THREAD", "Bus", "BusError", "FaultyBus", "Request", "ZenohBus", "zenoh_settings"]
+__all__ = [
+    "ONE_THREAD",
+    "Bus",
+    "BusError",
+    "FaultyBus",
+    "FaultyPublisher",
+    "LoopbackBus",
+    "Queue",
+    "Request",
+    "ZenohBus",
+    "zenoh_settings",
+]

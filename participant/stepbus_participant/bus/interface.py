@@ -12,6 +12,22 @@ class BusError(RunError, ConnectionError):
     """The bus cannot be opened, or has been closed."""
 
 
+class Queue(Protocol):
+    """A queue between the callbacks of a bus and the one who waits for them; see `SimpleQueue`."""
+
+    def put(self, item: Any, /) -> None:
+        """Add an item, from any thread of the bus."""
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Any:
+        """Return the oldest item; raises `queue.Empty` after the time-out [s]."""
+
+    def empty(self) -> bool:
+        """Return whether there is no item."""
+
+    def qsize(self) -> int:
+        """Return how many items there are."""
+
+
 class Request(Protocol):
     """A query that waits for its reply."""
 
@@ -29,6 +45,9 @@ class Bus(Protocol):
     Keys are relative to the run's key space. Callbacks run on a thread of the bus and should
     only put their sample into a queue (P2.7).
     """
+
+    def queue(self) -> Queue:
+        """Return a queue for what callbacks get; waiting for it lets the bus work."""
 
     def publisher(self, key: str, encoding: str) -> Callable[..., None]:
         """Return a function that publishes bytes; it also takes `attachment=` bytes."""

@@ -12,9 +12,10 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
-from .interface import BusError, Request
+from .interface import BusError, Queue, Request
 from .ticket import Endpoint
 
 ONE_THREAD = {
@@ -155,6 +156,10 @@ class ZenohBus:
         with os.fdopen(handle, "w") as file:
             file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
         return name
+
+    def queue(self) -> Queue:
+        """Return a queue that Zenoh's thread fills."""
+        return SimpleQueue()
 
     def publisher(self, key: str, encoding: str) -> Callable[..., None]:
         """Return the put function of a publisher that blocks rather than drops."""

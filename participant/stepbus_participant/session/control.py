@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import Any
 
-from stepbus_participant.bus import Bus
+from stepbus_participant.bus import Bus, Queue
 from stepbus_schemas import Call, Decoder, Description, MessageError, RunError, Start, Stop, Trigger
 
 _DECODERS: Mapping[str, Callable[[bytes], Start | Trigger | Stop | Call]] = {
@@ -44,9 +44,7 @@ class Control:
     `enter` reaches its step: what is published before that step belongs to the run (P11.2).
     """
 
-    def __init__(
-        self, bus: Bus, token: str, wake: Iterable[SimpleQueue[Any]], name: str = ""
-    ) -> None:
+    def __init__(self, bus: Bus, token: str, wake: Iterable[Queue], name: str = "") -> None:
         self.step_limit = 0
         self.calls: deque[Call] = deque()
         self.started: Mapping[str, Mapping[str, Description]] | None = None
@@ -56,7 +54,7 @@ class Control:
         self._stop: Stop | None = None
         self._bus = bus
         self._wake = list(wake)
-        self._queue: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        self._queue = bus.queue()
         for key in ("start", "trigger", "stop"):
             bus.subscribe(key, self._sink(key))
         if name:

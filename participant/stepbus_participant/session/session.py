@@ -41,7 +41,7 @@ class Session:
         self._welcome = welcome
         self._bus = bus
         self._inputs = make_inputs(welcome.inputs)
-        self._sources = make_sources(self._inputs, welcome.token)
+        self._sources = make_sources(self._inputs, welcome.token, bus.queue)
         self._subscribe()
         wake = [queue for s in self._sources for queue in (s.queue, *s.bulk_queues.values())]
         self._control = Control(bus, welcome.token, wake, welcome.name)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from queue import SimpleQueue
-from typing import Any
 
 import msgspec
 
+from stepbus_participant.bus import Queue
 from stepbus_schemas import HANDSHAKE_STEP, Decoder, MessageError, Outputs, due_step
 
 from .inputs import Input, PeerFault
@@ -39,11 +39,17 @@ class Source:
     handshake has arrived. drops: cause → number of dropped messages.
     """
 
-    def __init__(self, name: str, inputs: list[Input], token: str) -> None:
+    def __init__(
+        self,
+        name: str,
+        inputs: list[Input],
+        token: str,
+        make_queue: Callable[[], Queue] = SimpleQueue,
+    ) -> None:
         self.name = name
-        self.queue: SimpleQueue[Any] = SimpleQueue()
-        self.bulk_queues: dict[str, SimpleQueue[Any]] = {
-            item.config.port: SimpleQueue() for item in inputs if item.config.bulk
+        self.queue = make_queue()
+        self.bulk_queues: dict[str, Queue] = {
+            item.config.port: make_queue() for item in inputs if item.config.bulk
         }
         self.connected = False
         self.every = inputs[0].config.every
@@ -114,9 +120,14 @@ class Source:
         self.drops[cause] = self.drops.get(cause, 0) + 1
 
 
-def make_sources(inputs: Mapping[str, Input], token: str) -> list[Source]:
-    """Return one source per participant that the inputs read from, in the order of the inputs."""
+def make_sources(
+    inputs: Mapping[str, Input], token: str, make_queue: Callable[[], Queue] = SimpleQueue
+) -> list[Source]:
+    """Return one source per participant that the inputs read from, in the order of the inputs.
+
+    make_queue: of their samples, as the bus needs it.
+    """
     by_source: dict[str, list[Input]] = {}
     for item in inputs.values():
         by_source.setdefault(item.config.source, []).append(item)
-    return [Source(name, items, token) for name, items in by_source.items()]
+    return [Source(name, items, token, make_queue) for name, items in by_source.items()]

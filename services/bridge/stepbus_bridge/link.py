@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_participant import last_error
+from stepbus_participant import HOST, last_error
 
 from .errors import BridgeError
 from .program import Program
@@ -137,7 +137,8 @@ class Link:
     def gone(self, half: str = "") -> BridgeError:
         """Return the error of a program from which nothing comes any more."""
         ended = self.program.how_it_ended()
-        error = last_error(_OWN_LOG)
+        host = HOST.get()
+        error = last_error(_OWN_LOG if host is None or host.log is None else host.log)
         tail = f'; its last error: "{error}"' if error else ""
         return self.wrong(f"{ended}{half}{tail}")
 

@@ -9,7 +9,9 @@ import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from stepbus_participant import HOST
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
@@ -25,7 +27,8 @@ class Program:
     """A running program and its two pipes.
 
     It stays in the bridge's process group, which the orchestrator, or its reaper, kills as a
-    whole; and it sees the end of descriptor 3 when the bridge dies.
+    whole; and it sees the end of descriptor 3 when the bridge dies. In a run in one process, it has
+    a group of its own, which the run ends.
 
     words: its command, with the path of an executable first. form: put into its environment.
     Raises WiringError when it cannot be executed.
@@ -105,17 +108,27 @@ def _pipe() -> tuple[int, int]:
 
 
 def _spawn(words: Sequence[str], form: str, reads: int, writes: int) -> int:
+    actions: list[tuple[int, ...] | tuple[int, int, str, int, int]] = [
+        (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
+        (os.POSIX_SPAWN_DUP2, reads, _READS),
+        (os.POSIX_SPAWN_DUP2, writes, _WRITES),
+    ]
+    host = HOST.get()
+    group: dict[str, Any] = {} if host is None else {"setpgroup": 0}
+    if host is not None and host.log is not None:
+        log = (os.POSIX_SPAWN_OPEN, 1, str(host.log), os.O_WRONLY | os.O_APPEND, 0)
+        actions += [log, (os.POSIX_SPAWN_DUP2, 1, 2)]
     # Not subprocess: it cannot place descriptors without running Python between fork and exec,
     # which is not safe beside Zenoh's threads.
-    return os.posix_spawn(
+    pid = os.posix_spawn(
         words[0],
         list(words),
         {**os.environ, VARIABLE: form},
-        file_actions=[
-            (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
-            (os.POSIX_SPAWN_DUP2, reads, _READS),
-            (os.POSIX_SPAWN_DUP2, writes, _WRITES),
-        ],
+        file_actions=actions,
         # Python ignores these two, which a program would inherit.
         setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
+        **group,
     )
+    if host is not None:
+        host.started(pid)
+    return pid

@@ -24,11 +24,13 @@ def write_bridged(folder: Path, form: str, kind: str = "right", step: int = 7) -
     return path
 
 
-def run_bridged(folder: Path, form: str, kind: str = "right", step: int = 7, *more: str) -> Result:
+def run_bridged(
+    folder: Path, form: str, kind: str = "right", step: int = 7, *more: str, **options: object
+) -> Result:
     """Run it; the run's folder is `folder/out`."""
     overrides = ["controller.step_timeout=1500ms", "controller.stop_timeout=1s", *more]
     scenario = load(write_bridged(folder / "source", form, kind, step), overrides)
-    return run(scenario, Options(out=folder / "out"))
+    return run(scenario, Options(out=folder / "out", **options))
 
 
 def processes_in(folder: Path) -> list[str]:

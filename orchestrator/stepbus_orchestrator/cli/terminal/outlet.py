@@ -117,7 +117,8 @@ def outlets() -> Iterator[None]:
     """Let standard output and error be outlets while this is open; report what was lost."""
     open_closed_streams()
     before = sys.stdout, sys.stderr
-    output, error = (Outlet(stream.fileno()) for stream in before)
+    # Copies: a run in one process sends what libraries in C print elsewhere.
+    output, error = (Outlet(os.dup(stream.fileno())) for stream in before)
     sys.stdout, sys.stderr = _text(output, before[0]), _text(error, before[1])
     try:
         yield

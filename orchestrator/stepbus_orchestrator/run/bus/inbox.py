@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import Any
+
+from stepbus_participant import Queue
 
 
 class Inbox:
     """A queue of what has arrived, each item with the function that takes it.
 
     Callbacks of the bus only put; everything else happens on the thread that calls `receive`.
+
+    queue: of the bus.
     """
 
-    def __init__(self) -> None:
-        self._queue: SimpleQueue[tuple[Callable[[Any], None], Any]] = SimpleQueue()
+    def __init__(self, queue: Queue) -> None:
+        self._queue = queue
 
     def into(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback for the bus: what it gets is passed to `take` by `receive`."""

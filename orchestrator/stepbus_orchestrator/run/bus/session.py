@@ -24,4 +24,4 @@ class Session:
         self.token = token
         longest_s = max(spec.deadlines.step_s for spec in scenario.participants)
         self.announcer = Announcer(bus, token, longest_s if limit_s is None else limit_s)
-        self.inbox = Inbox()
+        self.inbox = Inbox(bus.queue())

@@ -13,7 +13,7 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import due_step
 
 from .barrier import Barrier
-from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
+from .participants import PHASE_DEADLINES, KeptThread, Participants, ParticipantState, Phase
 
 
 def at(step: int, step_ns: int) -> str:
@@ -125,6 +125,26 @@ def took_nothing(
         participant=participant.name,
         step=step,
     )
+
+
+def kept_thread(
+    participant: ParticipantState,
+    late: KeptThread,
+    participants: Participants,
+    barrier: Barrier,
+    step_ns: int,
+) -> RunFailure:
+    """Return the failure of a participant that kept the thread it shares past its deadline."""
+    is_ready = participant.phase == Phase.READY
+    phase = "step" if is_ready else "ready"
+    step = owed_step(participant.name, participants, barrier) if is_ready else -1
+    sentence = (
+        f"{at(step, step_ns)}: {participant.who()} has been computing for {late.held_s:.1f} s, at "
+        f"{late.where}; {deadline(participant.spec, phase)}; its log: {participant.process.log}"
+    )
+    if not is_ready:
+        return StartFailed(sentence, participant=participant.name)
+    return StepTimeout(sentence, participant=participant.name, step=step)
 
 
 def death(

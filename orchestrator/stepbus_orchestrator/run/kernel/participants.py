@@ -13,6 +13,17 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
 
 
+@dataclass(frozen=True)
+class KeptThread:
+    """How a participant that shares our thread missed a deadline.
+
+    held_s: how long it kept the thread [s]. where: the line of its code.
+    """
+
+    held_s: float
+    where: str
+
+
 class Process(Protocol):
     """A participant's process, as a run sees it; `processes.child.Child` is the real one."""
 
@@ -23,6 +34,10 @@ class Process(Protocol):
     @property
     def log(self) -> Path:
         """Return the file its stdout and stderr go to."""
+
+    @property
+    def late(self) -> KeptThread | None:
+        """Return how it missed a deadline, where it shares our thread and has."""
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs."""

@@ -55,6 +55,8 @@ def _patience_s(loop: RunLoop, participant: ParticipantState) -> float:
 
 def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
     """Raise for a participant that did not end in time, or with another exit code than 0."""
+    participants = loop.state.participants.values()
+    late = [*late, *(item for item in participants if item.process.late is not None)]
     if late:
         raise StopTimeout(
             f"{', '.join(participant.who() for participant in late)} did not end within "
@@ -63,7 +65,7 @@ def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
             participant=late[0].name,
             step=loop.state.steps,
         )
-    for participant in loop.state.participants.values():
+    for participant in participants:
         process = participant.process
         if process.exit_code() != 0:
             raise ParticipantDied(

@@ -7,9 +7,9 @@ from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
-from stepbus_orchestrator.scenario import MESSAGE_FAULTS, Scenario, start_command
-from stepbus_participant import MessageFault
+from stepbus_orchestrator.scenario import start_command
 
+from .faults import message_faults
 from .options import Options
 
 
@@ -35,7 +35,7 @@ class LiveRun:
                 start_command(spec, scenario.folder),
                 self._mesh.participants[name],
                 scenario.folder,
-                faults=_message_faults(scenario, name),
+                faults=message_faults(scenario, name),
                 has_terminal=name in self._options.debug,
             )
             state.participants = {**state.participants, name: ParticipantState(spec, child)}
@@ -44,11 +44,3 @@ class LiveRun:
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""
         return ready_descriptions(participants)
-
-
-def _message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
-    return [
-        MessageFault(type=fault.type, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
-        for fault in scenario.faults
-        if fault.participant == name and fault.type in MESSAGE_FAULTS
-    ]

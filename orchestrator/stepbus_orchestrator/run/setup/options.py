@@ -34,6 +34,8 @@ class Options:
     first participant is started and left after the last has ended; it gets their processes by
     name. pace: pauses the run. calls: of a recording, made again at their steps. debug: names of
     participants that have the terminal and no deadline, to run in a debugger.
+    in_process: host all participants in this process, over a bus in memory. owns_descriptors: then
+    descriptors 1 and 2 are nobody else's, and what libraries in C print goes to a log.
     """
 
     out: Path
@@ -42,6 +44,8 @@ class Options:
     pace: Pace | None = None
     calls: Sequence[CallRecord] = ()
     debug: Sequence[str] = ()
+    in_process: bool = False
+    owns_descriptors: bool = False
 
 
 def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:

@@ -1,4 +1,4 @@
-"""A bus in memory, for tests of what talks over a `Bus`."""
+"""A bus in memory: for a run in one process, and for tests of what talks over a `Bus`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from stepbus_participant import BusError, Request
+from .interface import BusError, Queue, Request
 
 
-@dataclass(frozen=True)
-class _Sample:
+class _Sample(NamedTuple):
     key: str
     payload: bytes
     encoding: str
@@ -23,7 +22,7 @@ class _Sample:
 @dataclass(frozen=True)
 class _LoopbackRequest:
     payload: bytes
-    replies: SimpleQueue[bytes]
+    replies: Queue
 
     def reply(self, data: bytes, encoding: str) -> None:
         self.replies.put(data)
@@ -42,26 +41,43 @@ class _Declared:
 class LoopbackBus:
     """A `Bus` without a network: samples reach their subscribers in the publisher's own thread.
 
-    peer: any bus of the network to join; default: a new network.
+    peer: any bus of the network to join; default: a new network. make_queue: of what it queues.
     """
 
-    def __init__(self, peer: LoopbackBus | None = None) -> None:
+    def __init__(
+        self, peer: LoopbackBus | None = None, make_queue: Callable[[], Queue] = SimpleQueue
+    ) -> None:
         self.declared: list[_Declared] = [] if peer is None else peer.declared
+        self._subscribers: dict[str, list[Callable[[Any], None]]] = (
+            {} if peer is None else peer._subscribers
+        )
+        self.queue = make_queue
         self._closed = False
 
     def publisher(self, key: str, encoding: str) -> Callable[..., None]:
         """Return a function that publishes bytes; it raises BusError once the bus is closed."""
+        # The same list for as long as the network lives, so that a put has nothing to look up.
+        sinks = self._subscribers.setdefault(key, [])
+        self._find_subscribers()
 
         def put(data: bytes, attachment: bytes = b"") -> None:
             if self._closed:
                 raise BusError(f"{key}: the bus is closed")
-            self._call("subscriber", key, _Sample(key, bytes(data), encoding, attachment))
+            sample = _Sample(key, bytes(data), encoding, attachment)
+            for sink in sinks:
+                sink(sample)
 
         return put
+
+    def _find_subscribers(self) -> None:
+        """Renew who gets what is published on each key, after something was declared."""
+        for key, sinks in self._subscribers.items():
+            sinks[:] = self._sinks("subscriber", key)
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key; `*` stands for one part of it."""
         self.declared.append(_Declared(self, "subscriber", key, sink))
+        self._find_subscribers()
 
     def payload(self, sample: Any) -> bytes:
         """Return the content of a sample."""
@@ -83,7 +99,7 @@ class LoopbackBus:
 
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
         """Yield the answers to a query as they come, of everybody who answers in time."""
-        replies: SimpleQueue[bytes] = SimpleQueue()
+        replies = self.queue()
         deadline = monotonic() + timeout_s
         for _ in range(self._call("answerer", key, _LoopbackRequest(data, replies))):
             try:
@@ -113,18 +129,24 @@ class LoopbackBus:
         left = [row for row in self.declared if row.bus is self]
         for row in left:
             self.declared.remove(row)
+        self._find_subscribers()
         for row in left:
             if row.role == "alive":
                 self._call("watcher", row.key, row.key, False)
 
     def _call(self, role: str, key: str, *arguments: Any) -> int:
         """Call everybody of a role who has declared a key, and return how many they were."""
-        # A copy: a sink may declare something.
-        sinks = [d.sink for d in tuple(self.declared) if d.role == role and _matches(d.key, key)]
+        sinks = self._sinks(role, key)
         for sink in sinks:
-            if sink is not None:
-                sink(*arguments)
+            sink(*arguments)
         return len(sinks)
+
+    def _sinks(self, role: str, key: str) -> list[Callable[..., None]]:
+        return [
+            row.sink
+            for row in self.declared
+            if row.role == role and row.sink is not None and _matches(row.key, key)
+        ]
 
 
 def _matches(wanted: str, key: str) -> bool:

@@ -1,0 +1,10 @@
+"""The environment of Python participants, in a process of their own or in a shared one."""
+
+PYTHON = {
+    # One thread for each BLAS: more only compete for the cores the lockstep runs on.
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONUNBUFFERED": "1",
+    # The order of a set of texts is the same in every run.
+    "PYTHONHASHSEED": "0",
+}

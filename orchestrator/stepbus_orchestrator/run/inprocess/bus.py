@@ -1,0 +1,35 @@
+"""The bus of a participant that shares this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from stepbus_participant import FaultyPublisher, LoopbackBus, MessageFault
+
+
+class HostedBus(LoopbackBus):
+    """A participant's bus in memory, with faults in the outputs that have any.
+
+    peer: the orchestrator's. published: how many outputs it has published.
+    """
+
+    def __init__(self, peer: LoopbackBus, name: str, faults: Sequence[MessageFault]) -> None:
+        super().__init__(peer, peer.queue)
+        self.published = 0
+        self._key = f"out/{name}"
+        self._faults = list(faults)
+
+    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+        """Return a function that publishes bytes; it counts outputs, and makes them faulty."""
+        put = super().publisher(key, encoding)
+        if key != self._key:
+            return put
+        if self._faults:
+            put = FaultyPublisher(put, self._faults)
+
+        def counted_put(data: bytes, **options: Any) -> None:
+            self.published += 1
+            put(data, **options)
+
+        return counted_put

@@ -1,0 +1,173 @@
+"""One participant of a run in one process, in the place of its process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO
+
+from stepbus_orchestrator.processes import Activity, BoundedLog
+from stepbus_orchestrator.run.kernel.participants import KeptThread
+from stepbus_participant import HOST, Host, Ticket, last_error
+
+from .bus import HostedBus
+from .hub import Hub
+from .program import Program
+
+
+class _Ended(BaseException):
+    """What ends a participant whose process would get a signal; `number` is that signal."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"ended by {signal.Signals(number).name}")
+        self.number = number
+
+
+class Late(BaseException):
+    """Interrupts a participant that keeps the thread past its deadline."""
+
+
+class HostedParticipant:
+    """A participant that shares this process; it stands where its `Child` would.
+
+    name: the participant. log: where it prints. pid: of this process. late: how it missed a
+    deadline, once it has.
+    """
+
+    def __init__(
+        self,
+        ticket: Ticket,
+        bus: HostedBus,
+        program: Program,
+        *,
+        hub: Hub,
+        log: Path,
+        take_program: Callable[[int], None],
+        shown: bool,
+    ) -> None:
+        self.name = ticket.name
+        self.log = log
+        self.bus = bus
+        self.pid = os.getpid()
+        self.late: KeptThread | None = None
+        self.output: TextIO = (
+            sys.stdout if shown else log.open("a", encoding="utf-8", errors="replace", buffering=1)
+        )
+        self._hub = hub
+        self._program = program
+        self._place = Host(ticket, bus, log, self._keep)
+        self._take_program = take_program
+        self._programs: list[int] = []
+        self._code: int | None = None
+        self._turn = hub.add(self._work)
+        self._turn.enter, self._turn.leave = self._enter, self._leave
+        self._bounded_log = BoundedLog(log)
+        self._streams = sys.stdout, sys.stderr
+
+    def _enter(self) -> None:
+        self._program.enter()
+        self._streams = sys.stdout, sys.stderr
+        sys.stdout = sys.stderr = self.output
+
+    def _leave(self) -> None:
+        sys.stdout, sys.stderr = self._streams
+        self._program.leave()
+
+    def _work(self) -> None:
+        """Run the program to its end, and keep its exit code as its process would."""
+        HOST.set(self._place)
+        try:
+            self._program.run()
+            code = 0
+        except SystemExit as exc:
+            code = self._code_of(exc.code)
+        except _Ended as exc:
+            code = -exc.number
+        except Late:
+            traceback.print_exc(file=self.output)
+            code = -signal.SIGKILL
+        except BaseException:  # noqa: BLE001  (whatever ends a program ends its process only)
+            traceback.print_exc(file=self.output)
+            code = 1
+        finally:
+            self._place.bus.close()
+        self._code = code
+
+    def _code_of(self, value: Any) -> int:
+        if value is None or isinstance(value, int):
+            return value or 0
+        self.output.write(f"{value}\n")
+        return 1
+
+    def is_at_work(self) -> bool:
+        """Return whether it has the thread."""
+        return self._hub.current is self._turn
+
+    def _keep(self, program: int) -> None:
+        self._programs.append(program)
+        self._take_program(program)
+
+    def kill_programs(self) -> None:
+        """Kill the programs that it has started, with all that they have started."""
+        for program in self._programs:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(program, signal.SIGKILL)
+
+    def exit_code(self) -> int | None:
+        """Return its exit code, negative for a signal; None while it takes part."""
+        return self._code
+
+    def how_it_ended(self) -> str:
+        """Return its end in words."""
+        if self._code is not None and self._code < 0:
+            return f"was killed by {signal.Signals(-self._code).name}"
+        return f"exited with code {self._code}"
+
+    def last_error(self) -> str:
+        """Return the last error it printed, or its last line, or nothing."""
+        return last_error(self.log)
+
+    def limit_log(self) -> None:
+        """Keep the head and the tail of its log, once that has become large."""
+        self._bounded_log.limit()
+
+    def log_problem(self) -> str:
+        """Return why its log may lack its last words, such as a full disk; empty: it has them."""
+        return self._bounded_log.problem()
+
+    def activity(self) -> Activity:
+        """Return nothing known: it is this process."""
+        return Activity()
+
+    def is_stopped(self) -> bool:
+        """Return False: who reads this is not stopped."""
+        return False
+
+    def signal(self, number: int) -> None:
+        """End it by a signal that would end its process; others do nothing."""
+        if number in {signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV} and self._code is None:
+            try:
+                self._hub.end(self._turn, _Ended(number))
+            except _Ended:
+                # It had not begun.
+                self._code = -number
+                self._place.bus.close()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Return whether it has ended within a time [s]."""
+        self._hub.rest(time.monotonic() + timeout_s, lambda: self._code is not None)
+        return self._code is not None
+
+    def end(self) -> None:
+        """End it, whatever it waits for."""
+        if self._code is None:
+            self.kill_programs()
+        self.signal(signal.SIGTERM)
+        if self.output is not sys.stdout:
+            self.output.close()

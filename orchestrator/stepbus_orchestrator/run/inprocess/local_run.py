@@ -1,0 +1,152 @@
+"""The strategy of a run in one process: every participant is hosted here."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.processes import Reaper, private_folder
+from stepbus_orchestrator.recording import Descriptions, TimingRecorder
+from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.setup.faults import message_faults
+from stepbus_orchestrator.run.setup.options import Options
+from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
+from stepbus_orchestrator.scenario import (
+    PROCESS_FAULTS,
+    ParticipantSpec,
+    Scenario,
+    faults_of,
+    format_fault,
+    start_command,
+)
+from stepbus_participant import Endpoint, LoopbackBus, Ticket
+from stepbus_schemas import WiringError
+
+from .bus import HostedBus
+from .host import HostedParticipant
+from .hub import Hub
+from .program import Program, check_programs
+from .watch import Watch
+
+
+def check_scenario(scenario: Scenario) -> None:
+    """Raise WiringError for a scenario that cannot run in one process, with every reason."""
+    faults = faults_of(scenario.faults, PROCESS_FAULTS)
+    if faults:
+        texts = ", ".join(f"'{format_fault(fault)}'" for fault in faults)
+        raise WiringError(f"{texts}: a fault of a process needs one; leave out --in-process")
+    check_programs(scenario)
+
+
+class LocalRun:
+    """Hosts all participants in this process; none is played.
+
+    bus: the orchestrator's, whose network the participants join. logs: folder of their logs.
+    """
+
+    def __init__(
+        self,
+        *,
+        run: str,
+        token: str,
+        logs: Path,
+        timing: TimingRecorder,
+        options: Options,
+        interrupt: threading.Event,
+    ) -> None:
+        self.peers = NoPeers()
+        self.hub = Hub()
+        self.bus = LoopbackBus(make_queue=self.hub.queue)
+        self.hosted: dict[str, HostedParticipant] = {}
+        self._run = run
+        self._token = token
+        self._logs = logs
+        self._timing = timing
+        self._options = options
+        self._interrupt = interrupt
+        self._state: RunState | None = None
+        self._reaper: Reaper | None = None
+
+    @contextlib.contextmanager
+    def watched(self) -> Iterator[None]:
+        """Watch the participants' deadlines; end all that are left."""
+        watch = Watch(self._current, self._limit_s, self._interrupt.is_set)
+        try:
+            yield
+        finally:
+            try:
+                for hosted in self.hosted.values():
+                    hosted.end()
+            finally:
+                watch.close()
+                if self._reaper is not None:
+                    self._reaper.end()
+
+    def _take_program(self, group: int) -> None:
+        """Let a program that a participant has started not outlive us."""
+        if self._reaper is None:
+            self._reaper = Reaper(private_folder())
+        self._reaper.watch(group)
+
+    def _current(self) -> tuple[HostedParticipant, int] | None:
+        for hosted in self.hosted.values():
+            if hosted.is_at_work():
+                return hosted, hosted.bus.published
+        return None
+
+    def _limit_s(self, name: str) -> float:
+        """Return how long a participant may keep the thread, in its phase [s]."""
+        if self._state is None:
+            return math.inf
+        participant = self._state.participants[name]
+        deadlines = participant.spec.deadlines
+        if self._state.phase.is_stopping:
+            return deadlines.stop_s
+        if participant.phase < Phase.READY:
+            return deadlines.spawn_s + deadlines.join_s + deadlines.ready_s
+        return deadlines.step_s
+
+    def launch(self, state: RunState) -> None:
+        """Let the participants begin, in the order of the options."""
+        scenario = state.scenario
+        self._state = state
+        for name in self._options.start_order or [s.name for s in scenario.participants]:
+            hosted = self._host(scenario.participant(name), scenario)
+            self.hosted[name] = hosted
+            spec = scenario.participant(name)
+            state.participants = {**state.participants, name: ParticipantState(spec, hosted)}
+            self._timing.event("spawn", name, f"in process {hosted.pid}")
+
+    def _host(self, spec: ParticipantSpec, scenario: Scenario) -> HostedParticipant:
+        ticket = Ticket(
+            run=self._run,
+            name=spec.name,
+            token=self._token,
+            endpoint=Endpoint(listen=[], connect=["this process"]),
+            join_timeout_s=spec.deadlines.join_s,
+            faults=message_faults(scenario, spec.name),
+        )
+        command = start_command(spec, scenario.folder)[1:]
+        try:
+            return HostedParticipant(
+                ticket,
+                HostedBus(self.bus, spec.name, ticket.faults),
+                Program(command, scenario.folder),
+                hub=self.hub,
+                log=self._logs / f"{spec.name}.log",
+                take_program=self._take_program,
+                shown=spec.name in self._options.debug,
+            )
+        except OSError as exc:
+            raise StartFailed(
+                f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
+            ) from exc
+
+    def descriptions(self, participants: Participants) -> Descriptions:
+        """Return how the participants describe their outputs."""
+        return ready_descriptions(participants)

@@ -1,0 +1,111 @@
+"""Python programs, run in this process as `python` would run them in one of their own."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import CodeType, ModuleType
+
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, python_target
+from stepbus_schemas import WiringError
+
+_MAIN = "__main__"
+
+
+def check_programs(scenario: Scenario) -> None:
+    """Raise WiringError, with all of them, for participants that need a process of their own."""
+    problems = [
+        f"participants.{spec.name}: {why}"
+        for spec in scenario.participants
+        for why in [_why_not(spec)]
+        if why is not None
+    ]
+    if problems:
+        raise WiringError("\n".join([*problems, "leave out --in-process"]))
+
+
+def _why_not(spec: ParticipantSpec) -> str | None:
+    if spec.bridge is not None or spec.exec[0] == "stepbus":
+        return None
+    if spec.exec[0] != "python":
+        return f"`{spec.exec[0]}` is a program of its own; only `python` runs in one process"
+    launch, _ = python_target(spec.exec[1:])
+    if spec.exec[1].startswith("-") and spec.exec[1] != "-m":
+        return f"the interpreter's option {spec.exec[1]} needs an interpreter of its own"
+    return None if launch else f"`{' '.join(spec.exec)}` names neither a module nor a script"
+
+
+class Program:
+    """The `__main__` module of one participant, and the modules of its own folder.
+
+    command: as `python` gets it, from `-m` or the script on. folder: its working directory. Modules
+    of that folder are loaded for each participant anew, as in a process of its own: what one keeps
+    in them, no other sees.
+    """
+
+    def __init__(self, command: Sequence[str], folder: Path) -> None:
+        self._command = list(command)
+        self._own = {_MAIN: ModuleType(_MAIN)}
+        self._others: dict[str, ModuleType | None] = {}
+        self._known = 0
+        launch, name = python_target(command)
+        self._module = name if launch == "module" else ""
+        self._script = folder / name
+        # `python -m` puts the working directory first, `python script` the folder of the script.
+        self._path = str(folder if self._module else self._script.parent.resolve())
+
+    def run(self) -> None:
+        """Execute it to its end; raises what it raises, SystemExit included."""
+        main = self._own[_MAIN]
+        arguments = self._command[self._command.index(self._module or str(self._command[0])) + 1 :]
+        sys.path.insert(0, self._path)
+        code = self._module_code(main) if self._module else self._script_code(main)
+        sys.argv = [str(main.__file__), *arguments]
+        exec(code, main.__dict__)  # noqa: S102  (it is what the user asks to run)
+
+    def _script_code(self, main: ModuleType) -> CodeType:
+        path = self._script / "__main__.py" if self._script.is_dir() else self._script
+        main.__file__ = str(path)
+        return compile(path.read_bytes(), str(path), "exec", dont_inherit=True)
+
+    def _module_code(self, main: ModuleType) -> CodeType:
+        spec = importlib.util.find_spec(self._module)
+        if spec is not None and spec.submodule_search_locations:
+            spec = importlib.util.find_spec(f"{self._module}.{_MAIN}")
+        loader = getattr(spec, "loader", None)
+        if spec is None or loader is None:
+            raise ImportError(f"No module named {self._module}")
+        main.__spec__, main.__file__, main.__package__ = spec, spec.origin, spec.parent
+        code: CodeType = loader.get_code(spec.name)
+        return code
+
+    def enter(self) -> None:
+        """Put its own modules in place."""
+        modules = sys.modules
+        if len(self._own) > 1:
+            self._others = {name: modules.get(name) for name in self._own}
+            modules.update(self._own)
+        else:
+            self._others[_MAIN] = modules[_MAIN]
+            modules[_MAIN] = self._own[_MAIN]
+        self._known = len(modules)
+
+    def leave(self) -> None:
+        """Take its own modules away, those it has loaded meanwhile included."""
+        modules = sys.modules
+        if len(modules) != self._known:
+            for name, module in tuple(modules.items()):
+                if name not in self._own and self._is_own(module):
+                    self._own[name], self._others[name] = module, None
+        for name, other in self._others.items():
+            if other is None:
+                modules.pop(name, None)
+            else:
+                modules[name] = other
+
+    def _is_own(self, module: ModuleType) -> bool:
+        file = getattr(module, "__file__", None) or ""
+        return file.startswith(self._path) and "site-packages" not in file

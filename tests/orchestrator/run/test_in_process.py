@@ -1,0 +1,276 @@
+"""A run in one process: the same bytes, the same failures, and nothing left behind."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from support.runs.bridge import processes_in, run_bridged
+from support.runs.joints import fault, run_joints, write_scenario
+
+import stepbus
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.run_scenario import run
+
+FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator"]
+
+
+@pytest.fixture(autouse=True)
+def surroundings_are_restored(tmp_path, own_temp):
+    before = (
+        Path.cwd(),
+        list(sys.path),
+        list(sys.argv),
+        sys.stdout,
+        sys.modules["__main__"],
+        os._exit,
+    )
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGURG)}
+    threads = threading.active_count()
+    yield
+    assert before == (Path.cwd(), sys.path, sys.argv, sys.stdout, sys.modules["__main__"], os._exit)
+    assert handlers == {number: signal.getsignal(number) for number in handlers}
+    assert threading.active_count() == threads
+    assert processes_in(tmp_path) == []
+    assert list(own_temp.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def separate(tmp_path_factory):
+    """The run of the same scenario with processes."""
+    return run_joints(tmp_path_factory.mktemp("separate"))
+
+
+@pytest.mark.parametrize("window", [1, 2, 64])
+def test_the_recording_is_that_of_separate_processes(tmp_path, separate, window):
+    result = run_joints(tmp_path, f"window={window}", in_process=True)
+    assert (result.exit_code, result.steps) == (0, 100)
+    assert result.sha256 == separate.sha256
+
+
+@pytest.mark.parametrize(
+    ("scenario", "settings"),
+    [
+        ("two_link", {"duration": "1s"}),
+        ("two_link/pd", {"duration": "500ms"}),
+        ("two_link/pid", {"duration": "500ms"}),
+    ],
+)
+def test_scenarios_that_ship_record_the_same_bytes(tmp_path, scenario, settings):
+    runs = [
+        stepbus.run(scenario, set=settings, out=tmp_path / str(alone), in_process=alone)
+        for alone in (False, True)
+    ]
+    assert [result.exit_code for result in runs] == [0, 0]
+    assert runs[0].sha256 == runs[1].sha256
+
+
+def test_the_start_order_changes_nothing(tmp_path, separate):
+    order = ["mission", "controller", "plant"]
+    assert run_joints(tmp_path, start_order=order, in_process=True).sha256 == separate.sha256
+
+
+@pytest.mark.parametrize(
+    ("kind", "code", "sentence"),
+    [
+        ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 1\.\d s, at joints\.py:\d+ in go_wrong; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
+        ("huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
+    ],
+)  # fmt: skip
+def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
+    result = run_joints(
+        tmp_path, fault("controller", "controller", kind, 7), *FAST, in_process=True
+    )
+    assert (result.exit_code, result.participant) == (code, "controller")
+    assert re.search(sentence, result.reason)
+    steps = stepbus.Recording(result.recording)["plant.joint_state"].steps
+    assert list(steps[:8]) == list(range(8))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
+        ("exit", r"before the first step: controller \(pid \d+\) exited with code 3"),
+        ("hang", r"controller \(pid \d+\) has been computing for .* at joints\.py:\d+ in go_wrong.*ready_timeout"),
+    ],
+)  # fmt: skip
+def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
+    short = [f"controller.{phase}_timeout=300ms" for phase in ("spawn", "join", "ready")]
+    result = run_joints(
+        tmp_path, fault("controller", "controller", kind, -1), *short, in_process=True
+    )
+    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
+    assert re.search(sentence, result.reason)
+
+
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [("hang-at-close", ExitCode.STOP_TIMEOUT), ("raise-at-close", ExitCode.DIED)],
+)
+def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
+    tmp_path, separate, kind, code
+):
+    result = run_joints(
+        tmp_path, fault("controller", "controller", kind, 0), *FAST, in_process=True
+    )
+    assert (result.exit_code, result.participant) == (code, "controller")
+    steps = stepbus.Recording(result.recording)["plant.joint_state"].steps
+    assert list(steps) == list(range(101))
+
+
+def test_a_participant_can_end_the_run(tmp_path):
+    result = run_joints(tmp_path, fault("controller", "controller", "end", 41), in_process=True)
+    assert (result.exit_code, result.steps) == (0, 42)
+    assert result.reason == "controller: the goal is reached"
+
+
+@pytest.mark.parametrize("text", ["drop controller at 20", "corrupt plant at 20", "duplicate mission at 20"])  # fmt: skip
+def test_faults_on_messages_end_alike(tmp_path, text):
+    path = write_scenario(tmp_path / "source")
+    scenario = load(path, ["controller.step_timeout=1s", "plant.step_timeout=1s"], [text])
+    results = [
+        run(scenario, Options(out=tmp_path / str(alone), in_process=alone))
+        for alone in (False, True)
+    ]
+    sentences = [re.sub(r"\(pid \d+\)|/[0-9a-zA-Z/_.-]*/|\d\.\d s", "", r.reason) for r in results]
+    assert sentences[0].replace("False", "") == sentences[1].replace("True", "")
+    assert results[0].exit_code == results[1].exit_code
+    if not results[0].exit_code:
+        assert results[0].sha256 == results[1].sha256
+
+
+def test_a_participant_that_failed_is_held(tmp_path):
+    path = write_scenario(tmp_path / "source")
+    overrides = [fault("mission", "mission", "raise", 40), "mission.on_fault=hold"]
+    results = [
+        run(load(path, overrides), Options(out=tmp_path / str(alone), in_process=alone))
+        for alone in (False, True)
+    ]
+    assert [result.exit_code for result in results] == [ExitCode.FAULT] * 2
+    assert "its commands were held from step 40" in results[1].reason
+    assert results[0].steps == results[1].steps
+
+
+def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
+    path = write_scenario(tmp_path / "source")
+    scenario = load(path, ["controller.exec=[sleep, '1']", "mission.exec=[python, -O, joints.py]"])
+    with pytest.raises(stepbus.WiringError) as caught:
+        run(scenario, Options(out=tmp_path / "out", in_process=True))
+    assert "participants.controller: `sleep` is a program of its own" in str(caught.value)
+    assert "participants.mission: the interpreter's option -O" in str(caught.value)
+    with pytest.raises(stepbus.WiringError, match="'kill plant at 3': a fault of a process needs"):
+        run(load(path, (), ["kill plant at 3"]), Options(out=tmp_path / "out", in_process=True))
+    assert not (tmp_path / "out").exists()
+
+
+COUNTER = """
+from stepbus import Event, Participant, main
+import counting
+
+class Counter(Participant):
+    def update(self, step):
+        import late
+        counting.count += 1
+        late.count += 1
+        print("at", step.index)
+        return {"event": Event(level="info", text=f"{counting.count} {late.count}")}
+
+if __name__ == "__main__":
+    raise SystemExit(main(Counter))
+"""
+
+
+def test_modules_of_the_scenario_belong_to_one_participant_each(tmp_path):
+    source = tmp_path / "source"
+    source.mkdir()
+    for name in ("counting", "late"):
+        (source / f"{name}.py").write_text("count = 0\n")
+    (source / "counter.py").write_text(COUNTER)
+    rows = "".join(
+        f"\n  {name}: {{exec: [python, counter.py], outputs: {{event: Event/1}}}}"
+        for name in ("one", "two")
+    )
+    (source / "scenario.yaml").write_text(
+        f"name: c\nstep: 10ms\nduration: 50ms\nparticipants:{rows}\n"
+    )
+    results = [
+        stepbus.run(source / "scenario.yaml", out=tmp_path / str(alone), in_process=alone)
+        for alone in (False, True)
+    ]
+    assert results[0].sha256 == results[1].sha256
+    last = stepbus.Recording(results[1].recording)["two.event"].messages()
+    assert [message.text for _, message in last][-1] == "5 5"
+    assert (tmp_path / "True/logs/one.log").read_text().split("\n")[4] == "at 4"
+    assert not {"counting", "late", "counter"} & set(sys.modules)
+
+
+@pytest.mark.parametrize("form", ["json", "raw"])
+def test_a_bridged_program_keeps_its_process(tmp_path, separate, form):
+    result = run_bridged(tmp_path, form, in_process=True)
+    assert result.exit_code == 0
+    assert result.steps == 100
+    with_processes = run_bridged(tmp_path / "separate", form)
+    assert result.sha256 == with_processes.sha256
+
+
+def test_a_bridged_program_that_does_not_answer_is_ended(tmp_path):
+    result = run_bridged(tmp_path, "json", "hang", in_process=True)
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "step 7" in result.reason
+
+
+def test_the_user_can_end_it(tmp_path):
+    interrupt = threading.Event()
+    timer = threading.Timer(0.5, interrupt.set)
+    timer.start()
+    path = write_scenario(tmp_path / "source")
+    result = run(
+        load(path, ["duration=10h"]),
+        Options(out=tmp_path / "out", in_process=True),
+        None,
+        interrupt,
+    )
+    timer.join()
+    assert result.exit_code == ExitCode.INTERRUPTED
+    assert result.steps > 0
+
+
+def test_ctrl_c_ends_one_that_computes(tmp_path):
+    path = write_scenario(tmp_path / "source")
+    process = subprocess.Popen(
+        [*STEPBUS, "run", str(path), "--in-process", "--json", "--out", str(tmp_path / "out"),
+         "--set", fault("controller", "controller", "hang", 7)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    log = tmp_path / "out/run.mcap"
+    deadline = time.monotonic() + 30
+    while not (log.exists() and log.stat().st_size > 5000) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=30)
+    assert process.returncode == ExitCode.INTERRUPTED, errors
+    assert json.loads(output)["outcome"] == "failed"
+
+
+def test_the_command_prints_json_and_nothing_else(tmp_path):
+    done = subprocess.run(
+        [*STEPBUS, "run", "two_link", "--in-process", "--json", "--set", "duration=100ms",
+         "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    assert json.loads(done.stdout)["steps"] == 20
+    assert done.stderr == ""
+    assert "pybullet" in (tmp_path / "out/logs/native.log").read_text()
