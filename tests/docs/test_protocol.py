@@ -2,6 +2,7 @@
 
 import json
 import re
+from queue import SimpleQueue
 from typing import NamedTuple
 
 import msgspec
@@ -58,6 +59,8 @@ def taken(direction):
 
 class ScriptedBus:
     """Gives a participant the messages of the example, and keeps what it sends."""
+
+    queue = SimpleQueue
 
     def __init__(self):
         self.sent = []

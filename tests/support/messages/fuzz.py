@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass, field
+from queue import SimpleQueue
 from typing import Any
 
 import msgspec
@@ -66,6 +67,8 @@ class Sample:
 
 class HandBus:
     """A bus without a network: `hand` gives a sample to whoever listens to its key."""
+
+    queue = SimpleQueue
 
     def __init__(self) -> None:
         self.sinks: dict[str, Any] = {}

@@ -1,5 +1,7 @@
 """A bus that gives a plant a script of messages, without processes."""
 
+from queue import SimpleQueue
+
 import msgspec
 
 from stepbus_participant import Endpoint, Ticket, take_part
@@ -21,6 +23,8 @@ STEP_NS = 5_000_000
 
 class Bus:
     """Delivers a script of (key, message) as soon as the participant is ready."""
+
+    queue = SimpleQueue
 
     def __init__(self, welcome, script):
         self.welcome, self.script = welcome, script

@@ -1,5 +1,6 @@
 """Scenarios, processes and a bus in memory, to test the run loop without starting anything."""
 
+from queue import SimpleQueue
 from pathlib import Path
 
 import msgspec
@@ -50,7 +51,7 @@ def scenario(*participants, steps=8, window=64, **options):
 class Process:
     """A process that never ran: it ends when it is told to."""
 
-    pid, log = 7, Path("one.log")
+    pid, log, late = 7, Path("one.log"), None
 
     def __init__(self):
         self.code = None
@@ -176,6 +177,8 @@ class Bus:
 
     order: in which their logs arrive. dies: (participant, step): its process ends there.
     """
+
+    queue = SimpleQueue
 
     def __init__(self, scenario, order, dies=None):
         self.processes = {spec.name: Process() for spec in scenario.participants}
