@@ -12,21 +12,12 @@ from stepbus_orchestrator.analysis.comparison import (
 )
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Descriptions, Recorder, Recording
+from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 
-from .recorded import Track
-
-
-class _Port:
-    """One port of the participant: what is recorded, and how it compares."""
-
-    def __init__(
-        self, recording: Recording, topic: str, type_name: str, tolerance: Tolerance
-    ) -> None:
-        self.track = Track(recording, topic)
-        self.comparison = PortComparison(topic, type_name, tolerance)
+from .recorded import Track, recorded_descriptions, recorded_versions
 
 
 class Check:
@@ -51,7 +42,10 @@ class Check:
         self._step_ns = step_ns
         self._reference = reference
         self._ports = {
-            port: _Port(recording, f"{spec.name}/{port}", output.type, tolerance)
+            port: (
+                Track(recording, topic_of(spec.name, port)),
+                PortComparison(topic_of(spec.name, port), output.type, tolerance),
+            )
             for port, output in spec.outputs.items()
         }
         self._step = -spec.every
@@ -66,7 +60,7 @@ class Check:
         """Record where the participant describes its outputs otherwise than recorded."""
         own = descriptions[self._spec.name]
         for port in self._spec.outputs:
-            topic = f"{self._spec.name}/{port}"
+            topic = topic_of(self._spec.name, port)
             recorded = self._recording.ports.get(topic)
             if recorded is not None and recorded.description != own.get(port, Description()):
                 self.notes.append(f"{topic}: its description (names, units, limits) has changed")
@@ -87,23 +81,24 @@ class Check:
         if self._is_over:
             return
         step = self._step = outputs.step
-        for port, found in self._ports.items():
+        for port in self._ports:
             if port in outputs.bulk:
                 self._announce(port, step)
                 continue
             raw = outputs.ports.get(port)
-            self._compare(found, port, step, None if raw is None else bytes(raw))
+            self._compare(port, step, None if raw is None else bytes(raw))
         if self._reference is not None:
             self._reference.offer(name, outputs)
         if outputs.end is not None:
             self._is_over = True
             self.notes.append(f"{name} ended the run after step {step}: {outputs.end}")
 
-    def _compare(self, found: _Port, port: str, step: int, data: bytes | None) -> None:
-        if found.comparison.take(step, found.track.take(step), data) or data is None:
+    def _compare(self, port: str, step: int, data: bytes | None) -> None:
+        track, comparison = self._ports[port]
+        if comparison.take(step, track.take(step), data) or data is None:
             return
         try:
-            found.comparison.decode(data)
+            comparison.decode(data)
         except MessageError as exc:
             raise ParticipantFault(
                 f"{at(step, self._step_ns)}: {self._spec.name}.{port} is {exc}",
@@ -125,7 +120,7 @@ class Check:
         if content is None:
             self._announced.add((port, step))
         else:
-            self._compare(self._ports[port], port, step, content)
+            self._compare(port, step, content)
 
     def bulk_complete(self) -> bool:
         """Return whether all announced bulk content has arrived."""
@@ -147,29 +142,15 @@ class Check:
     def miss_below(self, step: int) -> None:
         """Count all recorded outputs of steps below `step` that did not come as missing."""
         for missed in range(self._step + self._spec.every, step, self._spec.every):
-            for port, found in self._ports.items():
-                self._compare(found, port, missed, None)
+            for port in self._ports:
+                self._compare(port, missed, None)
 
     @property
     def divergence(self) -> Divergence | None:
         """Return the first divergence, in the order of the ports within a step."""
-        found = (port.comparison.divergence for port in self._ports.values())
+        found = (comparison.divergence for _, comparison in self._ports.values())
         return min((item for item in found if item), key=lambda item: item.step, default=None)
 
     def results(self) -> list[PortResult]:
         """Return what has become of each port."""
-        return [port.comparison.result() for port in self._ports.values()]
-
-
-def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:
-    """Return the participants' descriptions of their outputs."""
-    found: dict[str, dict[str, Description]] = {}
-    for port in recording.ports.values():
-        found.setdefault(port.participant, {})[port.name] = port.description
-    return found
-
-
-def recorded_versions(recording: Recording) -> dict[str, dict[str, str]]:
-    """Return what the participants, and the orchestrator, ran on."""
-    names = {name.partition("/")[2]: dict(text) for name, text in recording.metadata.items()}
-    return {name: versions for name, versions in names.items() if name}
+        return [comparison.result() for _, comparison in self._ports.values()]

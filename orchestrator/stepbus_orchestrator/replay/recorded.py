@@ -9,7 +9,7 @@ import msgspec
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, topic_of
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
-from stepbus_schemas import Outputs
+from stepbus_schemas import Description, Outputs
 
 
 class Track:
@@ -49,6 +49,20 @@ class Recorded:
                 found[port] = data
         self.step += self._every
         return found
+
+
+def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:
+    """Return the participants' descriptions of their outputs."""
+    found: dict[str, dict[str, Description]] = {}
+    for port in recording.ports.values():
+        found.setdefault(port.participant, {})[port.name] = port.description
+    return found
+
+
+def recorded_versions(recording: Recording) -> dict[str, dict[str, str]]:
+    """Return what the participants, and the orchestrator, ran on."""
+    names = {name.partition("/")[2]: dict(text) for name, text in recording.metadata.items()}
+    return {name: versions for name, versions in names.items() if name}
 
 
 def envelope(token: str, step: int, step_ns: int, ports: Mapping[str, bytes]) -> Outputs:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
@@ -9,21 +11,23 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.scenario import Scenario, Schedule, resolved
 
 
-class Reference:
-    """A recording in the making, beside its final name, which it gets by `keep`.
+@contextlib.contextmanager
+def new_reference(
+    target: Path | None, old: Recording, scenario: Scenario, *, is_changed: bool
+) -> Iterator[Recorder | None]:
+    """Yield what takes the outputs; the file gets its name at the end, if nothing has failed.
 
-    target: must not exist. scenario: what is attached, with the files of the old recording.
-    recorder: takes the outputs. Raises RecordingFailed when it exists or cannot be written.
+    target: must not exist; None: nothing is written. scenario: what is attached, with the files
+    of the old recording. Raises RecordingFailed when it exists or cannot be written.
     """
-
-    def __init__(
-        self, target: Path, old: Recording, scenario: Scenario, *, is_changed: bool
-    ) -> None:
-        if target.exists():
-            raise RecordingFailed(f"{target} exists already; choose another name with --update")
-        self._target = target
-        self._part = target.with_name(f".{target.name}.part")
-        file = McapFile(self._part)
+    if target is None:
+        yield None
+        return
+    if target.exists():
+        raise RecordingFailed(f"{target} exists already; choose another name with --update")
+    part = target.with_name(f".{target.name}.part")
+    file = McapFile(part)
+    try:
         for name, data in old.attachments.items():
             is_scenario = name == layout.SCENARIO_ATTACHMENT
             content = resolved(scenario).encode() if is_scenario and is_changed else data
@@ -33,14 +37,8 @@ class Reference:
             if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
                 file.add_metadata(name, versions)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
-        self.recorder = Recorder(file, order, scenario.step_ns)
-        self._file = file
-
-    def keep(self) -> None:
-        """Give the finished recording its name."""
-        self._part.replace(self._target)
-
-    def discard(self) -> None:
-        """Remove what there is, unless it was kept."""
-        self._file.close()
-        self._part.unlink(missing_ok=True)
+        yield Recorder(file, order, scenario.step_ns)
+        part.replace(target)
+    finally:
+        file.close()
+        part.unlink(missing_ok=True)

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
 from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.comparison import Divergence, PortResult, port_lines, short
+from stepbus_orchestrator.analysis.comparison import (
+    Divergence,
+    PortComparison,
+    PortResult,
+    Tolerance,
+    port_lines,
+    short,
+)
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.scenario import Scenario, Schedule
 
 
 class InputValue(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,3 +71,25 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
             yield from port_lines(port, "recording", "replay", self.divergence)
         for note in self.notes:
             yield f"note: {note}"
+
+
+def inputs_of(
+    recording: Recording, scenario: Scenario, participant: str, step: int
+) -> dict[str, InputValue]:
+    """Return what a participant computed its outputs of a step from."""
+    spec, schedule = scenario.participant(participant), Schedule.of(scenario)
+    # What it publishes first is the result of its step before.
+    step -= spec.every if spec.publishes == "first" else 0
+    return {
+        name: _held(recording, f"{item.source}/{item.port}", schedule.due_step(item, step))
+        for name, item in spec.inputs.items()
+    }
+
+
+def _held(recording: Recording, topic: str, due: int | None) -> InputValue:
+    if due is not None and topic in recording:
+        until = takewhile(lambda entry: entry.step <= due, recording[topic].entries())
+        for held in deque(until, maxlen=1):
+            plain = PortComparison(topic, recording.ports[topic].type, Tolerance()).plain
+            return InputValue(topic=topic, step=held.step, value=plain(held.data))
+    return InputValue(topic=topic, step=-1, value=None)

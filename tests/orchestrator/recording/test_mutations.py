@@ -15,7 +15,7 @@ from stepbus_orchestrator.conformance.harness import material
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.replay import replay as replay_participant
-from stepbus_orchestrator.replay.inputs import inputs_of
+from stepbus_orchestrator.replay.result import inputs_of
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.rerun import read_origin
 from stepbus_orchestrator.report.device_panels import device_panels
@@ -69,7 +69,7 @@ def replay(path, folder, _original):
     recording = Recording(path)
     scenario = prepare(recording, "controller", folder / "source", [], own_program=False)
     short = shorten(scenario, recording, "controller", 4)
-    inputs_of(recording, short, short.participant("controller"), 3)
+    inputs_of(recording, short, "controller", 3)
 
 
 def conformance(path, folder, original):

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.check import recorded_descriptions
-from stepbus_orchestrator.replay.recorded import Recorded
+from stepbus_orchestrator.replay.recorded import Recorded, recorded_descriptions
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
