@@ -10,10 +10,10 @@ mod bus;
 pub mod codec;
 pub mod envelopes;
 mod error;
-mod member;
 pub mod messages;
 mod participant;
 mod run;
+mod session;
 mod source;
 mod ticket;
 

@@ -12,8 +12,8 @@ use crate::bus::Bus;
 use crate::codec::{encode, unpack, Field, Fields};
 use crate::envelopes::{Hello, Publishes, Ready, Refusal, Welcome};
 use crate::error::Error;
-use crate::member::{Leave, Member};
 use crate::participant::{Inputs, Participant, Ports};
+use crate::session::{Leave, Session};
 use crate::ticket::Ticket;
 
 const PROTOCOL: i64 = 1;
@@ -56,25 +56,25 @@ fn print_error(text: &str, code: u8) -> ExitCode {
 
 fn take_part<P: Participant>(bus: Bus, ticket: &Ticket, terminated: Arc<AtomicBool>) -> ExitCode {
     let joined = join(&bus, ticket, &hello::<P>(ticket), &terminated);
-    let (session, outcome) = match joined {
+    let (closed, outcome) = match joined {
         Ok(welcome) => {
-            let mut member = Member::new(bus, welcome, terminated);
-            let outcome = live::<P>(&mut member).or_else(|leave| part(&mut member, leave));
-            (member.close(), outcome)
+            let mut session = Session::new(bus, welcome, terminated);
+            let outcome = live::<P>(&mut session).or_else(|leave| part(&mut session, leave));
+            (session.close(), outcome)
         }
         Err(text) => (bus.close(), Err(text)),
     };
-    match outcome.and_then(|()| session.map_err(|error| error.to_string())) {
+    match outcome.and_then(|()| closed.map_err(|error| error.to_string())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(text) => print_error(&text, 1),
     }
 }
 
 /// Reports to the run why the participant leaves, as far as it can; returns the sentence.
-fn part(member: &mut Member, leave: Leave) -> Result<(), String> {
+fn part(session: &mut Session, leave: Leave) -> Result<(), String> {
     let (sent, text) = match &leave {
-        Leave::Fault(error) => (member.fault(error), error.to_string()),
-        Leave::Quit(text) => (member.send_log(None), text.clone()),
+        Leave::Fault(error) => (session.fault(error), error.to_string()),
+        Leave::Quit(text) => (session.send_log(None), text.clone()),
     };
     match sent {
         Ok(()) => Err(text),
@@ -136,25 +136,25 @@ fn read_reply(bytes: &[u8], ticket: &Ticket) -> Result<Welcome, String> {
 }
 
 /// From the welcome to the last log.
-fn live<P: Participant>(member: &mut Member) -> Result<(), Leave> {
-    member.subscribe()?;
-    refuse_bulk(&member.welcome)?;
-    let mut model = guard(|| P::load(&member.welcome))?;
+fn live<P: Participant>(session: &mut Session) -> Result<(), Leave> {
+    session.subscribe()?;
+    refuse_bulk(&session.welcome)?;
+    let mut model = guard(|| P::load(&session.welcome))?;
     let outputs = guard(|| Ok(model.describe()))?;
-    let Welcome { name, token, .. } = member.welcome.clone();
-    member.send_handshake(&Ready {
+    let Welcome { name, token, .. } = session.welcome.clone();
+    session.send_handshake(&Ready {
         name: name.clone(),
         token,
         outputs,
         versions: [].into(),
         calls: [].into(),
     })?;
-    if let Some(start) = member.start.take() {
+    if let Some(start) = session.start.take() {
         let inputs = start.inputs.get(&name).cloned().unwrap_or_default();
         guard(|| model.start(&inputs))?;
-        do_steps(member, &mut model)?;
+        do_steps(session, &mut model)?;
     }
-    member.send_log(None)
+    session.send_log(None)
 }
 
 fn refuse_bulk(welcome: &Welcome) -> Result<(), Error> {
@@ -169,48 +169,48 @@ fn refuse_bulk(welcome: &Welcome) -> Result<(), Error> {
     }
 }
 
-fn do_steps<P: Participant>(member: &mut Member, model: &mut P) -> Result<(), Leave> {
-    let first = member.welcome.publishes == Publishes::First;
-    let every = member.welcome.every.get() as i64;
+fn do_steps<P: Participant>(session: &mut Session, model: &mut P) -> Result<(), Leave> {
+    let first = session.welcome.publishes == Publishes::First;
+    let every = session.welcome.every.get() as i64;
     let mut step = 0;
-    while do_step(member, model, step)? {
+    while do_step(session, model, step)? {
         step += every;
     }
-    if first && member.step == member.stop_at && !member.has_published() {
+    if first && session.step == session.stop_at && !session.has_published() {
         let answer = guard(|| model.state(step))?;
-        member.publish(answer)?;
+        session.publish(answer)?;
     }
     Ok(())
 }
 
 /// Does one step; returns false where the run ends before it.
-fn do_step<P: Participant>(member: &mut Member, model: &mut P, step: i64) -> Result<bool, Leave> {
-    let first = member.welcome.publishes == Publishes::First;
+fn do_step<P: Participant>(session: &mut Session, model: &mut P, step: i64) -> Result<bool, Leave> {
+    let first = session.welcome.publishes == Publishes::First;
     let begun = Instant::now();
-    if !member.triggered(step)? {
+    if !session.triggered(step)? {
         return Ok(false);
     }
     let mut waited = begun.elapsed();
     if first {
         let answer = guard(|| model.state(step))?;
-        member.publish(answer)?;
-        member.report()?;
+        session.publish(answer)?;
+        session.report()?;
     }
     let published = Instant::now();
-    for index in 0..member.sources.len() {
-        if !member.supplied(index)? {
+    for index in 0..session.sources.len() {
+        if !session.supplied(index)? {
             return Ok(false);
         }
     }
     waited += published.elapsed();
-    for source in &mut member.sources {
+    for source in &mut session.sources {
         source.advance(step)?;
     }
-    let answer = guard(|| model.update(step, &Inputs(&member.sources)))?;
+    let answer = guard(|| model.update(step, &Inputs(&session.sources)))?;
     if !first {
-        member.publish(answer)?;
+        session.publish(answer)?;
     }
-    member.finish(waited, begun.elapsed().saturating_sub(waited))?;
+    session.finish(waited, begun.elapsed().saturating_sub(waited))?;
     Ok(true)
 }
 

@@ -20,7 +20,7 @@ _SOCKET_PATH_BYTES = 107
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """The endpoints of one run: each member links to the orchestrator and to those before it.
+    """The endpoints of one run: each participant links to the orchestrator and those before it.
 
     caller: the endpoint of a caller from outside.
     """

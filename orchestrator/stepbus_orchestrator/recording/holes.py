@@ -25,7 +25,7 @@ class Holes:
 
     def __init__(self, scenario: bytes | None) -> None:
         every = _every(scenario)
-        self._members = {name: _Member(name, every[name]) for name in every}
+        self._participants = {name: _Participant(name, every[name]) for name in every}
         self._last_chain = -1
         self.found: list[str] = []
 
@@ -35,14 +35,14 @@ class Holes:
             self._check(step, data)
             return
         name, port = layout.split_topic(topic)
-        member = self._members.get(name)
-        if member is not None and topic != layout.CALLS_TOPIC:
-            member.take(port, step, data)
+        participant = self._participants.get(name)
+        if participant is not None and topic != layout.CALLS_TOPIC:
+            participant.take(port, step, data)
 
     def end(self) -> list[str]:
         """Return all that is missing, once every message has been taken."""
-        for member in self._members.values():
-            self.found += member.silences(_REGULAR)
+        for participant in self._participants.values():
+            self.found += participant.silences(_REGULAR)
         return self.found
 
     def _check(self, step: int, data: bytes) -> None:
@@ -56,15 +56,15 @@ class Holes:
             self.found.append(f"{layout.CHAIN_TOPIC}: step {step} is {exc}")
             return
         for name, expected in hashes.items():
-            member = self._members.get(name)
-            if member is not None and not member.reaches(step, expected):
-                self.found += member.silences(0)
+            participant = self._participants.get(name)
+            if participant is not None and not participant.reaches(step, expected):
+                self.found += participant.silences(0)
                 self.found.append(f"{name}: the hash chain breaks at or before step {step}")
-            if member is not None:
-                member.go_on(step, expected)
+            if participant is not None:
+                participant.go_on(step, expected)
 
 
-class _Member:
+class _Participant:
     """One participant: its hash chain, and what it published since that was last confirmed."""
 
     def __init__(self, name: str, every: int) -> None:

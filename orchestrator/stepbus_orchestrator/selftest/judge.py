@@ -24,7 +24,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
 
     commanded, measured: positions [rad or m]; None for a joint without a motor. others: which
     other joint moved most, and how far. findings: what is wrong, a sentence each; ok: nothing is,
-    to one side at least. note: what went wrong on the other side.
+    to one side at least. other_side: what went wrong there.
     """
 
     joint: str
@@ -35,7 +35,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     others: tuple[str, float] | None = None
     ok: bool = True
     findings: list[str] = []
-    note: str = ""
+    other_side: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class _Evidence:
 
 
 def better(verdicts: Sequence[Verdict], others: Sequence[Verdict]) -> list[Verdict]:
-    """Return for each joint the better of its verdicts, with a note on the other.
+    """Return for each joint the better of its verdicts, with what went wrong in the other.
 
     others: of some of the joints, by the same plant at another angle.
     """
@@ -67,8 +67,12 @@ def better(verdicts: Sequence[Verdict], others: Sequence[Verdict]) -> list[Verdi
 def _merged(first: Verdict, second: Verdict) -> Verdict:
     if not second.ok:
         return first
-    rows = (*(_finding(first, text) for text in first.findings), first.note, second.note)
-    return msgspec.structs.replace(second, note="; ".join(filter(None, rows)))
+    rows = (
+        *(_finding(first, text) for text in first.findings),
+        first.other_side,
+        second.other_side,
+    )
+    return msgspec.structs.replace(second, other_side="; ".join(filter(None, rows)))
 
 
 def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -> list[Verdict]:
@@ -86,13 +90,13 @@ def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -
 def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
     """Return the first verdict without findings, or else the first; None where there is none."""
     best = next((verdict for verdict in verdicts if verdict.ok), None) or next(iter(verdicts), None)
-    note = "; ".join(
+    other_side = "; ".join(
         _finding(verdict, text)
         for verdict in verdicts
         for text in verdict.findings
         if verdict is not best
     )
-    return best if best is None else msgspec.structs.replace(best, note=note)
+    return best if best is None else msgspec.structs.replace(best, other_side=other_side)
 
 
 def _finding(verdict: Verdict, finding: str) -> str:

@@ -15,9 +15,9 @@ from stepbus_orchestrator.conformance.harness import material
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.replay import replay as replay_participant
-from stepbus_orchestrator.replay.result import inputs_of
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.rerun import read_origin
+from stepbus_orchestrator.replay.result import inputs_of
 from stepbus_orchestrator.report.device_panels import device_panels
 from stepbus_orchestrator.report.summary import Summary
 from stepbus_schemas import StepbusError

@@ -72,7 +72,9 @@ def _row(verdict: Verdict) -> list[str]:
         _people(verdict, verdict.measured),
         f"{verdict.measured:.4f}",
         others,
-        "; ".join(filter(None, ("ok" if verdict.ok else "", *verdict.findings, verdict.note))),
+        "; ".join(
+            filter(None, ("ok" if verdict.ok else "", *verdict.findings, verdict.other_side))
+        ),
     ]
 
 

@@ -41,8 +41,8 @@ def _await_ends(loop: RunLoop, participants: list[ParticipantState]) -> list[Par
         waited_s = time.monotonic() - began
         if not any(waited_s < _patience_s(loop, participant) for participant in left):
             return left
-        for member in left:
-            member.process.limit_log()
+        for participant in left:
+            participant.process.limit_log()
         loop.announcer.repeat_stop()
         loop.receive_after_failure(SHORT_TICK_S)
 

@@ -1,4 +1,4 @@
-//! A participant's place in the run: what has arrived, what is to be reported.
+//! A participant's session in a run: what has arrived, what is to be reported.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
@@ -31,8 +31,8 @@ impl<E: Into<Error>> From<E> for Leave {
     }
 }
 
-/// A participant that has been welcomed.
-pub struct Member {
+/// What a participant that has been welcomed does in its run.
+pub struct Session {
     /// What the orchestrator has sent.
     pub welcome: Welcome,
     /// Where the inputs come from.
@@ -51,7 +51,7 @@ pub struct Member {
     terminated: Arc<AtomicBool>,
 }
 
-impl Member {
+impl Session {
     /// Takes part with an open bus.
     pub fn new(bus: Bus, welcome: Welcome, terminated: Arc<AtomicBool>) -> Self {
         Self {
@@ -102,13 +102,13 @@ impl Member {
     /// Waits for the trigger of a step; returns false where the run ends before it.
     pub fn triggered(&mut self, step: i64) -> Result<bool, Leave> {
         self.step = step;
-        self.wait(|member| step < member.step_limit as i64, &[])
+        self.wait(|session| step < session.step_limit as i64, &[])
     }
 
     /// Waits for the source with this index; returns false where the run ends before.
     pub fn supplied(&mut self, index: usize) -> Result<bool, Leave> {
         let (step, name) = (self.step, self.sources[index].name.clone());
-        self.wait(|member| member.sources[index].has_due(step), &[name])
+        self.wait(|session| session.sources[index].has_due(step), &[name])
     }
 
     fn wait(
@@ -151,7 +151,9 @@ impl Member {
                 _ => count(&mut self.drops, "unauthenticated")?,
             },
             Some(Event::Trigger(bytes)) => match decode::<Trigger>(&bytes) {
-                Ok(trigger) if trigger.token == *token => self.step_limit = self.step_limit.max(trigger.step_limit),
+                Ok(trigger) if trigger.token == *token => {
+                    self.step_limit = self.step_limit.max(trigger.step_limit)
+                }
                 _ => count(&mut self.drops, "unauthenticated")?,
             },
             Some(Event::Stop(bytes)) => match decode::<Stop>(&bytes) {
@@ -162,7 +164,7 @@ impl Member {
         Ok(())
     }
 
-    /// Publishes the outputs of the current step, and notes them for the log (P7, P9.1).
+    /// Publishes the outputs of the current step, and adds them to the log (P7, P9.1).
     pub fn publish(&mut self, answer: Answer) -> Result<(), Leave> {
         let (end, step) = (answer.end.clone(), self.step);
         let ports = answer.checked(&self.welcome.outputs)?;
