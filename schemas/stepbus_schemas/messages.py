@@ -395,6 +395,15 @@ class PlanRequest(Message, frozen=True):
     touches: Annotated[
         list[str], msgspec.Meta(description="links of the world that the robot may touch")
     ] = msgspec.field(default_factory=list)
+    path: Annotated[
+        list[list[float]],
+        msgspec.Meta(
+            description="joint positions from the goal on, along a path that is only checked; "
+            "empty: none",
+            extra_json_schema={"unit": "rad", "shape": ["k", "n"]},
+        ),
+    ] = msgspec.field(default_factory=list)
+    load: Annotated[float, _scalar("mass of what the gripper holds, ≥ 0", "kg")] = 0.0
 
 
 class Plan(Message, frozen=True):

@@ -36,6 +36,8 @@ class Params(Settings):
     """Minimum distance of the robot to obstacles and to itself [m]."""
     held_margin: NonNegative = 0.003
     """Minimum distance of a held object to everything else [m]."""
+    path_margin: NonNegative = 0.003
+    """Minimum distance of the robot on a path that is only checked, such as a straight line [m]."""
     velocity_limit: PositivePerJoint = each(1.5)
     """Largest velocity of each joint, never above the URDF's [rad/s]."""
     acceleration_limit: PositivePerJoint = each(3.0)
@@ -44,3 +46,5 @@ class Params(Settings):
     """Limit on collision checks of a search."""
     latency_ns: Duration = 200_000_000
     """From a request to its answer, rounded up to the planner's period."""
+    check_latency_ns: Duration = 32_000_000
+    """The same, where a path is only checked."""

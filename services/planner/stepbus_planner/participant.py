@@ -15,7 +15,7 @@ from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Pose
 from . import search, timing
 from .obstacles import Obstacles
 from .path_monitor import PathMonitor, PlannedPath, last_step
-from .planning import PathPlanner
+from .planning import PathPlanner, is_check
 from .setup import read_setup
 
 Level = Literal["info", "warning"]
@@ -59,7 +59,9 @@ class PlannerParticipant(Participant):
             raise WiringError(f"participants.{config.name}: {exc}") from exc
         self._setup = read_setup(config, ports.problems)
         period_ns = config.every * config.step_ns
-        self._latency = -(-self._setup.latency_ns // period_ns) * config.every
+        setup = self._setup
+        self._latency = -(-setup.latency_ns // period_ns) * config.every
+        self._check_latency = -(-setup.check_latency_ns // period_ns) * config.every
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._pending: _Pending | None = None
         self._monitor: PathMonitor | None = None
@@ -128,7 +130,7 @@ class PlannerParticipant(Participant):
         poses = step.get(self._poses_port, Poses)
         answer = self._worker.submit(self.planner.plan, request, poses, cancelled.is_set)
         self._pending = _Pending(
-            due=step.index + self._latency,
+            due=step.index + (self._check_latency if is_check(request) else self._latency),
             cancelled=cancelled,
             answer=answer,
             request=request,
@@ -141,7 +143,7 @@ class PlannerParticipant(Participant):
         if plan is not None:
             self._publish(messages, plan)
             if not plan.cause and pending.poses is not None:
-                last = last_step(plan, step.index, self.config.step_ns * 1e-9)
+                last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
                 path = PlannedPath(
                     request=pending.request, plan=plan, poses=pending.poses, last_step=last
                 )

@@ -13,7 +13,7 @@ from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
 
 from .obstacles import Obstacles
-from .planning import PlanningSettings
+from .planning import PlanningSettings, fingers_at
 from .robot import PlannedRobot
 from .scene import Checker, Scene, Surroundings
 from .timing import dense
@@ -36,6 +36,9 @@ _SHARE = 0.5
 _LONGEST = 10.0
 """Multiple of its duration for which a path is monitored: near obstacles the robot is slow."""
 
+_LONGEST_GIVEN = 30.0
+"""How long a path that was only checked is monitored; its duration is not known [s]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedPath:
@@ -50,9 +53,10 @@ class PlannedPath:
     last_step: int
 
 
-def last_step(plan: Plan, step: int, period: float) -> int:
+def last_step(request: PlanRequest, plan: Plan, step: int, period: float) -> int:
     """Return the last step at which to monitor a plan; period: between two steps [s]."""
-    return step + math.ceil(_LONGEST * plan.times[-1] / period)
+    longest = _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
+    return step + math.ceil(longest / period)
 
 
 class PathMonitor:
@@ -68,7 +72,7 @@ class PathMonitor:
         request, poses = path.request, path.poses
         self._robot, self._obstacles, self._settings = robot, obstacles, settings
         self._request, self._before, self._last_step = request, poses, path.last_step
-        self._path = np.array(path.plan.position)
+        self._path = np.array([*path.plan.position, *request.path])
         self._checked: Mapping[str, Any] = {}
         self._tip_index = obstacles.index_of(settings.tip)
         self._tips: Vector = np.array(
@@ -140,6 +144,7 @@ class PathMonitor:
             held=held,
             touches=frozenset(self._request.touches),
             tip=self._settings.tip,
+            fingers=fingers_at(self._robot, obstacles, self._before, self._settings.tip),
         )
         scene = Scene(self._robot, around, self._path[0], self._settings.margins)
         return scene.checker_of(frozenset(names), _SHARE)

@@ -6,6 +6,7 @@ import difflib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +52,27 @@ class PlanningSettings:
     longest: float = 0.5
     max_checks: int = 20_000
     period: float = 0.02
+
+
+def is_check(request: PlanRequest) -> bool:
+    """Return whether a request is for the check of a path only."""
+    return bool(request.path) and request.start == request.goal
+
+
+def fingers_at(robot: PlannedRobot, obstacles: Obstacles, poses: Poses, tip: str) -> dict[str, Any]:
+    """Return the poses in the tip of the links of the robot that move on joints of their own.
+
+    They are as in Poses, where it has them; the others stand as in the robot's posture.
+    """
+    at = obstacles.index_of(tip)
+    if at is None:
+        return {}
+    inverse = obstacles.placement(poses, at).inverse()
+    return {
+        name: inverse * obstacles.placement(poses, index)
+        for name in robot.fingers()
+        if (index := obstacles.index_of(name)) is not None
+    }
 
 
 class NoPlan(Exception):
@@ -108,6 +130,7 @@ class _Planning:
         self._cancelled = cancelled
         self._start = self._joints("start", request.start)
         self._goal = self._joints("goal", request.goal)
+        self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
         self._scene = self._make_scene(poses)
 
     def _joints(self, field: str, values: list[float]) -> Vector:
@@ -142,15 +165,19 @@ class _Planning:
             held=request.held,
             touches=frozenset(request.touches),
             tip=self._settings.tip,
+            fingers=fingers_at(self._robot, self._obstacles, poses, self._settings.tip),
         )
         return Scene(self._robot, around, self._start, self._settings.margins)
 
     def answer(self) -> Plan:
         """Return the plan; raises NoPlan if there is none."""
+        checked = self._check_path() if self._path else ""
+        if is_check(self._request):
+            return self._standing(checked)
         self._check_collision("start", self._start)
         self._check_collision("goal", self._goal)
         if np.linalg.norm(self._goal - self._start) < _SAME:
-            return self._standing()
+            return self._standing("the joints are at the goal")
         checker = self._scene.checker([self._start, self._goal])
         last = self._scene.checker([self._start, self._goal], _LAST_SHARE)
         limits, period = self._settings.limits, self._settings.period
@@ -165,6 +192,20 @@ class _Planning:
         if overloading is not None:
             raise NoPlan("not_holdable", self._overload(overloading))
         raise NoPlan("no_path", f"no path from start to goal was found in {checks} checks")
+
+    def _check_path(self) -> str:
+        """Check the path that is given and return a sentence; raises NoPlan where it is blocked."""
+        path = np.array([self._goal, *self._path])
+        fine = dense(path, self._settings.resolution * _LAST_RESOLUTION)
+        checker = self._scene.path_checker(fine[0], fine[-1])
+        tip = self._settings.tip
+        for q in fine:
+            if not checker.is_free(q):
+                touch = self._scene.closest(q, checker) or "something is too close"
+                here, there = (self._robot.frame_pose(row, tip).translation for row in (fine[0], q))
+                far = float(np.linalg.norm(there - here))
+                raise NoPlan("path_collides", f"{far:.3f} m from its start, {touch}")
+        return f"path is free, {checker.checks} checks"
 
     def _check_collision(self, field: str, q: Vector) -> None:
         touch = self._scene.touch(q)
@@ -224,10 +265,10 @@ class _Planning:
             velocity=motion.velocity.tolist(),
         )
 
-    def _standing(self) -> Plan:
+    def _standing(self, text: str) -> Plan:
         return Plan(
             id=self._request.id,
-            text="the joints are at the goal",
+            text=text,
             times=[0.0, self._settings.period],
             position=[self._goal.tolist()] * 2,
             velocity=[[0.0] * len(self._goal)] * 2,

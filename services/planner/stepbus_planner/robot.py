@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector, collision_geometry, radius_from
 
@@ -27,6 +28,20 @@ class PlannedRobot(RobotModel):
     ) -> None:
         super().__init__(path, joints, posture=posture, bounded=True, links=links)
         self.geometry: Any = collision_geometry(self, srdf)
+
+    def fingers(self) -> tuple[str, ...]:
+        """Return the links with shapes that move along with the joints, and on joints of their own.
+
+        Those are at `posture`, unless one knows better.
+        """
+        full, own = self.full, {self.full.getJointId(name) for name in self.joints}
+        names = []
+        for item in self.geometry.geometryObjects:
+            name = self.model.frames[item.parentFrame].name
+            joint = full.frames[full.getFrameId(name, pin.FrameType.BODY)].parentJoint
+            if item.parentJoint and joint not in own:
+                names.append(name)
+        return tuple(dict.fromkeys(names))
 
     def reach(self) -> tuple[Vector, float]:
         """Return a point in the root link, and how far the moving links get from it at most [m]."""

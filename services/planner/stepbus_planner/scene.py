@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,13 @@ _DEEPER = 5e-4
 class Margins:
     """Minimum distances [m].
 
-    robot: of the robot to obstacles and to itself. held: of a held object to obstacles and the
+    robot: of the robot to obstacles and to itself. path: the same, on a path that is only checked.
+    held: of a held object to obstacles and the
     robot. standing: how deep a held object may penetrate what it stands on, at start and goal.
     """
 
     robot: float = 0.01
+    path: float = 0.003
     held: float = 0.003
     standing: float = 0.003
 
@@ -40,7 +42,8 @@ class Surroundings:
 
     links: by name. placements: of each, in the root link of the robot. held: name of the link in
     the gripper, or empty. touches: names of links that the robot may touch. tip: frame of the robot
-    that the held link moves with.
+    that the held link moves with. fingers: poses in it of the robot's links that stand elsewhere
+    than in its posture.
     """
 
     links: Mapping[str, Link]
@@ -48,6 +51,7 @@ class Surroundings:
     held: str = ""
     touches: frozenset[str] = frozenset()
     tip: str = ""
+    fingers: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +63,9 @@ class Touch:
     distance: float
 
     def __str__(self) -> str:
-        depth = max(0.0, -self.distance * 1e3)
-        return f"{self.first} touches {self.second} ({depth:.1f} mm deep)"
+        if self.distance > 0.0:
+            return f"{self.first} comes within {self.distance * 1e3:.1f} mm of {self.second}"
+        return f"{self.first} touches {self.second} ({-self.distance * 1e3:.1f} mm deep)"
 
 
 class Scene:
@@ -79,15 +84,26 @@ class Scene:
         self.links = [
             robot.model.frames[item.parentFrame].name for item in robot.geometry.geometryObjects
         ]
+        self._place_fingers(around)
         own = range(len(self.links))
         held = self._add_held(around, start)
         world = self._add_world(around, held)
         self._pair(own, held, world, around.touches)
         pairs = self._geometry.collisionPairs
         with_held = np.array([not {pair.first, pair.second}.isdisjoint(held) for pair in pairs])
+        self._with_held = with_held
         self._allowed = np.where(with_held, margins.held, margins.robot)
+        self._on_path = np.where(with_held, margins.held, margins.path)
         self._deepest = np.where(with_held, -margins.standing, 0.0)
         self._distances = self._geometry.createData()
+
+    def _place_fingers(self, around: Surroundings) -> None:
+        for item, name in zip(self._geometry.geometryObjects, self.links, strict=True):
+            if name in around.fingers:
+                frames = self._robot.model.frames
+                in_link = frames[item.parentFrame].placement.inverse() * item.placement
+                tip = frames[self._robot.frame_id(around.tip)]
+                item.placement = tip.placement * around.fingers[name] * in_link
 
     def _add_held(self, around: Surroundings, start: Vector) -> list[int]:
         """Attach the shapes of the held link to the joint that moves the tip."""
@@ -143,11 +159,18 @@ class Scene:
 
     def touch(self, q: Vector) -> Touch | None:
         """Return the two links that penetrate most at q, shape (n,) [rad]; None: none touch."""
+        return self._closest(q, self._deepest)
+
+    def closest(self, q: Vector, checker: Checker) -> Touch | None:
+        """Return the two links that keep their margin least at q, shape (n,) [rad]."""
+        return self._closest(q, checker.margins)
+
+    def _closest(self, q: Vector, margins: Vector) -> Touch | None:
         distance = self._distances_at(q)
         if not len(distance):
             return None
-        worst = int(np.argmin(distance - self._deepest))
-        if distance[worst] > self._deepest[worst]:
+        worst = int(np.argmin(distance - margins))
+        if distance[worst] > margins[worst]:
             return None
         pair = self._geometry.collisionPairs[worst]
         first, second = self.links[pair.first], self.links[pair.second]
@@ -168,10 +191,24 @@ class Scene:
         """
         allowed = self._allowed
         for q in ends:
-            gap = self._distances_at(q)
-            allowed = np.minimum(allowed, np.where(gap > 0, gap * _CLOSER, gap - _DEEPER))
+            allowed = np.minimum(allowed, self._closer(q))
         wanted = np.where(allowed > 0, allowed * share, allowed)
         return Checker(self._robot, self._geometry, wanted)
+
+    def _closer(self, q: Vector) -> Vector:
+        """Return how close pairs may come that are close at q already [m]."""
+        gap = self._distances_at(q)
+        closer: Vector = np.where(gap > 0, gap * _CLOSER, gap - _DEEPER)
+        return closer
+
+    def path_checker(self, start: Vector, end: Vector) -> Checker:
+        """Return a checker for a path that is given.
+
+        What is closer than its margin at the start may stay so; a held object also at the end.
+        """
+        allowed = np.minimum(self._on_path, self._closer(start))
+        at_end = np.where(self._with_held, self._closer(end), np.inf)
+        return Checker(self._robot, self._geometry, np.minimum(allowed, at_end))
 
     def checker_of(self, names: frozenset[str], share: float = 1.0) -> Checker:
         """Return a checker against some of the obstacles only, whatever start and goal are.
@@ -196,6 +233,7 @@ class Checker:
 
     def __init__(self, robot: PlannedRobot, geometry: Any, margins: Vector) -> None:
         self._robot = robot
+        self.margins = margins
         self._data = robot.model.createData()
         results = geometry.createData()
         for request, margin in zip(results.collisionRequests, margins, strict=True):

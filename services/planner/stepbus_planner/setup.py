@@ -22,12 +22,17 @@ _EFFORT_SHARE = 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """frame: link that identifies the robot among the poses. latency_ns: of an answer [ns]."""
+    """What the parameters describe.
+
+    frame: link that identifies the robot among the poses. latency_ns: of an answer [ns];
+    check_latency_ns: where a path is only checked.
+    """
 
     robot: PlannedRobot
     planning: PlanningSettings
     frame: str
     latency_ns: int
+    check_latency_ns: int
 
 
 def read_setup(config: Config, problems: Problems) -> Setup:
@@ -44,11 +49,17 @@ def read_setup(config: Config, problems: Problems) -> Setup:
     )
     planning = PlanningSettings(
         tip=params.tip,
-        margins=Margins(robot=params.margin, held=params.held_margin),
+        margins=Margins(robot=params.margin, held=params.held_margin, path=params.path_margin),
         limits=limits,
         max_checks=params.max_checks,
     )
-    return Setup(robot=robot, planning=planning, frame=params.frame, latency_ns=params.latency_ns)
+    return Setup(
+        robot=robot,
+        planning=planning,
+        frame=params.frame,
+        latency_ns=params.latency_ns,
+        check_latency_ns=params.check_latency_ns,
+    )
 
 
 def _make_robot(params: Params, problems: Problems) -> PlannedRobot:

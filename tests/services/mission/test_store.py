@@ -5,11 +5,13 @@ import math
 import pytest
 from support.services.mission_store import FakeStore, Thing, config, sell, shelf_a
 
+from stepbus_mission.store.approaches import APPROACHES
+from stepbus_mission.store.checks import PLANNABLE
 from stepbus_mission.store.participant import StoreMission
 from stepbus_schemas import Description, WiringError, encode
 
 ONE_SALE = (
-    "order>tuck>drive>open>inspect>find>approach>correct>down>close>check_grip>lift>check_lift>"
+    "order>tuck>drive>open>inspect>find>approach>correct>check_width>down>close>check_grip>lift>check_lift>"
     "retreat>check_height>reverse>home>above>place>let_go>up>verify"
 )
 GOODS = (("cola", 2), ("cola", 3), ("water", 4), ("juice", 5))
@@ -107,7 +109,63 @@ def test_a_carried_item_is_lowered_in_steps_before_the_base_moves():
 def test_the_hand_follows_what_it_sees_until_that_is_steady():
     # From above the camera is 8 mm off; from near it sees the item where it is.
     result = sell(FakeStore(shelf_a(*GOODS), pushes={("approach", 1): ("cola_a1_2", 0.008)}))
-    assert "approach>correct>shift>correct>down" in path(result)
+    assert "approach>correct>shift>correct>check_width>down" in path(result)
+    assert result.end
+
+
+def goals_from(store, state):
+    return [goal for goal, sent in zip(store.goals, store.states, strict=True) if sent == state]
+
+
+def heading(goal):
+    """Return the direction of the fingers, of a gripper that points down, below a half turn."""
+    x, y, z, w = goal.orientation
+    return math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)) % math.pi
+
+
+def test_where_the_line_down_is_blocked_the_gripper_is_turned():
+    store = FakeStore(shelf_a(*GOODS), fails={("down", 1): "blocked"})
+    result = sell(store)
+    assert "down>retry>approach>correct>check_width>down>close" in path(result)
+    first, second = map(heading, goals_from(store, "down"))
+    assert abs(second - first) == pytest.approx(math.pi / 2)
+    warning = "straight down: blocked, as the test wants it; next, with the gripper turned by 90°"
+    assert warning in result.text
+    assert result.end
+
+
+def test_the_approaches_differ():
+    fails = {("down", number): "blocked" for number in range(1, 8)}
+    store = FakeStore(shelf_a(*GOODS), fails=fails)
+    result = sell(store)
+    assert result.end
+    goals, above = goals_from(store, "down"), goals_from(store, "approach")
+    widths = [
+        [g for g in result.goals[: result.goals.index(goal)] if g.type == "grip"][-1].width
+        for goal in goals
+    ]
+    rows = [
+        (goal.type, goal.orientation, up.position[2], width)
+        for goal, up, width in zip(goals, above, widths, strict=True)
+    ]
+    assert len(set(rows)) == len(APPROACHES)
+
+
+def test_a_second_attempt_differs_from_the_first():
+    store = FakeStore(shelf_a(*GOODS), empty_grips=1)
+    sell(store)
+    first, second = map(heading, goals_from(store, "down"))
+    assert abs(second - first) == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize("state", sorted(PLANNABLE))
+def test_a_planned_path_stands_for_a_line_that_is_blocked(state):
+    faults = {"slips": 1} if state == "back_off" else {}
+    faults = {"noise": 0.006} if state == "shift" else faults
+    store = FakeStore(shelf_a(*GOODS), fails={(state, 1): "blocked"}, **faults)
+    result = sell(store, safe_height=0.25)
+    assert [goal.type for goal in goals_from(store, state)][:2] == ["move_linear", "move_to_pose"]
+    assert "; along a planned path instead" in result.text
     assert result.end
 
 

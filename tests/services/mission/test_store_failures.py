@@ -38,9 +38,9 @@ def failed(store, **params):
             "sale 1 (cola_a1_2) failed while grasping: not held, width 0.000 m, after 1 attempt",
         ),
         (
-            {"fails": {("down", 1): "unreachable"}},
+            {"fails": {("down", 1): "invalid"}},
             {},
-            "sale 1 (cola_a1_2) failed while moving down: unreachable, as the test wants it",
+            "sale 1 (cola_a1_2) failed while moving down: invalid, as the test wants it",
         ),
         (
             {"fails": {("down", 1): "collision", ("down", 2): "collision"}},
@@ -191,6 +191,15 @@ def test_the_sales_before_a_failure_are_in_the_summary():
     assert "cola_a1_2" in result.summary.splitlines()[1]
     assert "1 of 2 sales in " in result.summary
     assert result.error.startswith("sale 2 (water_a1_4) failed while driving to the shelf: jammed")
+
+
+def test_a_sale_fails_only_after_all_approaches():
+    blocked = {("down", number): "blocked" for number in range(1, 9)}
+    text = (
+        "sale 1 (cola_a1_2) failed while moving down: blocked, as the test wants it, after 8 "
+        "approaches"
+    )
+    assert failed(FakeStore(shelf_a(*GOODS), fails=blocked)) == text + REST
 
 
 def test_an_order_that_is_sold_out_is_left_out_and_the_others_are_sold():

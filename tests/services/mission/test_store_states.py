@@ -12,6 +12,9 @@ GOODS = (("cola", 2), ("cola", 3))
 PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}
 
 
+_DOWN = [("down", number) for number in range(1, 9)]
+
+
 def walked(params=None, **faults):
     return set(sell(FakeStore(shelf_a(*GOODS), **faults), **(params or {})).walked)
 
@@ -44,17 +47,19 @@ def _reachable(state):
 
 
 def test_every_passage_of_the_table_is_walked():
+    params = {"attempts": 2, "safe_height": 0.25}
     found = walked({"safe_height": 0.25})
     for state in GOALS:
         if "failed" in STATES[state].then:
-            more = {"slips": 1} if state in {"release", "back_off"} else {}
-            if state == "shift":
-                more = {"noise": 0.006}
-            params = {"attempts": 2, "safe_height": 0.25}
-            found |= walked(params, fails={(state, 1): "no_path"}, **more)
+            faults = {"noise": 0.006} if state == "shift" else {}
+            faults = {"slips": 1} if state in {"release", "back_off"} else faults
+            blocked = _DOWN[:6] if state == "narrow" else []
+            fails = {**dict.fromkeys(blocked, "blocked"), (state, 1): "invalid"}
+            found |= walked(params, fails=fails, **faults)
         if "dropped" in STATES[state].then:
             found |= walked({"safe_height": 0.25}, drops=((state, 1),))
-    found |= walked(empty_grips=1) | walked(slips=9)
+    found |= walked(fails=dict.fromkeys(_DOWN[:6], "blocked"))
+    found |= walked(noise=0.006) | walked(empty_grips=1) | walked(slips=9)
     found |= walked(hidden=("cola_a1_2", "cola_a1_3")) | walked({"opening": 0.05})
     found |= walked({"orders": ["cola"] * 3})
     found |= walked(dark=("order", 0)) | walked(dark=("approach", 1))

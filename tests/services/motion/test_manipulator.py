@@ -45,6 +45,9 @@ def good_planner(robot):
 
     def answer(request):
         start, goal = np.array(request.start), np.array(request.goal)
+        if request.start == request.goal:
+            still = {"position": [request.goal] * 2, "velocity": [[0.0] * len(goal)] * 2}
+            return Plan(id=request.id, times=[0.0, 0.02], **still)
         motion = motion_to(JointMotion.at_rest(start), goal, make_limits(robot))
         times = np.linspace(0.0, motion.duration, 60)
         states = [motion.at(t) for t in times]
@@ -457,3 +460,50 @@ def test_the_same_goals_give_the_same_commands_to_the_bit():
             yield np.array(stage.run(goal).q).tobytes()
 
     assert list(commands()) == list(commands())
+
+
+def home_tip(robot):
+    return tips(robot, [HOME])[0].tolist()
+
+
+def line_down(robot):
+    x, y, z = home_tip(robot)
+    return pose_goal("move_linear", [x, y, z - 0.1])
+
+
+def test_with_a_planner_a_line_is_checked_before_it_starts(robot):
+    stage = Stage(planned_arm(robot), answer=good_planner(robot))
+    log = stage.run(line_down(robot), held="cola_a1_3")
+    (asked,) = stage.requests
+    assert asked.start == asked.goal
+    assert asked.held == "cola_a1_3"
+    x, y, z = home_tip(robot)
+    assert tips(robot, np.array(asked.path))[-1] == pytest.approx([x, y, z - 0.1], abs=1e-4)
+    assert log.outcome.state == "succeeded"
+
+
+def test_a_line_that_is_blocked_does_not_start(robot):
+    def blocks(request):
+        return Plan(id=request.id, cause="path_collides", text="hand touches shelf")
+
+    log = Stage(planned_arm(robot), answer=blocks).run(line_down(robot))
+    assert (log.outcome.cause, log.outcome.text) == ("blocked", "hand touches shelf")
+    assert np.abs(np.array(log.q) - HOME).max() == 0.0
+
+
+def test_what_comes_onto_a_line_under_way_is_reported(robot):
+    arm = planned_arm(robot)
+    stage, log = Stage(arm, answer=good_planner(robot)), Log()
+    stage.begin(line_down(robot))
+    for _ in range(40):
+        stage.step(log)
+    assert arm.blocked == ""
+    arm.take_plan(Plan(id=stage.requests[-1].id, cause="blocked", text="a post"), stage.t)
+    assert (arm.blocked, arm.follows_plan) == ("a post", False)
+
+
+def test_a_long_path_is_checked_at_a_bounded_number_of_points(robot):
+    stage = Stage(planned_arm(robot), answer=good_planner(robot))
+    turns = Spiral(centre=tuple(home_tip(robot)), radius=(0.1, 0.1), turns=20, rise=0.0)
+    stage.run(pose_goal("spiral", home_tip(robot), spiral=turns), steps=20)
+    assert 200 < len(stage.requests[0].path) < 600

@@ -320,3 +320,20 @@ def test_what_moves_elsewhere_or_may_be_touched_does_not_matter(planner):
     assert after_the_pillar_moves(planner, (0.0, 2.0, 0.5))[0] == [(29, 1, "")]
     soft = PlanRequest(id=1, start=START, goal=GOAL, touches=["pillar"])
     assert after_the_pillar_moves(planner, (0.6, 0.0, 0.5), soft)[0] == [(29, 1, "")]
+
+
+def test_a_check_of_a_path_is_answered_sooner(planner):
+    stand, poses = planner()
+    path = [[-0.9, 0.0, 0.0], [-0.8, 0.0, 0.0]]
+    check = PlanRequest(id=1, start=START, goal=START, path=path)
+    assert steps_with_plans(stand, poses, {4: check}, 60) == [(8, 1)]
+
+
+def test_what_comes_onto_a_path_that_was_checked_is_reported(planner):
+    stand, poses = planner()
+    path = [[turn, 0.0, 0.0] for turn in (-0.8, -0.6)]
+    stand.update(0, request=PlanRequest(id=1, start=START, goal=START, path=path), poses=poses)
+    assert stand.update(4)["plan"].cause == ""
+    _, moved = scenery((*PILLAR[:2], (0.5, -0.4, 0.5)))
+    plan = stand.update(6, poses=moved)["plan"]
+    assert (plan.id, plan.cause) == (1, "blocked")

@@ -1,6 +1,7 @@
 """What ways the planner finds, and why it finds none."""
 
 import gc
+import re
 
 import numpy as np
 import pytest
@@ -184,3 +185,57 @@ def test_a_search_that_nobody_wants_any_more_ends_long_before_its_last_check():
     start = np.array([1.0, 0.0, 0.0])
     assert find_paths(search, start, -start, is_free, lambda: len(checks) > 100) is None
     assert 100 < len(checks) < 10_000
+
+
+def check(folder, *things, path, at=None, **fields):
+    rows = [ahead(turn) for turn in np.linspace(*path, 30).tolist()]
+    request = {"start": at or rows[0], "goal": at or rows[0], "path": rows[1:], **fields}
+    return answer(folder, *things, request=request)[0]
+
+
+def test_a_free_path_is_answered_by_standing_still(tmp_path):
+    plan = check(tmp_path, PILLAR, path=(-1.0, -0.5))
+    assert plan.cause == ""
+    assert plan.text.startswith("path is free, ")
+    assert plan.position == [ahead(-1.0)] * 2
+
+
+def test_a_path_that_touches_something_is_refused_with_the_links_and_where(tmp_path):
+    plan = check(tmp_path, PILLAR, path=(-1.0, 1.0))
+    assert plan.cause == "path_collides"
+    assert re.fullmatch(r"0\.\d+ m from its start, link_\d .* pillar.*", plan.text)
+
+
+def test_a_path_keeps_a_small_margin(tmp_path):
+    # The arm, 40 mm wide, ends at an angle of 0; its side is 20 mm from the x axis.
+    near = ("post", "box 0.05 0.02 1", (0.6, 0.02 + 0.01 + 0.002, 0.5))
+    assert check(tmp_path, near, path=(-1.0, 0.0)).cause == "path_collides"
+    assert check(tmp_path, near, path=(-1.0, 0.0), touches=["post"]).cause == ""
+    beyond = (*near[:2], (0.6, 0.02 + 0.01 + 0.0045, 0.5))
+    assert check(tmp_path, beyond, path=(-1.0, 0.0)).cause == ""
+
+
+def test_a_path_may_leave_what_it_touches_at_its_start(tmp_path):
+    near = ("post", "box 0.05 0.02 1", (0.6, 0.02 + 0.01 - 0.001, 0.5))
+    assert check(tmp_path, near, path=(0.0, -1.0)).cause == ""
+
+
+def test_a_path_through_the_robot_itself_is_refused_with_the_links(tmp_path):
+    rows = [[-1.0, fold, fold] for fold in np.linspace(0.0, 2.6, 40).tolist()]
+    request = {"start": rows[0], "goal": rows[0], "path": rows[1:]}
+    plan, _ = answer(tmp_path, request=request)
+    assert plan.cause == "path_collides"
+    assert re.search(r"link_\d .* link_\d", plan.text)
+
+
+def test_what_follows_a_planned_motion_is_checked_too(tmp_path):
+    path = [ahead(turn) for turn in np.linspace(1.0, -1.0, 60)[1:].tolist()]
+    plan, _ = answer(tmp_path, PILLAR, request={"path": path})
+    assert plan.cause == "path_collides"
+    plan, _ = answer(tmp_path, PILLAR, request={"path": path[:10]})
+    assert (plan.cause, plan.position[-1]) == ("", GOAL)
+
+
+def test_a_path_of_other_joints_is_refused(tmp_path):
+    plan, _ = answer(tmp_path, request={"goal": START, "path": [[0.0]]})
+    assert (plan.cause, plan.text[:12]) == ("bad_request", "path point 0")

@@ -145,6 +145,7 @@ class FakeStore:
         self.gap = (0.0, 0.0, 0.0)
         self.width = 0.05
         self.goals = []
+        self.states = []
         self.sent = {}
         self.news = []
         self.pictures = 0
@@ -197,6 +198,7 @@ class FakeStore:
     def carry_out(self, goal: Goal, state: str) -> None:
         """Do what a goal wants that was sent from a state, and have its statuses ready."""
         self.goals.append(goal)
+        self.states.append(state)
         self.sent[state] = self.sent.get(state, 0) + 1
         which = (state, self.sent[state])
         self.news = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+from .approaches import APPROACHES
 from .detection import correct, find
 from .geometry import tilt_of
 from .report import SaleResult, Unsold
@@ -20,7 +21,21 @@ HOPELESS = (
 )  # fmt: skip
 """Causes that another attempt at the same item does not remove."""
 
+REFUSED = (
+    "blocked", "limits", "no_path", "not_holdable", "singular", "unreachable",
+)  # fmt: skip
+"""Causes that another approach to the item may remove."""
+
+PLANNABLE = ("shift", "lift", "lower", "place", "up", "back_off")
+"""States for whose straight line a planned path may stand."""
+
+_APPROACHING = ("approaching it", "following it", "opening less", "moving down")
+"""Activities before the gripper has closed."""
+
 _NO_ANSWER = "the controller does not answer"
+_SAME_WIDTH = 1e-3
+"""Difference of two openings that need no motion of the fingers [m]."""
+
 _AT_REST = 0.005
 """Velocity below which the base is at rest [m/s, rad/s]."""
 
@@ -41,7 +56,7 @@ def choose(store: StoreState) -> Outcome | None:
     sale.item = _next_item(store, sale)
     if sale.item is None:
         return _leave_out(store, sale, "shelf_empty", _sold_out(store, sale))
-    sale.detected, sale.attempts = None, 0
+    sale.detected, sale.attempts, sale.tries = None, 0, 0
     problem = _misfit(store, sale.item)
     if problem:
         return _leave_out(store, sale, "too_wide", problem)
@@ -186,15 +201,37 @@ def retry(store: StoreState) -> Outcome | None:
     problem = store.problem
     if problem is None:
         raise LookupError("nothing has gone wrong")
+    if store.doing in _APPROACHING and problem.cause in REFUSED:
+        return _other_approach(store, problem)
     attempts = store.settings.attempts
     if problem.cause in HOPELESS:
         return Outcome(name="over")
     text = f"attempt {sale.attempts} of {attempts} failed while {store.doing}: {problem.text}"
     store.report(text, "error")
     if sale.attempts < attempts:
+        sale.tries += 1
         return Outcome(name="again")
     many = "attempt" if sale.attempts == 1 else "attempts"
     return Outcome(name="over", text=f"after {sale.attempts} {many}")
+
+
+def _other_approach(store: StoreState, problem: Outcome) -> Outcome:
+    """Take the next approach that the item fits into, if there is one."""
+    sale, item = store.now
+    text = f"{sale.approach.text}: {problem.text}"
+    while sale.tries + 1 < len(APPROACHES):
+        sale.tries += 1
+        if not _misfit(store, item):
+            store.report(f"{text}; next, {sale.approach.text}", "warning")
+            return Outcome(name="other")
+    return Outcome(name="over", text=f"after {len(APPROACHES)} approaches")
+
+
+def check_width(store: StoreState) -> Outcome | None:
+    """Check that the gripper is open no wider than the approach wants it."""
+    sale, _ = store.now
+    is_wide = sale.opening > store.opening() + _SAME_WIDTH
+    return Outcome(name="too_wide" if is_wide else "wide")
 
 
 def verify(store: StoreState) -> Outcome | None:
@@ -282,6 +319,7 @@ CHECKS: Mapping[str, Check] = {
     "order": choose,
     "find": find,
     "correct": correct,
+    "check_width": check_width,
     "check_grip": check_grip,
     "check_lift": check_lift,
     "check_height": check_height,

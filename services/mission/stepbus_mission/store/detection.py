@@ -87,7 +87,7 @@ def _nearest(store: StoreState, found: Detections) -> Spot | None:
     spot = min(spots, key=lambda spot: _distance(spot, expected), default=None)
     if spot is None or _distance(spot, expected) > store.settings.tolerances.found:
         return None
-    return Spot(x=spot.x, y=spot.y, yaw=store.opening_yaw(spot.yaw))
+    return spot
 
 
 def _check(found: Detections) -> None:

@@ -13,6 +13,8 @@ from .state import StoreState
 ODOMETRY = "odometry"
 """The frame of the goals: the pose of the base at the start."""
 
+_Moving = Literal["move_to_pose", "move_linear"]
+
 MakeGoal = Callable[[StoreState], Goal]
 
 
@@ -35,6 +37,11 @@ def open_gripper(store: StoreState) -> Goal:
     return _grip(store, store.settings.opening)
 
 
+def narrow(store: StoreState) -> Goal:
+    """Open the gripper only as wide as the approach wants it."""
+    return _grip(store, store.opening())
+
+
 def inspect(store: StoreState) -> Goal:
     """Move the open gripper above the item's expected position."""
     _, item = store.now
@@ -43,18 +50,19 @@ def inspect(store: StoreState) -> Goal:
 
 def approach(store: StoreState) -> Goal:
     """Move above the item that was found."""
-    return _above(store, store.grip_height() + store.settings.approach_height)
+    return _above(store, _approach_height(store))
 
 
 def shift(store: StoreState) -> Goal:
     """Follow the item at the same height."""
-    height = store.grip_height() + store.settings.approach_height
-    return _pose(store, "move_linear", store.expected(), height)
+    return _pose(store, "move_linear", store.expected(), _approach_height(store))
 
 
 def down(store: StoreState) -> Goal:
-    """Move straight down, with the item between the open fingers."""
-    return _pose(store, "move_linear", store.expected(), store.grip_height(), slow=True)
+    """Move down, with the item between the open fingers; straight, if the approach is."""
+    sale, _ = store.now
+    goal_type: _Moving = "move_linear" if sale.approach.is_straight else "move_to_pose"
+    return _pose(store, goal_type, store.expected(), store.grip_height(), slow=True)
 
 
 def close(store: StoreState) -> Goal:
@@ -126,6 +134,7 @@ GOALS: Mapping[str, MakeGoal] = {
     "tuck": tuck,
     "drive": drive,
     "open": open_gripper,
+    "narrow": narrow,
     "inspect": inspect,
     "approach": approach,
     "shift": shift,
@@ -154,15 +163,20 @@ def _above(store: StoreState, height: float) -> Goal:
 
 def _pose(
     store: StoreState,
-    goal_type: Literal["move_to_pose", "move_linear"],
+    goal_type: _Moving,
     spot: Spot,
     height: float,
     *,
     slow: bool = False,
 ) -> Goal:
-    """Return a goal with the gripper pointing down and opening along the spot's heading."""
+    """Return a goal with the gripper pointing down and opening along the spot's heading.
+
+    Where a line was blocked, a planned path stands for it.
+    """
     sale, _ = store.now
     sale.tip = height
+    if store.visit.is_planned:
+        goal_type = "move_to_pose"
     position: Point = (spot.x, spot.y, height)
     return Goal(
         id=0,
@@ -180,7 +194,15 @@ def _go_to(store: StoreState, spot: Spot) -> Goal:
     return Goal(id=0, type="go_to", base=(spot.x, spot.y, spot.yaw), touches=_touches(store))
 
 
+def _approach_height(store: StoreState) -> float:
+    """Return the height of the tip above the item before it goes down [m]."""
+    sale, _ = store.now
+    return store.grip_height() + store.settings.approach_height + sale.approach.farther
+
+
 def _grip(store: StoreState, width: float) -> Goal:
+    sale, _ = store.now
+    sale.opening = width
     force = store.settings.force
     return Goal(id=0, type="grip", width=width, force=force, touches=_touches(store))
 

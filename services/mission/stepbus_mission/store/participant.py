@@ -27,7 +27,7 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .checks import check_of
+from .checks import PLANNABLE, check_of
 from .goals import GOALS
 from .params import Params, unknown_type
 from .report import Unsold, summary
@@ -164,22 +164,36 @@ class StoreMission(Participant):
             outcome = check_of(store.visit.state)(store)
             if outcome is None:
                 return None
-            goal = self.enter(store, outcome)
+            goal = self._planned_instead(store, outcome) or self.enter(store, outcome)
             if goal is not None or store.visit.state in LAST:
                 return goal
+
+    def _planned_instead(self, store: StoreState, outcome: Outcome) -> Goal | None:
+        """Return the goal of a state whose straight line is blocked, along a planned path."""
+        visit = store.visit
+        is_line = outcome.cause == "blocked" and visit.goal_type == "move_linear"
+        if not is_line or visit.state not in PLANNABLE:
+            return None
+        store.report(f"{outcome.text}; along a planned path instead", "warning")
+        visit = Visit(state=visit.state, start_ns=store.inputs.t_ns, is_planned=True)
+        return self._send(store, visit)
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""
         state = STATES[store.visit.state].then[outcome.name]
         if state in {"retry", "stop"}:
             store.record_problem(outcome)
-        make_goal = GOALS.get(state)
-        store.visit = Visit(state=state, start_ns=store.inputs.t_ns)
+        return self._send(store, Visit(state=state, start_ns=store.inputs.t_ns))
+
+    def _send(self, store: StoreState, visit: Visit) -> Goal | None:
+        """Start a visit; return its goal, if the state has one."""
+        store.visit = visit
+        make_goal = GOALS.get(visit.state)
         if make_goal is None:
             return None
         goal = msgspec.structs.replace(make_goal(store), id=self._goals)
         self._goals += 1
-        store.visit.goal, store.visit.goal_type = goal.id, goal.type
+        visit.goal, visit.goal_type = goal.id, goal.type
         return goal
 
     def _end(self, step: Step, store: StoreState) -> None:

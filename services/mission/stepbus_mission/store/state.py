@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Poses
 
+from .approaches import APPROACHES, Approach
 from .geometry import Spot, nearest_quarter
 from .params import Order, Params
 from .report import SaleResult, Unsold
@@ -55,7 +56,7 @@ class Visit:
 
     start_ns: when it started [ns]. goal: id of the goal sent, -1: none. views: detections
     received. last_text: latest text of the running goal's status. since_ns: since when the
-    condition holds that the state waits for [ns].
+    condition holds that the state waits for [ns]. is_planned: a planned path stands for a line.
     """
 
     state: str
@@ -65,6 +66,7 @@ class Visit:
     views: int = 0
     last_text: str = ""
     since_ns: int | None = None
+    is_planned: bool = False
 
 
 @dataclass(kw_only=True)
@@ -84,9 +86,16 @@ class Sale:
     detected: Spot | None = None
     tip: float = 0.0
     attempts: int = 0
+    tries: int = 0
+    opening: float = 0.0
     corrections: int = 0
     detection_error: float = 0.0
     lost_ns: int | None = None
+
+    @property
+    def approach(self) -> Approach:
+        """Return how the gripper comes to the item; each try takes another approach."""
+        return APPROACHES[min(self.tries, len(APPROACHES) - 1)]
 
     def __str__(self) -> str:
         return f"sale {self.number} ({self.item.name if self.item else self.order})"
@@ -167,17 +176,26 @@ class StoreState:
         """Return the item's expected position, with the heading along which the gripper opens."""
         sale, item = self.now
         if sale.detected is not None:
-            return sale.detected
+            return replace(sale.detected, yaw=self.opening_yaw(sale.detected.yaw))
         return Spot(x=item.position[0], y=item.position[1], yaw=self.opening_yaw(item.yaw))
 
     def opening_yaw(self, yaw: float) -> float:
         """Return the heading along which the gripper opens, for an item with this yaw [rad].
 
-        It points into the shelf, between the item's neighbours; a box is gripped at its sides.
+        It points into the shelf, between the item's neighbours, unless the approach is turned; a
+        box is gripped at its sides.
         """
-        _, item = self.now
-        along = self.shelf(item).yaw + self.settings.gripper_yaw
+        sale, item = self.now
+        along = self.shelf(item).yaw + self.settings.gripper_yaw + sale.approach.turn
         return nearest_quarter(yaw, along) if item.measures.is_box else along
+
+    def opening(self) -> float:
+        """Return how wide the gripper opens for the item [m]."""
+        sale, item = self.now
+        slack, widest = sale.approach.slack, self.settings.opening
+        if slack is None:
+            return widest
+        return min(item.width_along(self.expected().yaw) + slack, widest)
 
     def grip_height(self) -> float:
         """Return the height of the tip when it grips the item [m]."""

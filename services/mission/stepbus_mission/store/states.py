@@ -59,8 +59,10 @@ STATES: Mapping[str, State] = {
     "approach": _grasp("approaching it", "correct"),
     "correct": State(
         doing="locating it from close up",
-        then={"steady": "down", "moved": "shift", "missing": "retry", "blind": "stop"},
+        then={"steady": "check_width", "moved": "shift", "missing": "retry", "blind": "stop"},
     ),
+    "check_width": State(doing="opening", then={"wide": "down", "too_wide": "narrow"}),
+    "narrow": _grasp("opening less", "down"),
     "down": _grasp("moving down", "close"),
     "close": _grasp("closing the gripper", "check_grip"),
     "check_grip": State(doing="grasping", then={"held": "lift", "not_held": "retry"}),
@@ -79,7 +81,9 @@ STATES: Mapping[str, State] = {
     "end": State(doing="being done", then={}),
     "lower": _carry("lowering it", "check_height"),
     "shift": _grasp("following it", "correct"),
-    "retry": State(doing="trying again", then={"again": "release", "over": "stop"}),
+    "retry": State(
+        doing="trying again", then={"again": "release", "other": "approach", "over": "stop"}
+    ),
     "release": _goal("releasing it", "back_off"),
     "back_off": _goal("moving up", "inspect"),
     "stop": State(doing="stopping", then={"rest": "failed", "restless": "failed"}),

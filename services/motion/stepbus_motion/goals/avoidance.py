@@ -173,22 +173,31 @@ class Avoidance:
         return Outcome(state="failed", cause="blocked", text=text)
 
     def hindrance(self, part: Part) -> str:
-        """Return a sentence about what hinders an arm on a planner's path; empty: nothing."""
+        """Return a sentence about what hinders an arm on a path; empty: nothing."""
         arm, watch = self._parts.arm, self._watch
         if part != "arm":
             return ""
         near = watch.near if watch is not None else None
+        if arm.blocked:
+            return arm.blocked
         if not arm.follows_plan:
             self._close = near
             return ""
-        if arm.blocked:
-            return arm.blocked
         if watch is None or near is None or near == self._close:
             return ""
         return _gap(watch) if watch.gap < self._settings.stop_within else ""
 
+    def evade(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
+        """Stop for a hindrance; ask for another path, or return the end of a goal without one.
+
+        A straight line has no other path.
+        """
+        if self._parts.arm.follows_plan:
+            return self.replan(goal, part, why, t)
+        return self._give_up(part, f"{why}; stopped", t, "blocked")
+
     def replan(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
-        """Stop and ask for another path; return the end of a goal that had too many already."""
+        """Stop and ask for another path; return the end of a goal that cannot have one."""
         most = self._settings.replans
         if self._replans == most:
             tried = f", after {most} other path{'s' if most > 1 else ''}" if most else ""
@@ -204,9 +213,9 @@ class Avoidance:
         self._reports.warn(text)
         return None
 
-    def _give_up(self, part: Part, text: str, t: float) -> Outcome:
+    def _give_up(self, part: Part, text: str, t: float, cause: str = "no_path") -> Outcome:
         self._parts.rest(part, t)
-        return Outcome(state="failed", cause="no_path", text=text)
+        return Outcome(state="failed", cause=cause, text=text)
 
 
 def _gap(watch: Watch) -> str:

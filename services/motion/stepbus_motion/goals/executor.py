@@ -130,7 +130,7 @@ class GoalExecutor:
             self._rest(t)
             return Outcome(state="failed", cause="slipped", text=lost)
         if hindrance := avoidance.hindrance(part):
-            return avoidance.replan(goal, part, hindrance, t)
+            return avoidance.evade(goal, part, hindrance, t)
         return avoidance.approach(part) or ends[part]
 
     def _stopped(self, active: _Active, end: Outcome | None) -> Outcome | None:

@@ -83,8 +83,9 @@ class Manipulator:
 
     @property
     def blocked(self) -> str:
-        """Return what the planner reports to block its path under way; empty: nothing."""
-        return self._blocked if self.follows_plan else ""
+        """Return what the planner reports to block the path under way; empty: nothing."""
+        is_under_way = self._queries.search is None and self._player.late(self._player.clock.t) < 0
+        return self._blocked if self._route is not None and is_under_way else ""
 
     def hold(self, q: Vector) -> None:
         """Stand still at q."""
@@ -140,17 +141,24 @@ class Manipulator:
         try:
             if plan.cause:
                 raise refusal_of(plan)
-            motion = planned(plan, search.rest, search.candidate.target, self._robot)
-            along = self._segments.along(search.candidate)
-            parts = self._segments.fitted([motion, *along], search.goal.duration)
+            parts = self._parts(plan, search)
         except Refused as exc:
             self._fail(self._queries.try_next(search, exc, t))
             return
         self._queries.cancel()
         self._route = search
         self._then(parts)
-        after = sum(part.duration for part in parts[1:])
+        # What follows the plan is a given path, such as a line: no other one can replace it.
+        after = sum(part.duration for part in parts[len(parts) - len(search.candidate.paths) :])
         self._route_ends = self._player.trajectory.duration - after
+
+    def _parts(self, plan: Plan, search: PlannerSearch) -> list[Trajectory]:
+        """Return the motions of an answered search; raises Refused."""
+        candidate = search.candidate
+        parts = self._segments.along(candidate)
+        if not _is_there(search.rest, candidate):
+            parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
+        return self._segments.fitted(parts, search.goal.duration)
 
     def replan(self, t: float) -> None:
         """Come to rest as fast as the motors can, and ask for another path to the same goal.
@@ -216,7 +224,7 @@ class Manipulator:
 
     def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
         if goal.type == "move_linear":
-            return self._line(goal, self._brake(now), q, base)
+            return self._line(goal, self._brake(now), q, base, held)
         rest = now.position if self._router is not None else self._brake(now)
         found = self._finder.candidates(goal, rest, q, base)
         candidates = itertools.islice(found, self._options.most_candidates)
@@ -227,23 +235,27 @@ class Manipulator:
         self.caution = "" if route.candidate.holds else "not_holdable"
         return route.text
 
-    def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState) -> str:
+    def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
         path = self._finder.line(goal, rest, q, base)
         if path is None:
             self._then([Rest(rest)])
             return "the tip is there already"
         parts = self._segments.fitted([self._segments.timed(path)], goal.duration)
-        self._then(parts)
         ends = (self._robot.frame_pose(path.q[i], goal.tip).translation for i in (0, -1))
         length = float(np.linalg.norm(np.subtract(*ends)))
-        return f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
+        text = f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
+        if self._router is not None:
+            self._then(parts)
+            return text
+        return self._search(
+            goal, held, rest, iter([Candidate(target=rest, paths=(path,), text=text)])
+        )
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
         search = self._queries.make(goal, held, rest, candidates, self._player.clock.t)
         candidate = search.candidate
-        if np.abs(candidate.target - rest).max() < _AT_ONCE:
-            along = self._segments.along(candidate)
-            self._then(self._segments.fitted([Rest(rest), *along], goal.duration))
+        if _is_there(rest, candidate) and not candidate.paths:
+            self._then([Rest(rest)])
             return candidate.text or "the joints are there already"
         self._queries.ask(search)
         return f"{candidate.text}; asked the planner" if candidate.text else "asked the planner"
@@ -275,3 +287,7 @@ class Manipulator:
     def _watch(self) -> None:
         trajectory = self._player.trajectory
         self._settle = SettleWatch(self._robot, self._settling, trajectory, self._tip)
+
+
+def _is_there(rest: Vector, candidate: Candidate) -> bool:
+    return float(np.abs(candidate.target - rest).max()) < _AT_ONCE

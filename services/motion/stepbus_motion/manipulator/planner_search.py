@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_motion.outcome import Refused
+from stepbus_motion.paths.joint_path import JointPath
 from stepbus_schemas import Goal, Plan, PlanRequest
 
 from .candidates import Candidate
 
-_CAUSES = {"bad_request": "invalid", "not_holdable": "not_holdable"}
-"""Cause of a plan → of the goal, where no other path would help; for all others: no_path."""
+_CAUSES = {
+    "bad_request": "invalid", "not_holdable": "not_holdable", "path_collides": "blocked",
+}  # fmt: skip
+"""Cause of a plan → of the goal; for all others: no_path."""
+
+_MOST_POINTS = 500
+"""Of a path that the planner checks; the message must stay below 60 kB."""
+
+_APART = 0.02
+"""Distance of these points, where the path is not too long for that [rad]."""
 
 
 @dataclass(kw_only=True)
@@ -100,6 +112,7 @@ class PlannerQueries:
         return None
 
     def _request(self, goal: Goal, held: str, rest: Vector, candidate: Candidate) -> PlanRequest:
+        """Return a request for a way to a candidate, and for the check of the paths from there."""
         number = self._next_id
         self._next_id += 1
         return PlanRequest(
@@ -108,7 +121,20 @@ class PlannerQueries:
             goal=candidate.target.tolist(),
             held=held,
             touches=list(goal.touches),
+            path=checked_points(candidate.paths),
         )
+
+
+def checked_points(paths: Sequence[JointPath]) -> list[list[float]]:
+    """Return points along paths that follow one another, each of shape (n,) [rad]."""
+    turned = [np.abs(np.diff(path.q, axis=0)).max(axis=1).sum() for path in paths]
+    apart = max(_APART, float(np.sum(turned)) / _MOST_POINTS)
+    points: list[list[float]] = []
+    for path, far in zip(paths, turned, strict=True):
+        count = max(math.ceil(far / apart), 1)
+        along = np.linspace(path.u[0], path.u[-1], count + 1)[1:]
+        points += [path.at(float(u))[0].tolist() for u in along]
+    return points
 
 
 def refusal_of(plan: Plan) -> Refused:
