@@ -1,10 +1,12 @@
 """Write an SRDF: `python -m stepbus_kinematics.srdf robot.urdf joint …` prints it.
 
-It names the pairs of links that never touch, or always do, wherever the named joints stand.
+It names the pairs of links that never touch, or always do, wherever the named joints stand, and
+those that no named joint moves against one another.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,12 +28,15 @@ _ALWAYS = 0.95
 def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str:
     """Return an SRDF of the pairs that never or always touch in random positions of the joints.
 
+    Pairs that none of the joints moves against one another are among them.
+
     path: URDF or xacro. Neighbours are among the pairs. Raises WiringError for what is wrong
     with the file or the joints.
     """
     robot = RobotModel(path, joints, bounded=True)
     model, geometry = robot.model, collision_geometry(robot)
     geometry.addAllCollisionPairs()
+    rigid = [(pair, "Fixed") for pair in _rigid_pairs(model, geometry)]
     keep_moving_pairs(geometry)
     data, results = model.createData(), geometry.createData()
     random = np.random.Generator(np.random.PCG64(0))
@@ -47,10 +52,21 @@ def srdf_text(path: Path, joints: Sequence[str], samples: int = _SAMPLES) -> str
     lines = [
         f'  <disable_collisions link1="{_link(model, geometry, pair.first)}" '
         f'link2="{_link(model, geometry, pair.second)}" reason="{reason}"/>'
-        for pair, reason in rows
+        for pair, reason in (*rows, *rigid)
         if reason
     ]
     return "\n".join([f'<robot name="{model.name}">', *lines, "</robot>"]) + "\n"
+
+
+def _rigid_pairs(model: Any, geometry: Any) -> list[Any]:
+    """Return the pairs of different links that no joint moves against one another."""
+    joints = [item.parentJoint for item in geometry.geometryObjects]
+    return [
+        pin.CollisionPair(first, second)
+        for first, second in itertools.combinations(range(len(joints)), 2)
+        if joints[first] == joints[second]
+        and _link(model, geometry, first) != _link(model, geometry, second)
+    ]
 
 
 def _reason(model: Any, geometry: Any, pair: Any, share: float) -> str:
