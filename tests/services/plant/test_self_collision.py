@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 import pytest
-from store_support import has_robots
+from support.runs.store import has_robots
 
 import stepbus_scenarios
 from stepbus_plant import Params, Plant, load_world
