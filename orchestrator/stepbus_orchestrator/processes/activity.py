@@ -17,11 +17,13 @@ class Activity:
     """What a process and all it has started are doing.
 
     is_stopped: by a signal or a debugger. waits_for_disk: one waits for a device, and takes no
-    signal meanwhile. cpu_s: processor time so far [s].
+    signal meanwhile. is_running: one computes, or would if it had a processor. cpu_s: processor
+    time so far [s].
     """
 
     is_stopped: bool = False
     waits_for_disk: bool = False
+    is_running: bool = False
     cpu_s: float = 0.0
 
     def reason(self, pid: int, elapsed_s: float) -> str:
@@ -39,7 +41,7 @@ class Activity:
                 "it waits for a device and takes no signal meanwhile; is a disk, or a network "
                 "folder, stuck?"
             )
-        if self.cpu_s > _BUSY * elapsed_s:
+        if self.is_running or self.cpu_s > _BUSY * elapsed_s:
             return f"it has computed for {self.cpu_s:.1f} s; what does it load, or import?"
         return ""
 
@@ -51,6 +53,7 @@ def activity(group: int) -> Activity:
     return Activity(
         is_stopped=bool(states & {"T", "t"}),
         waits_for_disk="D" in states,
+        is_running="R" in states,
         cpu_s=sum(int(row[11]) + int(row[12]) for row in rows) / _TICKS_PER_S,
     )
 

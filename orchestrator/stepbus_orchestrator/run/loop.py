@@ -117,8 +117,9 @@ class RunLoop:
             return
         self._checked_at += elapsed_s
         self.state.is_check_due = False
-        check(min(elapsed_s, LONGEST_TICK_S))
+        # First who is dead: nobody is late who is.
         self._check_processes()
+        check(min(elapsed_s, LONGEST_TICK_S))
         self._ticks += 1
         if self._ticks % _FLUSH_EVERY == 0:
             self.recorder.flush()
