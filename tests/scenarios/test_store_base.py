@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from store_support import last, slow_with_robots, store
+from support.runs.store import last, slow_with_robots, store
 
 from stepbus_orchestrator.recording import Recording
 
