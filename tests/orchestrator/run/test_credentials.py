@@ -4,25 +4,13 @@ import json
 
 import pytest
 import zenoh
-from support.runs.joints import leftovers, run_joints
-from support.runs.stranger import PATIENT, disturbed
+from support.runs.stranger import disturbed
 
 from stepbus_orchestrator.processes import certificates
 from stepbus_participant import load_ticket
 
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
 TRANSPORTS = ("unix", "tcp")
-
-
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    return run_joints(tmp_path_factory.mktemp("reference"), *PATIENT)
-
-
-@pytest.fixture(autouse=True)
-def nothing_is_left(tmp_path, own_temp):
-    yield
-    assert leftovers(tmp_path) == []
-    assert list(own_temp.iterdir()) == []
 
 
 def without_credentials(links, **further):

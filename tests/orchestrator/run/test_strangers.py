@@ -6,26 +6,14 @@ from contextlib import closing
 
 import pytest
 from support.messages.fuzz import OLD_TOKEN, STEP_NS, Mutator, envelopes, outputs
-from support.runs.joints import leftovers, run_joints
-from support.runs.stranger import PATIENT, WAIT_S, disturbed
+from support.runs.stranger import WAIT_S, disturbed
 
 from stepbus_participant.session import carries_token
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop, encoding_of
 
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
 TO_ORCHESTRATOR = {"join", "ready/controller", "log/controller", "fault/controller"}
 LAST_QUERY = 1
-
-
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    return run_joints(tmp_path_factory.mktemp("reference"), *PATIENT)
-
-
-@pytest.fixture(autouse=True)
-def nothing_is_left(tmp_path, own_temp):
-    yield
-    assert leftovers(tmp_path) == []
-    assert list(own_temp.iterdir()) == []
 
 
 def test_messages_of_an_old_run_change_nothing_and_are_counted(tmp_path, own_temp, reference):

@@ -15,7 +15,7 @@ from stepbus_orchestrator import Pace
 from stepbus_participant import Endpoint, ZenohBus, load_ticket
 from stepbus_schemas import encode, encoding_of
 
-PATIENT = ("duration=10s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for who in ("plant", "controller", "mission")))  # fmt: skip
+PATIENT = ("duration=2s", "window=2", "batch=1", *(f"{who}.step_timeout=60s" for who in ("plant", "controller", "mission")))  # fmt: skip
 WAIT_S = 30.0
 
 
@@ -55,6 +55,8 @@ class Stranger:
         try:
             self.hear_everybody()
             os.kill(children["controller"].pid, signal.SIGSTOP)
+            # The run goes on as far as it can without the controller.
+            self.pace.resume()
             self.act(self, tickets[0].token)
             # An answer proves that the orchestrator has all that went before, on the same link.
             self.ask(b"")
@@ -67,7 +69,7 @@ class Stranger:
                 bus.close()
 
     def hear_everybody(self):
-        """Step on from the pause until outputs of all have come on each link, then let it run."""
+        """Step on from the pause until outputs of all have come on each link."""
         heard = [threading.Event() for _ in self.buses for _ in self.buses]
         pairs = [(bus, name) for bus in self.buses.values() for name in self.buses]
         for event, (bus, name) in zip(heard, pairs, strict=True):
@@ -77,15 +79,6 @@ class Stranger:
             if time.monotonic() > give_up:
                 raise TimeoutError("the stranger does not hear everybody")
             self.pace.step()
-        self.pace.resume()
-        self.await_step(20)
-
-    def await_step(self, count):
-        """Wait until the plant has published some more steps."""
-        there, seen = threading.Event(), []
-        self.bus.subscribe("out/plant", lambda _sample: (seen.append(1), len(seen) > count and there.set()))  # fmt: skip
-        if not there.wait(WAIT_S):
-            raise TimeoutError("the run does not go on")
 
     def say(self, key, data, attachment=b""):
         if key not in self.publishers:
