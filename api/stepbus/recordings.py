@@ -1,7 +1,5 @@
 """Recordings: replay, compare, run again, recover."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping, Sequence
 from os import PathLike

@@ -1,7 +1,5 @@
 """Scenarios: load them, run them, describe them, call them while they run."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import threading

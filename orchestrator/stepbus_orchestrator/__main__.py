@@ -1,7 +1,5 @@
 """The command `stepbus`."""
 
-from __future__ import annotations
-
 import sys
 
 from .cli import main

@@ -12,8 +12,6 @@ RunError
    └─ Interrupted                      the user pressed Ctrl-C
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 from stepbus_schemas import RunError

@@ -1,7 +1,5 @@
 """Compares two recordings, port by port."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar

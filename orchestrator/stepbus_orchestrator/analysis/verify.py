@@ -1,7 +1,5 @@
 """Runs a scenario several times under different conditions; the recordings must be equal."""
 
-from __future__ import annotations
-
 import dataclasses
 import threading
 from collections.abc import Callable

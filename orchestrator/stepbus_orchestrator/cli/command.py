@@ -1,7 +1,5 @@
 """What a command of the command line is: a row of data and two functions."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass

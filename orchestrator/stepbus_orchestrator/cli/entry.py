@@ -3,8 +3,6 @@
 It loads little but the standard library by itself: the rest takes a second or more.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

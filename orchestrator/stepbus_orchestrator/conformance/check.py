@@ -1,7 +1,5 @@
 """What a check is, and how checks run: an error in one stops no other."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks one participant: the function behind `stepbus conformance`, free of printing."""
 
-from __future__ import annotations
-
 import dataclasses
 import tempfile
 import threading

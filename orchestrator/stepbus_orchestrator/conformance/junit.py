@@ -1,7 +1,5 @@
 """A report as JUnit XML, which CI servers show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree as ET
 

@@ -1,7 +1,5 @@
 """The result of one check, and the report on all of them."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import msgspec

@@ -1,7 +1,5 @@
 """The bus: a message has to arrive over each transport."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from contextlib import closing

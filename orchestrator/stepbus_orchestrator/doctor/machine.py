@@ -1,7 +1,5 @@
 """The machine: cores, disk, sockets, ports."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket

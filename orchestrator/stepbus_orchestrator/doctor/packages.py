@@ -1,7 +1,5 @@
 """Packages: installed, recent enough, loadable."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

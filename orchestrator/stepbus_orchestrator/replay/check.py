@@ -1,7 +1,5 @@
 """Compares what the replayed participant publishes with what it published in the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from stepbus_orchestrator.analysis.comparison import (

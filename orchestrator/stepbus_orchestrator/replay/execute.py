@@ -1,7 +1,5 @@
 """Replays one participant: the function behind `stepbus replay`, free of printing."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import tempfile

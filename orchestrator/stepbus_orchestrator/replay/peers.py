@@ -1,7 +1,5 @@
 """Plays the participants around the one that is replayed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 
 import msgspec

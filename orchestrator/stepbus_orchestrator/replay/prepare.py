@@ -1,7 +1,5 @@
 """From a recording to the scenario of its replay."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

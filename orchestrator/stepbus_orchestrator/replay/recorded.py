@@ -1,7 +1,5 @@
 """What a recording says a participant published, to be taken step by step."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import msgspec

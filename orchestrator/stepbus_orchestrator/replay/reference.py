@@ -1,7 +1,5 @@
 """Writes a new reference recording: the old one with one participant's outputs replaced."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

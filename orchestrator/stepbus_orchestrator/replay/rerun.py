@@ -1,7 +1,5 @@
 """Runs a recording's scenario again from nothing but the recording."""
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Mapping, Sequence

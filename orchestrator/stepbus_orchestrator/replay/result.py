@@ -1,7 +1,5 @@
 """What a replay came to."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import takewhile

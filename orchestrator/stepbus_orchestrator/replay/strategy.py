@@ -1,7 +1,5 @@
 """The strategy of a replay: one participant is started, its peers are played."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

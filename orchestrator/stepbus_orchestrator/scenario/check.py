@@ -1,7 +1,5 @@
 """Whether a scenario's parts fit together: connections, loops, programs, files."""
 
-from __future__ import annotations
-
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError, raw_problem
 

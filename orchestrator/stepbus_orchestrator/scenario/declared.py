@@ -5,8 +5,6 @@ the package that `python -m` runs, or else in the module or script itself, where
 imported from another one. That class is found in the source, not by running it.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import json

@@ -1,7 +1,5 @@
 """Faults on purpose: `kill plant at 120`, `freeze controller at 10 for 200ms`, `random 3`."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Iterable, Sequence

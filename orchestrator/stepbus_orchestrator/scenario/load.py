@@ -4,8 +4,6 @@ SettingsError
 └─ ScenarioError      lists every problem of a scenario, one a line
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

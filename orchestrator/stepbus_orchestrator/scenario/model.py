@@ -1,7 +1,5 @@
 """A scenario as frozen types. Durations are integers [ns]; deadlines, of the wall clock, [s]."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

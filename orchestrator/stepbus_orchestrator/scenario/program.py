@@ -1,7 +1,5 @@
 """Which program a participant's `exec` starts, and whether it is there."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

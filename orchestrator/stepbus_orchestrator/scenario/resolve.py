@@ -1,7 +1,5 @@
 """What determines a run's result, as text and files, so that it can be run again from them."""
 
-from __future__ import annotations
-
 import io
 import re
 import sys

@@ -1,7 +1,5 @@
 """`stepbus selftest`: a known angle on every joint of a plant in turn, and what comes of it."""
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """What became of the commands of the self-test: a verdict per joint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

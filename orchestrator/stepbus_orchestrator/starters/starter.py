@@ -3,8 +3,6 @@
 They are the examples of the repository, so that what a user starts from is what the tests run.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

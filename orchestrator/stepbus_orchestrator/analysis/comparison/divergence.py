@@ -1,7 +1,5 @@
 """What comparing the messages of a port finds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Compares one port, message by message, and counts what differs in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A comparison in lines for people."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .divergence import Divergence, FieldCount, PortResult

@@ -1,7 +1,5 @@
 """Compares plain values: numbers, texts, lists, maps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

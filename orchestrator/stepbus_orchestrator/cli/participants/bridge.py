@@ -1,7 +1,5 @@
 """`stepbus bridge`: take part in a run on behalf of a program without Zenoh."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

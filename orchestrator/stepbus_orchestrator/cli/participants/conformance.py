@@ -1,7 +1,5 @@
 """`stepbus conformance`: check a program against the protocol."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

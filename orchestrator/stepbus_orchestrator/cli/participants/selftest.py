@@ -1,7 +1,5 @@
 """`stepbus selftest`: move every joint to a known angle in turn and read it back."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

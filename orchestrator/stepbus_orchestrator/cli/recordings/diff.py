@@ -1,7 +1,5 @@
 """`stepbus diff`: compare two recordings."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

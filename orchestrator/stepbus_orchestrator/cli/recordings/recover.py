@@ -1,7 +1,5 @@
 """`stepbus recover`: rebuild a recording that is cut off or corrupt."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`stepbus replay`: one participant against its recording."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

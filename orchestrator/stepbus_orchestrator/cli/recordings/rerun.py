@@ -1,7 +1,5 @@
 """`stepbus rerun`: repeat a run from nothing but its recording."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

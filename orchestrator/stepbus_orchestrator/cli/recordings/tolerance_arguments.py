@@ -1,7 +1,5 @@
 """Options that say how far two messages may differ."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

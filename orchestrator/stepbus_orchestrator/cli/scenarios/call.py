@@ -1,7 +1,5 @@
 """`stepbus call`: ask a participant something while it runs, from a second terminal."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from pathlib import Path

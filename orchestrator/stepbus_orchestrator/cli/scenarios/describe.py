@@ -1,7 +1,5 @@
 """`stepbus describe`: the participants with their ports, joints and limits."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

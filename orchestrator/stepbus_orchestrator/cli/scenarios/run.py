@@ -1,7 +1,5 @@
 """`stepbus run`: run a scenario, show its progress and its result."""
 
-from __future__ import annotations
-
 import argparse
 import threading
 from contextlib import nullcontext

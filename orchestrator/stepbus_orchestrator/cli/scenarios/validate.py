@@ -1,7 +1,5 @@
 """`stepbus validate`: check a scenario and show its schedule."""
 
-from __future__ import annotations
-
 import argparse
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number

@@ -1,7 +1,5 @@
 """`stepbus verify`: the same result under different conditions, or the first step that differs."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """`stepbus doctor`: check whether this machine has what stepbus needs."""
 
-from __future__ import annotations
-
 import argparse
 
 from stepbus_orchestrator.cli.command import Command

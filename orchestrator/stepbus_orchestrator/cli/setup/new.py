@@ -1,7 +1,5 @@
 """`stepbus new`: a scenario with a controller to start from."""
 
-from __future__ import annotations
-
 import argparse
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Ctrl-C, SIGTERM and SIGHUP end a run cleanly."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

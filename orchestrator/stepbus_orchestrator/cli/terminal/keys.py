@@ -1,7 +1,5 @@
 """Keys that control a run from the terminal: pause, resume, single steps, stop."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

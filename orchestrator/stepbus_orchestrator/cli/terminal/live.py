@@ -1,7 +1,5 @@
 """Show the progress of a run: a live table, or plain lines without a terminal."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Callable, Iterator

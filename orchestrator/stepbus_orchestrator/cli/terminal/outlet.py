@@ -4,8 +4,6 @@ A command ends with its own exit code and in its own time, whatever becomes of i
 that its reader has closed, a full disk, a terminal that Ctrl-S holds or that nobody reads.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import io

@@ -1,7 +1,5 @@
 """Where the command line prints."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

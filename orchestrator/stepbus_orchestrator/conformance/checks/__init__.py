@@ -1,7 +1,5 @@
 """The checks, by the part of docs/protocol.md that they check, in the order they run."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from stepbus_orchestrator.conformance.check import Check

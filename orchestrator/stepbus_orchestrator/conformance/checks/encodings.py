@@ -1,7 +1,5 @@
 """Checks of how inputs are encoded: unknown fields, numbers, the order of joints."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Checks of fatal inputs: the participant reports a fault, and blames the right one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import msgspec

@@ -1,7 +1,5 @@
 """Checks of the inputs: which message is due, held, absent or late."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from stepbus_orchestrator.conformance.check import check

@@ -1,7 +1,5 @@
 """Checks of the admission: ticket, `Hello`, refusals."""
 
-from __future__ import annotations
-
 import os
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """Checks of messages that a participant must drop, as if they had never arrived."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 from functools import partial

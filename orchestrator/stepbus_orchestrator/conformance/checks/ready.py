@@ -1,7 +1,5 @@
 """Checks of handshakes, descriptions and the start."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

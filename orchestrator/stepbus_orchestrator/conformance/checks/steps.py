@@ -1,7 +1,5 @@
 """Checks of the steps themselves: outputs, log, triggers, windows, determinism."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stepbus_orchestrator.conformance.check import check

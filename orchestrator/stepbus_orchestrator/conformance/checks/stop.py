@@ -1,7 +1,5 @@
 """Checks of the end: a stop at any time, closing outputs, the exit code."""
 
-from __future__ import annotations
-
 import signal
 
 from stepbus_orchestrator.conformance.check import check

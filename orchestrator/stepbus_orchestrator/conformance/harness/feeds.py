@@ -1,7 +1,5 @@
 """What the peers of a participant publish, and variants of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

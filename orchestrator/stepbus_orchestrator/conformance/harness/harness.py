@@ -1,7 +1,5 @@
 """Plays the orchestrator and all peers to one participant, over the real bus."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from stepbus_orchestrator.conformance.outcome import Failed

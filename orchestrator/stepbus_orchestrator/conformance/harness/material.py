@@ -1,7 +1,5 @@
 """The inputs that the kit plays: what the peers published in a short run of the scenario."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass

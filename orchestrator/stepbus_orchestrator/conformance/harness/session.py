@@ -1,7 +1,5 @@
 """One started program and the bus around it: records what it sends, and every wait ends."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

@@ -1,7 +1,5 @@
 """How a check differs from a plain run: what the participant learns when it joins."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field

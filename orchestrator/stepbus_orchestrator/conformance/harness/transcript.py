@@ -1,7 +1,5 @@
 """Everything a participant sent on the bus, in the order it arrived."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

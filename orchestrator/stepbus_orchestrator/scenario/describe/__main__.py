@@ -5,8 +5,6 @@ the tables between markers such as `<!-- parameters: stepbus_plant.params:Params
 `--check` nothing is written; the exit code is 1 when a file is out of date.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import importlib.util

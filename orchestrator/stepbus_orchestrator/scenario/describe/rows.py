@@ -1,7 +1,5 @@
 """What a declaration says about each key, as text."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

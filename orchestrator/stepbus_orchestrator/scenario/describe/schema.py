@@ -1,7 +1,5 @@
 """Declared parameters as JSON Schema, for completion and checks in an editor."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Declared parameters as tables in Markdown."""
 
-from __future__ import annotations
-
 import inspect
 
 from stepbus_participant import Settings

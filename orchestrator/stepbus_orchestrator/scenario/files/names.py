@@ -1,7 +1,5 @@
 """Reads what a file names: texts of YAML, `filename` of URDF and XML, imports of Python and JS."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Questions to the file system that never raise: what cannot be reached is not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

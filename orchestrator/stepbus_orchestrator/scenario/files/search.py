@@ -1,7 +1,5 @@
 """The files a scenario names, and those which these name in turn."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import deque

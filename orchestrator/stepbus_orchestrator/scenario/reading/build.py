@@ -1,7 +1,5 @@
 """From a scenario's plain data to frozen types; every problem is collected."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Refuses a scenario of more participants than a run can have, before it is read as a whole."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

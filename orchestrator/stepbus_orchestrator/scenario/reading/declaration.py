@@ -4,8 +4,6 @@ From here come reading, the tables of docs/reference/scenario.md and the JSON Sc
 Defaults are those of the frozen types in `model.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """`extends`: a scenario as a small file on top of another one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where a scenario is: a file, a folder, or one of those that ship with stepbus."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`--set controller.params.kp=80`: one value of a scenario replaced from the command line."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Sequence
