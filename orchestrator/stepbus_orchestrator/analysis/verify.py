@@ -128,7 +128,7 @@ def _attempt(
         scenario,
         window=trial.window,
         batch=scenario.batch if trial.number == 1 else max(1, trial.window // 2),
-        bus=dataclasses.replace(scenario.bus, transport=trial.transport),
+        bus=msgspec.structs.replace(scenario.bus, transport=trial.transport),
     )
     delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
     options = Options(out=out, start_order=trial.start_order, around=delays.around)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
 from stepbus_orchestrator.scenario.model import BridgeSpec
-from stepbus_schemas import RAW_TYPES
+from stepbus_schemas import RAW_TYPES, BridgeFormat
 
 from .check import Check, run_checks
 from .checks import CHECKS
@@ -22,7 +22,7 @@ def conformance(
     participant: str,
     program: Sequence[str] = (),
     *,
-    bridge: str | None = None,
+    bridge: BridgeFormat | None = None,
     checks: Sequence[Check] = CHECKS,
     logs: Path | None = None,
     on_result: Callable[[CheckResult], None] = lambda _result: None,
@@ -64,7 +64,9 @@ def conformance(
     )
 
 
-def _started(spec: ParticipantSpec, program: Sequence[str], bridge: str | None) -> ParticipantSpec:
+def _started(
+    spec: ParticipantSpec, program: Sequence[str], bridge: BridgeFormat | None
+) -> ParticipantSpec:
     """Return the participant with the program and the bridge that are started."""
     if not program and bridge is None:
         return spec

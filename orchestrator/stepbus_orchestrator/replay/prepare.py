@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
+
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.processes import low_latency
 from stepbus_orchestrator.recording import Recording
@@ -82,6 +84,6 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
 
 def alone(scenario: Scenario, participant: str) -> Scenario:
     """Return a scenario of one participant, for the links on the bus."""
-    bus = dataclasses.replace(scenario.bus, low_latency=low_latency(scenario))
+    bus = msgspec.structs.replace(scenario.bus, low_latency=low_latency(scenario))
     specs = (scenario.participant(participant),)
     return dataclasses.replace(scenario, participants=specs, bus=bus)

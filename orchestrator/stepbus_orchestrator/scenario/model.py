@@ -1,10 +1,20 @@
-"""A scenario as frozen types. Durations are integers [ns]; deadlines, of the wall clock, [s]."""
+"""A scenario as frozen types. Durations are integers [ns]; deadlines, of the wall clock, [s].
 
-from collections.abc import Mapping
+What stands in a file as it is here is declared as `Settings`; `declaration.py` has the rest.
+"""
+
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+import msgspec
+
+from stepbus_participant import Duration, Settings
+from stepbus_participant.parameters import Keys, Pause
+from stepbus_schemas import BridgeFormat, WiringError, message_class
+
+LAST_TCP_PORT = 65535
 Publishes = Literal["first", "last"]
 Transport = Literal["unix", "tcp"]
 
@@ -22,12 +32,54 @@ class InputSpec:
     type: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class OutputSpec:
-    """What an output carries: a message type, `Name/major`; bulk: on a key of its own."""
+class OutputSpec(Settings):
+    """What an output carries."""
+
+    short = "type"
 
     type: str
+    """`Name/major`, one of [messages.md](messages.md)."""
     bulk: bool = False
+    """Large content, which travels on a key of its own."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is no message type."""
+        yield from type_problems(self.type)
+
+
+class HoldSpec(Settings):
+    """What is published instead of a participant that has failed."""
+
+    hold_ns: Duration = 500_000_000
+    """How long the safe messages are published, after `keep`."""
+    keep_ns: Pause = 20_000_000
+    """How long its last messages are repeated; may be `0s`."""
+    safe: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
+    """Output → message, where it is not the default of the output's type."""
+
+
+class BridgeSpec(Settings):
+    """How a program takes part that does not speak Zenoh."""
+
+    short = "format"
+
+    format: BridgeFormat
+    """What the program reads and writes."""
+    describe: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
+    """Output → its description, where it is not the default."""
+
+
+class BusSpec(Settings):
+    """How participants reach each other. Changes no result."""
+
+    transport: Transport = "unix"
+    """Unix sockets in a private folder, or TCP on loopback."""
+    port: Annotated[int, msgspec.Meta(ge=1, le=LAST_TCP_PORT)] | None = None
+    """First TCP port: the orchestrator has it, the participants have those after it; only with
+    `tcp`. Default: any free ones."""
+    low_latency: bool | None = None
+    """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB. Default: the
+    orchestrator chooses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,30 +91,6 @@ class Deadlines:
     ready_s: float = 30.0
     step_s: float = 3.0
     stop_s: float = 3.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class HoldSpec:
-    """What is published instead of a participant that has failed.
-
-    keep_ns: for how long its last messages [ns]. hold_ns: for how long after that the safe ones
-    [ns]. safe: port → message, where it is not the default of the port's type.
-    """
-
-    keep_ns: int = 20_000_000
-    hold_ns: int = 500_000_000
-    safe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BridgeSpec:
-    """How a program takes part that does not speak Zenoh (docs/guide/bridge.md).
-
-    format: `json`, `msgpack` or `raw`. describe: output → its description, where not the default.
-    """
-
-    format: str
-    describe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,19 +126,6 @@ class ParticipantSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BusSpec:
-    """How participants reach each other.
-
-    port: first TCP port; none: any free ones. low_latency: Zenoh's low-latency transport; none:
-    the orchestrator chooses.
-    """
-
-    transport: Transport = "unix"
-    port: int | None = None
-    low_latency: bool | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """A complete scenario, checked.
 
@@ -126,7 +141,7 @@ class Scenario:
     steps: int | None
     seed: int
     participants: tuple[ParticipantSpec, ...]
-    bus: BusSpec = BusSpec()
+    bus: BusSpec = field(default_factory=BusSpec)
     window: int = 64
     batch: int = 32
     faults: tuple[FaultSpec, ...] = ()
@@ -136,3 +151,12 @@ class Scenario:
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""
         return {spec.name: spec for spec in self.participants}[name]
+
+
+def type_problems(name: str | None) -> Iterator[tuple[Keys, str]]:
+    """Yield why there is no message type of that name."""
+    if name is not None:
+        try:
+            message_class(name)
+        except WiringError as exc:
+            yield ("type",), str(exc)

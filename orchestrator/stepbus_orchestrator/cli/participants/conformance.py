@@ -14,8 +14,8 @@ from stepbus_orchestrator.conformance import CHECKS, CheckResult, Report, confor
 from stepbus_orchestrator.conformance.junit import write_junit
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import load
+from stepbus_schemas import BRIDGE_FORMATS
 
-_FORMATS = ("json", "msgpack", "raw")
 _STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
 
 
@@ -27,7 +27,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="command line of the program, started in the current folder (default: that of the "
         "scenario)",
     )
-    parser.add_argument("--bridge", choices=_FORMATS, help="start it through `stepbus bridge`")
+    parser.add_argument(
+        "--bridge", choices=BRIDGE_FORMATS, help="start it through `stepbus bridge`"
+    )
     parser.add_argument(
         "--scenario", default="two_link", help="scenario whose ports are played (default: two_link)"
     )

@@ -64,7 +64,7 @@ class Setup:
         participants: tuple[ParticipantSpec, ...] = (spec,)
         if self.own_peers and first is not None:
             participants = (scenario.participant(first.source), spec)
-        bus = dataclasses.replace(scenario.bus, low_latency=low_latency(scenario))
+        bus = msgspec.structs.replace(scenario.bus, low_latency=low_latency(scenario))
         return make_mesh(
             dataclasses.replace(scenario, participants=participants, bus=bus), folder, None
         )

@@ -10,29 +10,21 @@ from stepbus_schemas import WiringError
 
 from ..faults import FaultContext, parse_fault
 from ..model import (
-    BridgeSpec,
+    LAST_TCP_PORT,
     BusSpec,
     Deadlines,
     FaultSpec,
     HoldSpec,
     InputSpec,
-    OutputSpec,
     ParticipantSpec,
     Publishes,
     Scenario,
 )
-from .declaration import (
-    LAST_TCP_PORT,
-    BridgeRow,
-    HoldRow,
-    InputRow,
-    ParticipantRow,
-    ScenarioFile,
-    is_output,
-)
+from .declaration import InputRow, ParticipantRow, ScenarioFile, is_output
 from .override import TOP_KEYS
 
 _RESERVED = ("orchestrator", *TOP_KEYS)
+_ON_FAULT = {"stop": None, "hold": HoldSpec()}
 
 
 def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
@@ -95,7 +87,7 @@ def _bus(row: ScenarioFile, problems: Problems) -> BusSpec:
             problems.add(("bus", "port"), "is for transport tcp; a Unix socket has none")
         elif bus.port > last:
             problems.add(("bus", "port"), f"must be at most {last}, not {bus.port}")
-    return BusSpec(transport=bus.transport, port=bus.port, low_latency=bus.low_latency)
+    return bus
 
 
 def _faults(
@@ -130,29 +122,17 @@ def _participant(
         every=row.every,
         publishes=publishes,
         inputs={port: _input(item) for port, item in row.inputs.items() if is_output(item.from_)},
-        outputs={
-            port: OutputSpec(type=item.type, bulk=item.bulk) for port, item in row.outputs.items()
-        },
+        outputs=row.outputs,
         params=row.params,
         deadlines=_deadlines(row),
-        on_fault=_on_fault(row.on_fault),
-        bridge=_bridge(row.bridge),
+        on_fault=_ON_FAULT[row.on_fault] if isinstance(row.on_fault, str) else row.on_fault,
+        bridge=row.bridge,
     )
 
 
 def _input(row: InputRow) -> InputSpec:
     source, _, port = row.from_.partition(".")
     return InputSpec(source=source, port=port, delay=row.delay, type=row.type)
-
-
-def _on_fault(row: str | HoldRow) -> HoldSpec | None:
-    if isinstance(row, HoldRow):
-        return HoldSpec(keep_ns=row.keep_ns, hold_ns=row.hold_ns, safe=row.safe)
-    return HoldSpec() if row == "hold" else None
-
-
-def _bridge(row: BridgeRow | None) -> BridgeSpec | None:
-    return None if row is None else BridgeSpec(format=row.format, describe=row.describe)
 
 
 def _deadlines(row: ParticipantRow) -> Deadlines:

@@ -1,22 +1,30 @@
 """What a scenario file may say: every key, declared once.
 
 From here come reading, the tables of docs/reference/scenario.md and the JSON Schema for editors.
-Defaults are those of the frozen types in `model.py`.
+Defaults, and what is read as it is, are in `model.py`.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
 from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
-from stepbus_participant.parameters import Keys, Pause
-from stepbus_schemas import BridgeFormat, Description, WiringError, message_class
+from stepbus_participant.parameters import Keys
+from stepbus_schemas import Description, message_class
 
-from ..model import BusSpec, Deadlines, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Publishes
+from ..model import (
+    BridgeSpec,
+    BusSpec,
+    Deadlines,
+    HoldSpec,
+    InputSpec,
+    OutputSpec,
+    ParticipantSpec,
+    Publishes,
+    type_problems,
+)
 from ..model import Scenario as Model
-
-LAST_TCP_PORT = 65535
 
 
 class InputRow(Settings):
@@ -36,44 +44,7 @@ class InputRow(Settings):
         if not is_output(self.from_):
             text = f"must be PARTICIPANT.OUTPUT, e.g. plant.joint_state, not {self.from_!r}"
             yield ("from",), text
-        yield from _type_problems(self.type)
-
-
-class OutputRow(Settings):
-    """What an output carries."""
-
-    short = "type"
-
-    type: str
-    """`Name/major`, one of [messages.md](messages.md)."""
-    bulk: bool = OutputSpec.bulk
-    """Large content, which travels on a key of its own."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is no message type."""
-        yield from _type_problems(self.type)
-
-
-class HoldRow(Settings):
-    """What is published instead of a participant that has failed."""
-
-    hold_ns: Duration = HoldSpec.hold_ns
-    """How long the safe messages are published, after `keep`."""
-    keep_ns: Pause = HoldSpec.keep_ns
-    """How long its last messages are repeated; may be `0s`."""
-    safe: dict[str, dict[str, Any]] = {}
-    """Output → message, where it is not the default of the output's type."""
-
-
-class BridgeRow(Settings):
-    """How a program takes part that does not speak Zenoh."""
-
-    short = "format"
-
-    format: BridgeFormat
-    """What the program reads and writes."""
-    describe: dict[str, dict[str, Any]] = {}
-    """Output → its description, where it is not the default."""
+        yield from type_problems(self.type)
 
 
 class ParticipantRow(Settings):
@@ -88,7 +59,7 @@ class ParticipantRow(Settings):
     """
     inputs: dict[Name, InputRow] = {}
     """Port → what it reads."""
-    outputs: dict[Name, OutputRow] = {}
+    outputs: dict[Name, OutputSpec] = {}
     """Port → what it publishes."""
     params: dict[str, Any] = {}
     """For the participant alone; checked where it declares them
@@ -103,10 +74,10 @@ class ParticipantRow(Settings):
     """How long it may hold a step."""
     stop_timeout_ns: Duration = round(Deadlines.stop_s * 1e9)
     """From the request to stop until its process has ended."""
-    on_fault: Literal["stop", "hold"] | HoldRow = "stop"
+    on_fault: Literal["stop", "hold"] | HoldSpec = "stop"
     """What happens when it fails: the run ends, or everything is first brought to rest
     ([faults.md](../faults.md))."""
-    bridge: BridgeRow | None = None
+    bridge: BridgeSpec | None = None
     """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
     ([bridge.md](../guide/bridge.md))."""
 
@@ -117,7 +88,7 @@ class ParticipantRow(Settings):
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"
-        if isinstance(self.on_fault, HoldRow):
+        if isinstance(self.on_fault, HoldSpec):
             yield from self._safe_problems(self.on_fault.safe)
         if self.bridge is not None:
             yield from self._describe_problems(self.bridge.describe)
@@ -149,19 +120,6 @@ class ParticipantRow(Settings):
                 yield keys, str(exc)
 
 
-class BusRow(Settings):
-    """How participants reach each other. Changes no result."""
-
-    transport: Literal["unix", "tcp"] = BusSpec.transport
-    """Unix sockets in a private folder, or TCP on loopback."""
-    port: Annotated[int, msgspec.Meta(ge=1, le=LAST_TCP_PORT)] | None = BusSpec.port
-    """First TCP port: the orchestrator has it, the participants have those after it; only with
-    `tcp`. Default: any free ones."""
-    low_latency: bool | None = BusSpec.low_latency
-    """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB. Default: the
-    orchestrator chooses."""
-
-
 class ScenarioFile(Settings):
     """A scenario."""
 
@@ -184,7 +142,7 @@ class ScenarioFile(Settings):
     batch: Count | None = None
     """Outputs of a participant per message to the recording; at most half the window, which is the
     default. Changes no result."""
-    bus: BusRow = BusRow()
+    bus: BusSpec = BusSpec()
     """How participants reach each other. Changes no result."""
     extends: str | None = None
     """File of the same folder that this scenario changes; see below."""
@@ -194,11 +152,3 @@ def is_output(text: str) -> bool:
     """Return whether a text has the form `participant.output`."""
     source, _, port = text.partition(".")
     return bool(source and port) and "." not in port
-
-
-def _type_problems(name: str | None) -> Iterator[tuple[Keys, str]]:
-    if name is not None:
-        try:
-            message_class(name)
-        except WiringError as exc:
-            yield ("type",), str(exc)
