@@ -5,12 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.runs.store import NAMES, PATIENT, moves, slow_with_robots, store, texts
+from support.runs.store import NAMES, moves, slow_with_robots, store, texts
 
-from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
 
 pytestmark = slow_with_robots
 
@@ -27,7 +25,7 @@ EFFORT = np.array([150.0, 150.0, 150.0, 28.0, 28.0, 28.0])
 @pytest.fixture(scope="module")
 def sale(tmp_path_factory):
     """Return the result of a sale with the camera in the loop."""
-    return store(tmp_path_factory.mktemp("sale"), scenario="store")
+    return store(tmp_path_factory.mktemp("sale"), scenario="store", in_process=False)
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +71,15 @@ def test_the_arm_touches_nothing_and_its_motors_suffice(recording):
 
 @pytest.mark.timeout(600)
 def test_a_second_run_with_another_window_is_equal_to_the_byte(sale, tmp_path):
-    scenario = load("store", [*PATIENT, "window=8", "batch=4", "bus.transport=tcp"])
-    assert run(scenario, Options(out=tmp_path / "out")).sha256 == sale.sha256
+    again = store(
+        tmp_path, "window=8", "batch=4", "bus.transport=tcp", scenario="store", in_process=False
+    )
+    assert again.sha256 == sale.sha256
+
+
+@pytest.mark.timeout(600)
+def test_a_run_in_one_process_is_equal_to_the_byte(sale, tmp_path):
+    assert store(tmp_path, scenario="store").sha256 == sale.sha256
 
 
 @pytest.mark.timeout(600)

@@ -29,7 +29,10 @@ FIGURES = {
 def results(tmp_path_factory):
     """Return the result of each scenario, run once."""
     folder = tmp_path_factory.mktemp("two_link")
-    return {name: run(load(name), Options(out=folder / name.replace("/", "_"))) for name in FIGURES}
+    return {
+        name: run(load(name), Options(out=folder / name.replace("/", "_"), in_process=True))
+        for name in FIGURES
+    }
 
 
 @pytest.fixture(scope="module")
