@@ -81,6 +81,7 @@ __all__ = [
     "Message",
     "MessageError",
     "Method",
+    "ModelFile",
     "Name",
     "Names",
     "NonNegative",

@@ -21,17 +21,25 @@ from .bus.ticket import (
 from .config import Config, Ports
 from .config.plugins import make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
-from .files import find_file, last_error, package_path, read_urdf_text
+from .files import (
+    find_file,
+    last_error,
+    package_path,
+    parse_urdf,
+    read_urdf_text,
+    urdf_warnings,
+)
 from .hosting import HOST, Host
 from .main import main, take_part
 from .methods import CallError, Method
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
-from .parameters.problems import Problems, SettingsError, suggest
+from .parameters.problems import Problems, SettingsError
 from .parameters.settings import (
     Count,
     Duration,
     File,
     Finite,
+    ModelFile,
     Name,
     Names,
     NonNegative,
@@ -54,6 +62,7 @@ from .parameters.settings import (
 from .participant import Participant, PortType
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
+from .suggestions import suggest
 
 __all__ = [
     "HOST",
@@ -77,6 +86,7 @@ __all__ = [
     "LoopbackBus",
     "MessageFault",
     "Method",
+    "ModelFile",
     "Name",
     "Names",
     "NonNegative",
@@ -117,11 +127,13 @@ __all__ = [
     "needed_when",
     "package_path",
     "parse_duration",
+    "parse_urdf",
     "read_stamp",
     "read_urdf_text",
     "scratch_folder",
     "stamp",
     "suggest",
     "take_part",
+    "urdf_warnings",
     "when",
 ]

@@ -24,7 +24,7 @@ def refusal(path: Path) -> str:
 
 
 def test_a_urdf_is_returned_as_it_is(tmp_path):
-    text = '<?xml version="1.0"?>\n<robot name="r">  <!-- ${x} é --></robot>'
+    text = '<?xml version="1.0"?>\n<robot name="r"><link name="l"/>  <!-- ${x} é --></robot>'
     assert read_urdf_text(write(tmp_path, text, "r.urdf")) == text
 
 
@@ -42,7 +42,9 @@ def test_included_files_are_found_beside_their_own_file_and_in_packages(tmp_path
 
 
 def test_no_line_is_longer_than_pybullet_reads(tmp_path):
-    links = "".join(f'<link name="link_{n}"/>' for n in range(200))
+    joint = '<joint name="{0}" type="fixed"><parent link="link_0"/><child link="link_{0}"/></joint>'
+    links = "".join(f'<link name="link_{n}"/>{joint.format(n)}' for n in range(1, 200))
+    links = f'<link name="link_0"/>{links}'
     assert max(map(len, read_urdf_text(xacro(tmp_path, links)).splitlines())) < 1000
 
 

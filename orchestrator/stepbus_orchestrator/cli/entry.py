@@ -38,9 +38,8 @@ def _main() -> int:
     try:
         return _guarded()
     except (ImportError, MemoryError) as exc:
-        if isinstance(exc, ModuleNotFoundError):
+        if isinstance(exc, ImportError) and ".so" not in str(exc):
             raise
-        # A library that cannot be loaded, mostly: Python says no more than where it stands.
         reason = str(exc) or "out of memory"
         sys.stderr.write(f"stepbus: {reason}; does the limit of memory (ulimit -v) allow enough?\n")
         return _INTERNAL

@@ -2,6 +2,14 @@
 
 from .last_error import last_error
 from .paths import find_file, package_path
-from .urdf import read_urdf_text
+from .urdf import read_urdf_text, urdf_warnings
+from .urdf_check import parse_urdf
 
-__all__ = ["find_file", "last_error", "package_path", "read_urdf_text"]
+__all__ = [
+    "find_file",
+    "last_error",
+    "package_path",
+    "parse_urdf",
+    "read_urdf_text",
+    "urdf_warnings",
+]

@@ -10,18 +10,44 @@ from stepbus_participant.extras import need
 from stepbus_schemas import WiringError
 
 from .paths import package_path
+from .urdf_check import parse_urdf, urdf_notes, urdf_problems
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
 
 
 def read_urdf_text(path: Path) -> str:
-    """Return the text of a robot's URDF.
+    """Return the text of a robot's URDF, which has been checked: it can be simulated.
 
     path: a URDF, which is returned as it is, or a `.xacro`, which is expanded by the package
     xacro. There, `<xacro:include filename="package://<package>/<path>"/>` is found like every
     `package://` of stepbus, and relative names are relative to the file that has them.
-    Raises WiringError when the file cannot be read or expanded, or a package is missing.
+    Raises WiringError when the file cannot be read or expanded, or a package is missing, or with
+    all that is wrong with the robot, one a line.
     """
+    text = _text(path)
+    _check(path, text)
+    return text
+
+
+def urdf_warnings(text: str) -> list[str]:
+    """Return what engines compute otherwise than a checked URDF says, a sentence each."""
+    return urdf_notes(parse_urdf(text))
+
+
+def _check(path: Path, text: str) -> None:
+    try:
+        found = urdf_problems(parse_urdf(text))
+    except ExpatError as exc:
+        raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
+    if found:
+        # The lines of what xacro has made are those of no file.
+        is_xacro = path.suffix.lower() == ".xacro"
+        places = (str(path) if is_xacro else f"{path}:{line}" for line, _ in found)
+        lines = (f"{place}: {text}" for place, (_, text) in zip(places, found, strict=True))
+        raise WiringError("\n".join(lines))
+
+
+def _text(path: Path) -> str:
     if path.suffix.lower() != ".xacro":
         try:
             return path.read_text(encoding="utf-8")

@@ -7,6 +7,8 @@ from typing import Any
 
 from msgspec import inspect
 
+from stepbus_participant.suggestions import suggest
+
 from .nodes import (
     conditions,
     default,
@@ -18,7 +20,7 @@ from .nodes import (
     options_of,
     words_of,
 )
-from .problems import Keys, Problems, show, suggest
+from .problems import Keys, Problems, show
 from .settings import PerName, Settings
 
 

@@ -6,7 +6,6 @@ WiringError
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
@@ -137,15 +136,6 @@ def dotted(keys: Keys) -> str:
     """Return a path as people write it: `participants.plant.exec[2]`."""
     text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
     return text.removeprefix(".")
-
-
-def suggest(name: object, known: Iterable[object]) -> str:
-    """Return `; did you mean 'x'?`, or the known names where none is near."""
-    names = list(dict.fromkeys(str(item) for item in known))
-    near = difflib.get_close_matches(str(name), names, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    return f"; known: {', '.join(names)}" if names else ""
 
 
 def show(value: object) -> str:

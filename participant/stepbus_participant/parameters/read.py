@@ -15,7 +15,8 @@ from typing import Any, TypeVar
 
 from msgspec import inspect
 
-from stepbus_participant.files import find_file
+from stepbus_participant.files import find_file, read_urdf_text
+from stepbus_participant.suggestions import suggest
 
 from .durations import parse_duration
 from .fields import Fields, not_text, without
@@ -30,7 +31,7 @@ from .nodes import (
     takes,
     words_of,
 )
-from .problems import Keys, Problems, show, suggest
+from .problems import Keys, Problems, show
 from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings
 
 S = TypeVar("S", bound=Settings)
@@ -232,6 +233,12 @@ class _Reader:
         found = self.problems.attempt(keys, partial(find_file, data, self.folder)) or Path()
         if found.is_dir() and found != Path():
             return self.wrong(keys, f"{data!r} is a folder ({found})", Path())
+        return found
+
+    def _model(self, node: Any, data: Any, keys: Keys) -> Path:
+        found = self._file(node, data, keys)
+        if self.folder is not None and found != Path():
+            self.problems.attempt(keys, partial(read_urdf_text, found))
         return found
 
     def _names(self, node: Any, data: Any, keys: Keys) -> tuple[str, ...]:

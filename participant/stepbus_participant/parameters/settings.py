@@ -20,7 +20,9 @@ from typing import Annotated, Any, ClassVar, Self, dataclass_transform
 
 import msgspec
 
-from .problems import Keys, Problems, suggest
+from stepbus_participant.suggestions import suggest
+
+from .problems import Keys, Problems
 
 _DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
 NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]*"
@@ -170,6 +172,10 @@ Pause = Annotated[int, _text_form("pause", _DURATION)]
 """A duration that may also be 0: `0s`."""
 File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"type": "string"})]
 """A file: relative to the scenario or the file that names it, absolute, or `package://…`."""
+ModelFile = Annotated[
+    Path, msgspec.Meta(extra={"read": "model"}, extra_json_schema={"type": "string"})
+]
+"""A robot's URDF or `.xacro`, named like a `File`; masses, inertias, limits, tree are checked."""
 Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
 """Different names, at least one."""
 Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from stepbus_kinematics import SmoothingParams
 from stepbus_participant import (
-    File,
+    ModelFile,
     Names,
     NonNegativePerJoint,
     Own,
@@ -28,7 +28,7 @@ class Params(SmoothingParams):
     law: Literal["computed_torque", "pd", "pd_gravity", "pid"] | Plugin
     """Control law; a class of yours has `__init__(robot, params)` and `torque(q, v, reference, dt)`
     that returns torques, shape (n,) [N·m]."""
-    model: File | None = None
+    model: ModelFile | None = None
     """URDF or xacro of the robot; a law that needs no model can do with `joints`."""
     joints: Names | None = None
     """Joints under control, in the order of every vector. Default: all of the model."""

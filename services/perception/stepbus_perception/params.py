@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from stepbus_participant import File, Names, Positive, Settings, Share, Text, needed_when
+from stepbus_participant import ModelFile, Names, Positive, Settings, Share, Text, needed_when
 
 
 class Params(Settings):
@@ -15,7 +15,7 @@ class Params(Settings):
     the other source may stay in the scenario."""
     frame: Text = "chassis"
     """Link that the detections are given in, with z up."""
-    model: Annotated[File, needed_when(source="camera")]
+    model: Annotated[ModelFile, needed_when(source="camera")]
     """URDF or `.xacro` of the robot."""
     joints: Annotated[Names, needed_when(source="camera")]
     """Joints that move the camera, in any order; all others are at 0."""

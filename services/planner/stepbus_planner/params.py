@@ -7,6 +7,7 @@ from stepbus_participant import (
     Duration,
     File,
     Finite,
+    ModelFile,
     Names,
     NonNegative,
     PositivePerJoint,
@@ -19,7 +20,7 @@ from stepbus_participant import (
 class Params(Settings):
     """Parameters of `stepbus_planner`."""
 
-    model: File
+    model: ModelFile
     """URDF or xacro; planning is relative to its root."""
     joints: Names
     """Joints to plan for; each has position limits."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Literal
 
 import msgspec
@@ -13,6 +14,7 @@ from stepbus_schemas import WiringError
 
 from .world.actions import Action
 from .world.declaration import Actuation, StockParams, read_world
+from .world.models import refuse_missing_meshes
 
 Quantity = Literal["position", "velocity", "effort"]
 
@@ -93,7 +95,12 @@ class Params(Settings):
     def file_problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the world file."""
         try:
-            _, _, problems = read_world(self.world)
+            _, world, problems = read_world(self.world)
+            problems.refuse()
+            for name, body in world.bodies.items():
+                problems.attempt(
+                    ("bodies", name, "urdf"), partial(refuse_missing_meshes, body.urdf)
+                )
             problems.refuse()
         except WiringError as exc:
             for line in str(exc).splitlines():

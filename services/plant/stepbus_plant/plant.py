@@ -58,6 +58,9 @@ class Plant:
         self._drives = make_drives(self.physics.client, self.physics.joints, step_ns * 1e-9)
         self._owners: dict[str, str] = {}
         self.warnings = Warnings()
+        for note in self.physics.notes:
+            subject, _, text = note.partition(": ")
+            self.warnings.add(subject, text, text)
         self._plan_reading()
 
     def _equip(self, params: Params) -> None:

@@ -71,6 +71,7 @@ def test_a_complete_urdf_is_loaded_as_it_is(tmp_path):
 def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
     path = tmp_path / "half.urdf"
     mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'
+    (tmp_path / "part.obj").touch()
     path.write_text(f'<robot name="half"><link name="only">{mesh}</link></robot>')
     with loadable(path) as copy:
         assert f'"{tmp_path / "part.obj"}"' in copy.read_text()

@@ -49,14 +49,12 @@ def test_all_mistakes_of_a_world_are_listed_with_their_lines(tmp_path):
 
 
 def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
-    (tmp_path / "broken.urdf").write_text("<robot")
     lines = refusal(
         tmp_path,
         body("arm", "two_link", joints="{jont1: {effort: 3}, joint2: {position: 9}}"),
         body("wheel", "wheel", "{actuation: velocity_force, friction: 1}"),
         body("free", "free_wheel", "{upper: 1}"),
         body("crossed", "wheel", "{lower: 3}"),
-        body("junk", "broken"),
     )
     assert lines[0] == "world.yaml:3: bodies.arm.joints.jont1: unknown; did you mean 'joint1'?"
     assert lines[1].endswith(
@@ -69,7 +67,13 @@ def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
         "world.yaml:5: bodies.free.joint_defaults: joint axle: has no limits in its URDF"
     )
     assert lines[4].endswith("joint axle: lower 3.0 is above upper 1.0")
-    assert lines[5].startswith("world.yaml:7: bodies.junk.urdf")
+
+
+def test_a_model_that_cannot_be_read_is_refused_with_both_lines(tmp_path):
+    (tmp_path / "broken.urdf").write_text("<robot>\n<link")
+    (line,) = refusal(tmp_path, body("junk", "broken"))
+    assert line.startswith("world.yaml:3: bodies.junk.urdf: ")
+    assert "broken.urdf:2: is no XML: unclosed token" in line
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ _MARKED = {
     "pause": "duration, or `0s`",
     "name": "name",
     "file": "file",
+    "model": "file",
     "names": "list of names",
     "plugin": "`module:Class`",
 }

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from stepbus_participant import Count, File, Finite, Positive, Settings, Text, suggest
+from stepbus_participant import Count, Finite, ModelFile, Positive, Settings, Text, suggest
 from stepbus_participant.parameters import Keys
 
 
 class Params(Settings):
     """Parameters of `stepbus_mission.round_trip`."""
 
-    model: File
+    model: ModelFile
     """URDF from which to draw poses."""
     frame: Text
     """Link that poses are given in."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from stepbus_participant import Count, File, Names, Positive, PositivePerJoint, Settings
+from stepbus_participant import Count, ModelFile, Names, Positive, PositivePerJoint, Settings
 
 
 class JointParams(Settings):
     """The joints of an arm, and when a motion counts as done."""
 
-    model: File
+    model: ModelFile
     """URDF or xacro of the robot."""
     joints: Names
     """Joints of the arm; all others stand at neutral."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import pybullet as bullet
 
-from stepbus_participant import suggest
+from stepbus_participant import suggest, urdf_warnings
 from stepbus_participant.parameters import Keys
 from stepbus_plant.errors import PhysicsError
 from stepbus_plant.params import Params
@@ -35,7 +35,8 @@ class Physics:
     step_ns: length of a physics substep [ns]. params: default actuation of the joints, and effort
     limits that override the world's.
     joints: all movable joints, in the order of the world's bodies and of their models. fixed: names
-    of the fixed ones. urdfs: each body's model as loaded, in the order of the bodies.
+    of the fixed ones. urdfs: each body's model as loaded, in the order of the bodies. notes: what
+    the engine computes otherwise than the models say.
     Raises WiringError that lists every URDF that cannot be loaded, each with its line. `prepare`,
     which has to come before the first step, reports all other mistakes about joints.
     """
@@ -48,6 +49,7 @@ class Physics:
         self._problems: list[tuple[Keys, str]] = []
         self.fixed: set[str] = set()
         self.urdfs: list[bytes] = []
+        self.notes: list[str] = []
         try:
             self._set_up(world, step_ns)
             found = [
@@ -96,7 +98,9 @@ class Physics:
                     flags=_flags(body, item),
                     physicsClientId=self.client,
                 )
-                self.urdfs.append(urdf.read_bytes())
+                content = urdf.read_bytes()
+                self.urdfs.append(content)
+                self.notes += [f"body {name}: {note}" for note in urdf_warnings(content.decode())]
         except bullet.error as exc:
             self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
             return []

@@ -18,6 +18,7 @@ from stepbus_participant import (
     Duration,
     File,
     Finite,
+    ModelFile,
     NonNegative,
     Positive,
     Problems,
@@ -83,7 +84,7 @@ class Friction(Settings):
 class Body(Settings):
     """A body, read from a URDF."""
 
-    urdf: File
+    urdf: ModelFile
     """Relative to the world file, absolute, or `package://<package>/<path>`: an installed Python
     package such as `pybullet_data`, or a model package such as `example-robot-data`."""
     srdf: File | None = None
@@ -176,7 +177,7 @@ class CameraSettings(Settings):
 class ItemTypeSettings(Settings):
     """A type of item."""
 
-    urdf: File
+    urdf: ModelFile
     """Resolved like that of a body; one link, with its origin in the middle of the bottom."""
     mass: Positive
     """[kg]; scales the inertia of the URDF."""

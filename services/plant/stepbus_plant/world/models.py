@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_participant import package_path, read_urdf_text, scratch_folder
+from stepbus_participant import package_path, parse_urdf, read_urdf_text, scratch_folder
 from stepbus_schemas import WiringError
 
 # S314: the files are the user's own, and expat itself stops an expansion without end.
@@ -23,17 +23,14 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     """Provide a URDF in which every link has an inertial, as a context manager.
 
     A link without one is massless by the definition of URDF and gets a negligible mass. A `.xacro`
-    is expanded. edit: further changes to the root of the file. A file that needs no change, or is
-    not XML, stays as it is. Raises WiringError if a `.xacro` cannot be expanded.
+    is expanded. edit: further changes to the root of the file. A file that needs no change stays
+    as it is. Raises WiringError with all that is wrong with the model.
     """
-    is_xacro = urdf.suffix.lower() == ".xacro"
-    try:
-        root = ET.fromstring(read_urdf_text(urdf)) if is_xacro else ET.parse(urdf).getroot()  # noqa: S314
-    except ET.ParseError:
-        yield urdf
-        return
+    text = read_urdf_text(urdf)
+    root = parse_urdf(text)
+    refuse_missing_meshes(urdf, root)
     links = [link for link in root.findall("link") if link.find("inertial") is None]
-    if not links and not is_xacro and edit is None:
+    if not links and urdf.suffix.lower() != ".xacro" and edit is None:
         yield urdf
         return
     for link in links:
@@ -41,6 +38,26 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     if edit is not None:
         edit(root)
     yield from _copy(root, urdf)
+
+
+def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
+    """Raise WiringError that lists the meshes of a model that are not there.
+
+    PyBullet loads no such model. root: of its checked text, where that is known.
+    """
+    found = parse_urdf(read_urdf_text(urdf)) if root is None else root
+    names = dict.fromkeys(mesh.get("filename", "") for mesh in found.iter("mesh"))
+    missing = [name for name in names if not _is_file(Path(_absolute(name, urdf.parent)))]
+    if missing:
+        lines = (f"{urdf}: no mesh {name!r}, in its folder or a package" for name in missing)
+        raise WiringError("\n".join(lines))
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
@@ -54,18 +71,19 @@ def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
 
 
 def _absolute(file: str, folder: Path) -> str:
-    """Return the absolute path of a file that a URDF in `folder` names."""
-    if not file.startswith("package://"):
-        return str(folder / file)
-    try:
-        candidates = [package_path(file)]
-    except WiringError:
-        # PyBullet searches the package in the folders above the URDF.
-        name = file.removeprefix("package://")
-        if ".." in name.split("/"):
-            raise
-        candidates = [parent / name for parent in (folder, *folder.parents)]
-    return str(next((path for path in candidates if path.is_file()), file))
+    """Return the absolute path of a file that a URDF in `folder` names; else the name itself.
+
+    PyBullet searches a name, or the folder of a package, in the folders above the URDF too.
+    """
+    name = file.removeprefix("package://")
+    paths = [parent / name for parent in (folder, *folder.parents)]
+    if name != file:
+        try:
+            paths.insert(0, package_path(file))
+        except WiringError:
+            if ".." in name.split("/"):
+                raise
+    return next((str(path) for path in paths if _is_file(path)), file)
 
 
 def pairs_without_collision(srdf: Path) -> list[tuple[str, str]]:
