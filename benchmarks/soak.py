@@ -1,0 +1,173 @@
+"""A long run: no process grows, and its report takes little time and memory.
+
+`python benchmarks/soak.py [--steps N] [--out FOLDER]` runs two_link with recording on and samples
+the memory of every process. It passes if what each has for itself (its USS) is, at the end, within
+1 MB of that at a tenth of the run, and if the report of the recording, made by a process of its
+own, takes less than 20 s and 300 MB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from stepbus_orchestrator import Options, Result, load
+from stepbus_orchestrator import run_scenario as run
+from stepbus_orchestrator.run.progress import Progress
+
+STEPS = 1_000_000
+STEP_MS = 5
+SETTLED = 0.1
+"""Part of the run after which sizes are compared with those at the end."""
+MOST_GROWTH_MB = 1.0
+MOST_REPORT_S = 20.0
+MOST_REPORT_MB = 300.0
+
+_SAMPLE_S = 2.0
+_SHOW_S = 30.0
+_KB_PER_MB = 1024.0
+_REPORT = """
+import sys
+from pathlib import Path
+from stepbus_orchestrator.report import write_report
+print(*write_report(Path(sys.argv[1])), sep="\\n")
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """The memory of one process [MB]: resident, with its share of common pages, and its own."""
+
+    rss: float
+    pss: float
+    uss: float
+
+
+def size_of(pid: int) -> Size:
+    """Return the memory of a process; raises OSError when it has ended."""
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    rows = {key: int(kb) / _KB_PER_MB for key, kb in re.findall(r"(\w+): +(\d+) kB", text)}
+    own = rows["Private_Clean"] + rows["Private_Dirty"]
+    return Size(rss=rows["Rss"], pss=rows["Pss"], uss=own)
+
+
+def processes() -> dict[str, int]:
+    """Return name → process id of this process, which is the orchestrator, and its children."""
+    found = {"orchestrator": os.getpid()}
+    for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
+        words = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
+        module = next((w for w in words if w.startswith("stepbus_") or w.endswith(".py")), words[0])
+        found[Path(module).stem.removeprefix("stepbus_")] = int(child)
+    return found
+
+
+class Sampler:
+    """An observer of a run that samples the memory of its processes.
+
+    settled, newest: name → size, after a tenth of the run and at its end.
+    """
+
+    def __init__(self, steps: int) -> None:
+        self.settled: Mapping[str, Size] = {}
+        self.newest: Mapping[str, Size] = {}
+        self._steps = steps
+        self._sampled_at = self._shown_at = 0.0
+
+    def progress(self, progress: Progress) -> None:
+        """Sample every two seconds."""
+        now = time.monotonic()
+        if progress.phase != "stepping" or now - self._sampled_at < _SAMPLE_S:
+            return
+        self._sampled_at = now
+        self.newest = {name: size_of(pid) for name, pid in processes().items()}
+        if not self.settled and progress.step >= SETTLED * self._steps:
+            self.settled = self.newest
+        if now - self._shown_at > _SHOW_S:
+            self._shown_at = now
+            shown = ", ".join(f"{name} {size.uss:.2f}" for name, size in self.newest.items())
+            sys.stderr.write(f"step {progress.step}: own memory [MB]: {shown}\n")
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Show it."""
+        sys.stderr.write(f"step {step}: {level}: {who}: {text}\n")
+
+
+def report(recording: Path) -> tuple[float, float, str]:
+    """Return how long the report took [s], its process's peak memory [MB], and its summary."""
+    started = time.monotonic()
+    command = [sys.executable, "-c", _REPORT, str(recording)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        text = process.stdout.read() if process.stdout is not None else ""
+        _, code, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(code)
+    if process.returncode:
+        raise SystemExit("the report failed")
+    return time.monotonic() - started, usage.ru_maxrss / _KB_PER_MB, text
+
+
+def show(sampler: Sampler, result: Result) -> bool:
+    """Print the sizes; return whether no process has grown too much."""
+    table = Table(title=f"{result.steps} steps, {result.steps / result.wall_s:.0f} steps/s")
+    table.add_column("memory [MB]")
+    heads = (f"{unit} {when}" for when in ("at 1/10", "at end") for unit in ("RSS", "PSS", "USS"))
+    for head in (*heads, "USS grown"):
+        table.add_column(head, justify="right")
+    grown = {}
+    for name, last in sampler.newest.items():
+        first = sampler.settled[name]
+        grown[name] = last.uss - first.uss
+        cells = (first.rss, first.pss, first.uss, last.rss, last.pss, last.uss)
+        table.add_row(name, *(f"{cell:.1f}" for cell in cells), f"{grown[name]:+.2f}")
+    Console(width=110).print(table)
+    return all(abs(growth) <= MOST_GROWTH_MB for growth in grown.values())
+
+
+def soak(steps: int, folder: Path) -> int:
+    """Run and report; return 0 when all is as it should be, else 1."""
+    sampler = Sampler(steps)
+    scenario = load("two_link", [f"duration={steps * STEP_MS}ms"])
+    result = run(scenario, Options(out=folder), sampler)
+    if result.exit_code or not sampler.settled:
+        print(result.reason if result.exit_code else "the run was too short to be sampled")
+        return 1
+    is_flat = show(sampler, result)
+    megabytes = result.recording.stat().st_size / 1e6
+    seconds, peak, text = report(result.recording)
+    print(f"report of {megabytes:.0f} MB: {seconds:.1f} s, at most {peak:.0f} MB\n{text}", end="")
+    if not is_flat:
+        print(f"MISSED: a process is not within {MOST_GROWTH_MB:g} MB of its size at 1/10")
+    if seconds > MOST_REPORT_S or peak > MOST_REPORT_MB:
+        print(f"MISSED: the report, {MOST_REPORT_S:g} s and {MOST_REPORT_MB:g} MB")
+        return 1
+    return 0 if is_flat else 1
+
+
+def main() -> int:
+    """Read the arguments and soak."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--out", type=Path, help="keep the run in this folder")
+    args = parser.parse_args()
+    if args.out is not None:
+        return soak(args.steps, args.out)
+    folder = Path(tempfile.mkdtemp(prefix="soak-"))
+    try:
+        return soak(args.steps, folder / "run")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
