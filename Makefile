@@ -1,4 +1,4 @@
-.PHONY: help demo test test-unit test-slow chaos coverage examples robots check docs bench campaign clean setup
+.PHONY: help demo test test-unit test-slow chaos coverage examples robots check docs bench soak campaign clean setup
 
 PYTHON := .venv/bin/python
 
@@ -15,6 +15,7 @@ help:
 	@echo "make robots     install the models that baxter needs (414 MB)"
 	@echo "make campaign   330 faults from outside, judged by a reader that is not ours (40 min)"
 	@echo "make bench      measure steps per second"
+	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
 	@echo "make clean      remove .venv and caches; runs/ stays"
 
 demo: setup
@@ -62,6 +63,9 @@ campaign: setup
 
 bench: setup
 	@$(PYTHON) benchmarks/lockstep.py
+
+soak: setup
+	@$(PYTHON) benchmarks/soak.py
 
 examples:
 	@command -v gcc >/dev/null || { echo "no gcc: examples/controllers/c is not built"; exit 0; }; \

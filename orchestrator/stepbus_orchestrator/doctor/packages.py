@@ -1,5 +1,6 @@
 """Packages: installed, recent enough, loadable."""
 
+import contextlib
 import re
 import subprocess
 import sys
@@ -26,6 +27,7 @@ _NATIVE = {"pin": "pinocchio", "pybullet": "pybullet"}
 
 _OLDEST_PYTHON = (3, 11)
 _LOAD_DEADLINE_S = 30.0
+_KILL_S = 5.0
 _REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
 
 
@@ -117,7 +119,9 @@ def _load(name: str, child: subprocess.Popen[str]) -> Finding:
         _, output = child.communicate(timeout=_LOAD_DEADLINE_S)
     except subprocess.TimeoutExpired:
         child.kill()
-        child.communicate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            # What it has started may still hold the pipe.
+            child.communicate(timeout=_KILL_S)
         text = f"takes over {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
         return Finding(what=what, verdict="fail", text=text)
     if child.returncode:

@@ -13,6 +13,7 @@ from .child import Child
 
 _LONGEST_PAUSE_S = 0.02
 _LONGEST_DELAY_S = 0.01
+_JOIN_S = 1.0
 
 
 class Delays:
@@ -45,7 +46,7 @@ class Delays:
         finally:
             self._over.set()
             for thread in threads:
-                thread.join()
+                thread.join(_JOIN_S)
 
     def _disturb(self, children: Mapping[str, Child], index: int, name: str) -> None:
         generator = np.random.default_rng([*self._seed, index])

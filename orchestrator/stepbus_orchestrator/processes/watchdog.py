@@ -15,12 +15,15 @@ _CHECK_S = 0.1
 _LONGEST_CHECK_S = 0.25
 """One check counts for at most this long: a suspended machine or orchestrator is no blocker."""
 
+_JOIN_S = 1.0
+
 
 class Watchdog:
     """Times the calls that a program which reads nothing would block forever.
 
     limit_s: how long such a call may take [s]. kill: ends the program, which frees the call; runs
-    on the watchdog's thread, once for each call that is blocked. fired: whether it has killed.
+    on the watchdog's thread, and again after `limit_s` where that freed nothing. fired: whether it
+    has killed.
     """
 
     def __init__(self, limit_s: float, kill: Callable[[], None]) -> None:
@@ -54,11 +57,10 @@ class Watchdog:
     def close(self) -> None:
         """Stop watching for good."""
         self._over.set()
-        self._thread.join()
+        self._thread.join(_JOIN_S)
 
     def _watch(self) -> None:
         call, blocked_s, checked_at = 0, 0.0, time.monotonic()
-        killed_for = 0
         while not self._over.wait(_CHECK_S):
             now = time.monotonic()
             elapsed_s, checked_at = min(now - checked_at, _LONGEST_CHECK_S), now
@@ -66,7 +68,7 @@ class Watchdog:
                 call, blocked_s = self._call, 0.0
                 continue
             blocked_s += elapsed_s
-            if blocked_s > self._limit_s and killed_for != call:
-                killed_for = call
+            if blocked_s > self._limit_s:
+                blocked_s = 0.0
                 self.fired = True
                 self._kill()

@@ -31,7 +31,9 @@ class ReservedFile:
         self.sha256 = hashlib.sha256()
         self.closed = False
         self._reserve = -1
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        # A named pipe that stands there would wait for a reader without O_NONBLOCK.
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
+        self._file = os.open(path, flags, 0o644)
         status = os.fstat(self._file)
         self._identity = (status.st_dev, status.st_ino)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from mcap.records import Channel, McapRecord, Message
 
 from stepbus_orchestrator.errors import RecordingFailed
 
-from .records import HEAD, MAGIC, DamagedRecord, check_head, records_of
+from .records import HEAD, MAGIC, DamagedRecord, check_head, open_recording, records_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +56,7 @@ class Scanner:
     def scan(self) -> Iterator[Scanned]:
         """Yield each record of the file; the last one may be damaged inside."""
         try:
-            with self.path.open("rb") as file:
+            with os.fdopen(open_recording(self.path), "rb") as file:
                 self.size = file.seek(0, 2)
                 file.seek(0)
                 self._take_magic(file)

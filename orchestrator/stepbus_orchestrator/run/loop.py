@@ -191,8 +191,15 @@ class RunLoop:
         return death(*details)
 
     def kill_blockers(self) -> None:
-        """Kill a process that reads nothing while a message to it blocks everything else."""
-        participants = self.state.participants
+        """Kill a process that reads nothing while a message to it blocks everything else.
+
+        Called again while that frees nothing: then somebody else is the one.
+        """
+        participants = {
+            name: participant
+            for name, participant in self.state.participants.items()
+            if participant.process.exit_code() is None
+        }
         stopped = [
             name
             for name, participant in participants.items()

@@ -10,7 +10,7 @@ from support.messages.recordings import chunks, rewrite, write
 
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import McapFile, Recording
+from stepbus_orchestrator.recording import McapFile, Recording, recover
 from stepbus_orchestrator.recording.layout import channel_metadata
 from stepbus_schemas import Description, Event, Image, JointState, WiringError
 
@@ -188,3 +188,12 @@ def test_a_report_of_a_recording_with_images_takes_little_memory(tmp_path):
     tracemalloc.stop()
     assert len(tracking.state.t) == 150
     assert peak < 60_000_000
+
+
+def test_a_named_pipe_is_no_recording_and_nobody_waits_for_its_writer(tmp_path):
+    os.mkfifo(tmp_path / "run.mcap")
+    for read in (Recording, lambda path: recover(path, tmp_path / "out.mcap")):
+        with pytest.raises(RecordingFailed, match="cannot be read: it is not a regular file"):
+            read(tmp_path / "run.mcap")
+    with pytest.raises(RecordingFailed, match="cannot be written"):
+        McapFile(tmp_path / "run.mcap")

@@ -13,6 +13,7 @@ from stepbus_orchestrator.run.control.pace import Pace
 
 HELP = "p or space: pause and continue · s or Enter: one step · q: stop"
 _POLL_S = 0.2
+_JOIN_S = 1.0
 
 
 def has_terminal() -> bool:
@@ -39,7 +40,8 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
         yield
     finally:
         over.set()
-        thread.join()
+        # Somebody else who reads the terminal may have taken the key that it waits to read.
+        thread.join(_JOIN_S)
         # Not TCSADRAIN, which waits for whoever reads; and the terminal may be gone.
         with contextlib.suppress(termios.error):
             termios.tcsetattr(descriptor, termios.TCSANOW, before)

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 from .output import open_closed_streams, print_error
 
+_POLL_S = 0.5
 _PATIENCE_S = 1.0
 """How long a run waits for a reader that takes nothing [s]."""
 _BACKLOG_BYTES = 1 << 16
@@ -104,7 +105,7 @@ class Outlet(io.BufferedIOBase):
             return os.write(self._descriptor, chunk), 0
         except BlockingIOError:
             # Somebody else has made the terminal or pipe non-blocking.
-            select.select([], [self._descriptor], [])
+            select.select([], [self._descriptor], [], _POLL_S)
             return 0, 0
         except OSError as exc:
             return 0, exc.errno or errno.EIO

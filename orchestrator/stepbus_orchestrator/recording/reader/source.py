@@ -19,6 +19,7 @@ from stepbus_orchestrator.recording.records import (
     DamagedRecord,
     check_head,
     chunk_content,
+    open_recording,
 )
 
 from .index import Block, read_index
@@ -49,7 +50,7 @@ class Source:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            self._file = open_recording(path)
         except OSError as exc:
             raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
         self.close = weakref.finalize(self, os.close, self._file)

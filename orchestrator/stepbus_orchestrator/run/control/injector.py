@@ -22,6 +22,7 @@ from stepbus_orchestrator.scenario import (
 
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
+_JOIN_S = 1.0
 
 
 class Injector:
@@ -103,7 +104,7 @@ class Injector:
         self._report_messages(step)
         self._over.set()
         for thread in self._threads:
-            thread.join()
+            thread.join(_JOIN_S)
         for _, process in self._frozen:
             process.signal(signal.SIGCONT)
         self._frozen = []

@@ -25,6 +25,7 @@ _LONGEST_CHECK_S = 0.25
 _INTERRUPT_S = 1.0
 """How long a participant may go on after Ctrl-C [s]."""
 _REPEAT_S = 1.0
+_JOIN_S = 1.0
 _LAST_RESORT_S = 10.0
 _SIGNAL = signal.SIGURG
 """Ignored by default, so that one too many does no harm."""
@@ -60,7 +61,7 @@ class Watch:
     def close(self) -> None:
         """Stop watching."""
         self._over.set()
-        self._thread.join()
+        self._thread.join(_JOIN_S)
         faulthandler.cancel_dump_traceback_later()
         if self._is_main:
             signal.signal(_SIGNAL, self._before)
