@@ -131,6 +131,35 @@ def test_without_a_planner_the_mission_says_so_and_everything_comes_to_rest(
     assert_at_rest(Recording(result.recording))
 
 
+@pytest.mark.parametrize("seconds", [4.0, 8.64])
+def test_without_a_mission_base_and_arm_are_brought_to_rest(seconds, tmp_path):
+    result = store(tmp_path, f"faults=[kill mission at {at(seconds)}]")
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "mission")
+    assert "its commands were held from step" in result.reason
+    assert result.reason.endswith("and brought to rest")
+    assert_at_rest(Recording(result.recording))
+
+
+def test_without_perception_the_mission_says_so_and_everything_comes_to_rest(tmp_path):
+    result = store(tmp_path, f"faults=[kill perception at {at(4.0)}]")
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "perception")
+    assert f"{FAILED}driving to the shelf: perception has failed{STILL}" in result.reason
+    assert_at_rest(Recording(result.recording))
+
+
+@pytest.mark.parametrize("who", ["mission", "planner"])
+def test_a_fault_at_full_speed_stops_the_base_within_a_decimetre(who, tmp_path):
+    step = at(4.0)
+    result = store(tmp_path, f"faults=[kill {who} at {step}]")
+    rows = list(Recording(result.recording).messages("plant/odometry"))
+    before = next(state for k, state in rows if k == step)
+    after = rows[-1][1]
+    assert before.vx > 0.45
+    assert np.hypot(after.x - before.x, after.y - before.y) < 0.1
+    stood = next(k for k, state in rows if k > step and abs(state.vx) < 0.02)
+    assert (stood - step) * 0.016 < 0.4
+
+
 @pytest.mark.parametrize("seconds", [4.8, 8.6])
 def test_without_a_controller_base_and_arm_are_braked(seconds, tmp_path):
     result = store(tmp_path, f"faults=[kill controller at {at(seconds)}]")

@@ -11,6 +11,7 @@ from stepbus_schemas import (
     BaseCommand,
     Decoder,
     Description,
+    Detections,
     Goal,
     JointCommand,
     JointReference,
@@ -33,6 +34,9 @@ MOMENTARY = (
 _NO_PLANNER = Plan(id=0, cause="planner_failed", text="the planner has failed")
 """What is true of every request from then on."""
 
+_NO_PERCEPTION = Detections(frame="", types=[], position=[], orientation=[], confidence=[])
+"""Nothing is detected from then on, in no frame: by that a reader knows that perception failed."""
+
 
 def safe_message(
     type_name: str,
@@ -49,7 +53,7 @@ def safe_message(
     if given is not None:
         return msgspec.convert(given, cls)
     if type_name in MOMENTARY:
-        return _NO_PLANNER if cls is Plan else None
+        return {Plan: _NO_PLANNER, Detections: _NO_PERCEPTION}.get(cls)
     if cls is JointCommand:
         return JointCommand(mode="brake", values=[0.0] * len(description.names))
     if cls is BaseCommand:

@@ -163,6 +163,7 @@ class MessageHandler:
             raise self._broken(participant, wrong)
         if not state.barrier.report(participant.name, outputs.step):
             raise skipped(participant, outputs.step, state.barrier, self._step_ns)
+        state.newest[participant.name] = outputs.ports
         self._recorder.offer(participant.name, outputs)
         if outputs.end is not None:
             state.ask_end(outputs.step + 1, f"{participant.name}: {outputs.end}")

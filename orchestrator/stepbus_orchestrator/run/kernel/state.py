@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import Scenario
@@ -22,7 +24,8 @@ class RunState:
     participants: those whose processes have been started. released: the newest trigger; steps
     below it may be worked on. unauthenticated: how many messages were dropped. end: the step
     before which the run ends, and why, once it was requested. compute: participant →
-    total computing time [ns] and number of steps. started_at: when the first trigger was sent, by
+    total computing time [ns] and number of steps. newest: of each participant, port → its last
+    message. started_at: when the first trigger was sent, by
     the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
     is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
     """
@@ -35,6 +38,7 @@ class RunState:
     unauthenticated: int = 0
     end: tuple[int, str] | None = None
     compute: dict[str, tuple[int, int]] = field(default_factory=dict)
+    newest: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     started_at: float = 0.0
     replaced: str | None = None
     is_check_due: bool = False

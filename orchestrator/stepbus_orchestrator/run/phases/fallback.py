@@ -6,6 +6,7 @@ import signal
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.fallback.rest import motion_at_end
 from stepbus_orchestrator.run.kernel.phase import RunPhase
 from stepbus_orchestrator.run.loop import LAST_REPORTS_S, LONGEST_TICK_S, RunLoop
 
@@ -36,7 +37,9 @@ def fall_back(loop: RunLoop, failure: RunFailure) -> RunPhase:
 def after_fallback(failure: RunFailure, loop: RunLoop) -> RunFailure:
     """Return the failure of a run that has come to its safe stop."""
     first, until = loop.safe_stop.replaced_steps
-    text = f"its commands were held from step {first} to {until} and brought to rest"
+    state = loop.state
+    rests = motion_at_end(state.scenario, loop.descriptions, state.newest)
+    text = f"its commands were held from step {first} to {until} {rests}"
     return _extended(failure, text, failure)
 
 

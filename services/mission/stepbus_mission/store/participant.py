@@ -160,6 +160,10 @@ class StoreMission(Participant):
 
     def _advance(self, store: StoreState) -> Goal | None:
         """Change states until one has to wait; return its goal, if it sends one."""
+        found = store.inputs.detections
+        if found is not None and not found.frame and store.visit.state not in ("stop", *LAST):
+            lost = Outcome(name="failed", cause="no_perception", text="perception has failed")
+            return self._go_to(store, "stop", lost)
         while True:
             outcome = check_of(store.visit.state)(store)
             if outcome is None:
@@ -180,7 +184,9 @@ class StoreMission(Participant):
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""
-        state = STATES[store.visit.state].then[outcome.name]
+        return self._go_to(store, STATES[store.visit.state].then[outcome.name], outcome)
+
+    def _go_to(self, store: StoreState, state: str, outcome: Outcome) -> Goal | None:
         if state in {"retry", "stop"}:
             store.record_problem(outcome)
         return self._send(store, Visit(state=state, start_ns=store.inputs.t_ns))
