@@ -24,11 +24,13 @@ def branching_manipulator(
     *,
     seed: int,
     uses_planner: bool = False,
+    collisions: SelfCollisions | None = None,
 ) -> Manipulator:
     """Return an arm that knows all its solutions, and avoids obstacles by a planner.
 
     seed: of the search for poses without an analytic solution. uses_planner: without it, the arm
-    goes straight and nothing checks for collisions.
+    goes straight, and nothing checks for obstacles. collisions: with itself, of lines, spirals,
+    motions without a planner, and stops; None: not checked.
     """
     branches = BranchSettings(
         singular_below=options.singular_below, effort_share=options.effort_share
@@ -40,10 +42,11 @@ def branching_manipulator(
         singular_below=options.singular_below,
         turn_radius=options.turn_radius,
     )
-    finder = BranchCandidates(robot, options, solver, SpiralPlanner(robot, solver, spirals))
+    spiral_planner = SpiralPlanner(robot, solver, spirals)
+    finder = BranchCandidates(robot, options, solver, spiral_planner, collisions)
     segments = SegmentFitter(robot, limits, options.tip_limits, options.effort_share)
-    router = None if uses_planner else DirectRouter(limits, segments)
-    return Manipulator(finder, limits, settling, options, router)
+    router = None if uses_planner else DirectRouter(limits, segments, collisions)
+    return Manipulator(finder, limits, settling, options, router=router, collisions=collisions)
 
 
 def searching_manipulator(
@@ -66,4 +69,4 @@ def searching_manipulator(
     ik = InverseKinematics(robot, IkSettings(), seed=seed, collisions=collisions)
     finder = SearchedCandidates(robot, ik, tries_unholdable=tries_unholdable)
     router = DetourRouter(robot, limits, seed=seed, collisions=collisions)
-    return Manipulator(finder, limits, settling, options, router)
+    return Manipulator(finder, limits, settling, options, router=router)

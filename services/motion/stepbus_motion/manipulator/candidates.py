@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from stepbus_kinematics import Indices, RobotModel, Vector
+import numpy as np
+
+from stepbus_kinematics import Indices, RobotModel, SelfCollisions, Vector
 from stepbus_motion.ik.branches import BranchSolver
 from stepbus_motion.ik.search import InverseKinematics, Solution
 from stepbus_motion.outcome import Refused
@@ -19,6 +22,9 @@ from stepbus_schemas import BaseState, Goal, RunError
 
 from .options import ManipulatorOptions
 from .targets import frame_in_base, target_joints, target_pose
+
+_CHECKED_EVERY = 0.01
+"""Distance of the joint positions that are checked [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,13 +105,17 @@ def _unsupported(goal: Goal) -> Refused:
 
 
 class BranchCandidates(CandidateFinder):
-    """All solutions of the inverse kinematics; collisions are the planner's business."""
+    """All solutions of the inverse kinematics; obstacles are the planner's business.
+
+    collisions: of the robot with itself on lines and spirals; None: not checked.
+    """
 
     def __init__(
         self, robot: RobotModel, options: ManipulatorOptions, solver: BranchSolver,
-        spirals: SpiralPlanner,
+        spirals: SpiralPlanner, collisions: SelfCollisions | None = None,
     ) -> None:  # fmt: skip
         super().__init__(robot)
+        self._collisions = collisions
         self._options = options
         self._solver = solver
         self._spirals = spirals
@@ -125,8 +135,19 @@ class BranchCandidates(CandidateFinder):
 
     def from_spiral(self, goal: Goal, frame: Any, target: Any, rest: Vector) -> Iterator[Candidate]:
         """See `CandidateFinder`."""
+        problem: Refused | None = None
+        works = False
         for found in self._spirals.solve(goal, frame, target, rest):
+            try:
+                for path in found.paths:
+                    check_path(path, self._collisions)
+            except Refused as exc:
+                problem = problem or exc
+                continue
+            works = True
             yield Candidate(target=found.start, paths=tuple(found.paths), text=found.text)
+        if not works and problem is not None:
+            raise problem
 
     def from_line(self, goal: Goal, target: Any, rest: Vector) -> JointPath | None:
         """See `CandidateFinder`."""
@@ -138,7 +159,27 @@ class BranchCandidates(CandidateFinder):
         path = line(start, target, self._options.turn_radius)
         if not path:
             return None
-        return follow(self.robot, goal.tip, path, rest, self._options.singular_below)
+        joints = follow(self.robot, goal.tip, path, rest, self._options.singular_below)
+        check_path(joints, self._collisions, leaves=True)
+        return joints
+
+
+def check_path(path: JointPath, collisions: SelfCollisions | None, *, leaves: bool = False) -> None:
+    """Raise Refused with both links where the robot would touch itself on a path of the tip.
+
+    leaves: the robot is at its start, and may leave what it touches there.
+    """
+    if collisions is None:
+        return
+    far = float(np.abs(np.diff(path.q, axis=0)).max(axis=1).sum())
+    count = max(math.ceil(far / _CHECKED_EVERY), 1)
+    known = collisions.pair(path.q[0]) if leaves else None
+    for u in np.linspace(path.u[0], path.u[-1], count + 1):
+        q, _, _ = path.at(float(u))
+        pair = collisions.pair(q) if collisions.any(q) else None
+        if pair is not None and pair != known:
+            text = f"{pair[0]} would touch {pair[1]} after {u - path.u[0]:.3f} m of the path"
+            raise Refused("in_collision", text)
 
 
 class SearchedCandidates(CandidateFinder):

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_motion.motions.fitting import fitted
 from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits
 from stepbus_motion.motions.plan import planned
@@ -37,7 +37,8 @@ class Manipulator:
     was measured, `take_plan`, `begin`, publish `request()`, command `at(t)`.
 
     limits: of the joints. router: finds motions to candidates; None: a planner does, which is
-    asked with `request()`. Vectors are of shape (n,) [rad, rad/s, rad/s²].
+    asked with `request()`. collisions: of the robot with itself when it stops; None: not checked.
+    Vectors are of shape (n,) [rad, rad/s, rad/s²].
     """
 
     def __init__(
@@ -46,7 +47,9 @@ class Manipulator:
         limits: MotionLimits,
         settling: Settling,
         options: ManipulatorOptions,
+        *,
         router: Router | None = None,
+        collisions: SelfCollisions | None = None,
     ) -> None:
         robot = finder.robot
         self._robot: RobotModel = robot
@@ -62,6 +65,7 @@ class Manipulator:
             period=options.period,
             brake_acceleration=options.brake_acceleration,
             brake_jerk=options.brake_jerk,
+            collisions=collisions,
         )
         self._queries = PlannerQueries(options.plan_timeout)
         self._settle: SettleWatch | None = None

@@ -51,11 +51,17 @@ class Router(Protocol):
 
 
 class DirectRouter:
-    """Goes straight in joint space, slowed down until the motors can follow; no collision check."""
+    """Goes straight in joint space, slowed down until the motors can follow.
 
-    def __init__(self, limits: MotionLimits, fitter: SegmentFitter) -> None:
+    collisions: of the robot with itself; None: not checked. Obstacles are not.
+    """
+
+    def __init__(
+        self, limits: MotionLimits, fitter: SegmentFitter, collisions: SelfCollisions | None = None
+    ) -> None:
         self._limits = limits
         self._fitter = fitter
+        self._collisions = collisions
 
     def route(
         self, start: JointMotion, candidates: Iterable[Candidate], least_duration: float
@@ -65,6 +71,7 @@ class DirectRouter:
         for candidate in candidates:
             try:
                 trajectory = self._trajectory(start, candidate, least_duration)
+                self._check(trajectory)
             except Refused as exc:
                 problem = problem or exc
                 continue
@@ -72,6 +79,16 @@ class DirectRouter:
             text = f"{candidate.text}; {text}" if candidate.text else text
             return Route(candidate=candidate, trajectory=trajectory, text=text)
         raise problem or Refused("no_path", "the goal has no solution")
+
+    def _check(self, trajectory: Trajectory) -> None:
+        if self._collisions is None:
+            return
+        states = sampled(trajectory)
+        known = self._collisions.pair(states[0].position)
+        for state in states:
+            pair = self._collisions.pair(state.position)
+            if pair is not None and pair != known:
+                raise Refused("in_collision", f"{pair[0]} would touch {pair[1]} on the path")
 
     def _trajectory(self, start: JointMotion, candidate: Candidate, least: float) -> Trajectory:
         rows = self._fitter.along(candidate)

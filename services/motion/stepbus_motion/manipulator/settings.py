@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from stepbus_kinematics import RobotModel
@@ -15,10 +17,16 @@ _VELOCITY_SHARE = 0.8
 """Of the URDF's velocity limits, by default."""
 
 
-def make_robot(params: JointParams, problems: Problems) -> RobotModel:
-    """Return the robot of the arm; raises SettingsError with what is wrong with its model."""
+def make_robot(
+    params: JointParams, problems: Problems, posture: Mapping[str, float] | None = None
+) -> RobotModel:
+    """Return the robot of the arm; raises SettingsError with what is wrong with its model.
+
+    posture: positions of other joints [rad or m].
+    """
     robot = problems.attempt(
-        ("model",), lambda: RobotModel(params.model, params.joints, bounded=True)
+        ("model",),
+        lambda: RobotModel(params.model, params.joints, posture=posture, bounded=True),
     )
     if robot is None:
         raise problems.error()

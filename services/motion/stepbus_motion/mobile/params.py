@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from stepbus_motion.manipulator.params import JointParams
 from stepbus_participant import (
+    File,
+    Finite,
     Names,
     NonNegative,
     Positive,
@@ -25,6 +27,14 @@ class Params(JointParams):
     """Largest accelerations of the joints [rad/s²]."""
     jerk_limit: PositivePerJoint = each(20.0)
     """Largest jerks of the joints [rad/s³]."""
+    srdf: File | None = None
+    """Names the pairs of links that never or always touch. With it, lines, spirals, motions without
+    a planner and stops in which any other links touch are refused or changed. Default: only a
+    planner checks."""
+    posture: dict[str, Finite] = {}
+    """Positions of the model's other joints, by name [rad or m]. Default: 0."""
+    collision_margin: NonNegative = 0.002
+    """How close two links of the robot may come [m]."""
     tip: Text = "grasp"
     """Frame of the gripper, for the stow condition and for backing off."""
     tip_velocity: Positive = 0.25

@@ -76,6 +76,7 @@ class MobileController(Participant):
             settings.arm,
             seed=self.config.seed,
             uses_planner=self._ports.plan is not None,
+            collisions=settings.collisions,
         )
         self._base, self._gripper = BaseMotion(settings.base), Gripper(settings.gripper)
         self._executor = GoalExecutor(

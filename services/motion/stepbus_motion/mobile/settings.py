@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepbus_kinematics import RobotModel
+from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.base.settings import BaseSettings
 from stepbus_motion.collisions.monitor import MonitorSettings
 from stepbus_motion.goals.avoidance import AvoidanceSettings
@@ -25,11 +25,13 @@ from .ports import MobilePorts, find_ports
 class MobileSettings:
     """What a `MobileController` works with.
 
-    limits: of the arm's joints. monitor: None: nothing senses contacts.
+    limits: of the arm's joints. collisions: with itself; None: not checked. monitor: None: nothing
+    senses contacts.
     """
 
     ports: MobilePorts
     robot: RobotModel
+    collisions: SelfCollisions | None
     limits: MotionLimits
     settling: Settling
     arm: ManipulatorOptions
@@ -49,13 +51,17 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     ports = find_ports(found)
     params = config.read(Params, found.problems)
     problems = config.problems().below(("params",))
-    robot = make_robot(params, problems)
+    robot = make_robot(params, problems, params.posture)
     _check_frame(params.tip, robot, problems)
     monitor = _monitor(params, robot, problems)
+    collisions, srdf, margin = None, params.srdf, params.collision_margin
+    if srdf is not None:
+        collisions = problems.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
     problems.refuse()
     return MobileSettings(
         ports=ports,
         robot=robot,
+        collisions=collisions,
         limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
         settling=make_settling(params),
         arm=_arm(params, config),

@@ -6,11 +6,15 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel
 
-from .fitting import is_strong_enough
+from .fitting import is_strong_enough, sampled
 from .joint_motion import JointMotion, Motion, MotionLimits, stop_from
+from .trajectory import Retimed, Trajectory
 
 _SHARES = (1.0, 0.5, 0.25)
 """Of the hardest braking, tried in this order."""
+
+_ON_PATH = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""The same on a path, whose curves and own braking need a part of the limits."""
 
 
 def hard_stop(
@@ -21,12 +25,25 @@ def hard_stop(
     limits: braking is never softer. acceleration, jerk: of the hardest stop [rad/s², rad/s³].
     """
     for share in _SHARES:
-        harder = MotionLimits(
-            velocity=limits.velocity,
-            acceleration=np.maximum(limits.acceleration, share * acceleration),
-            jerk=np.maximum(limits.jerk, share * jerk),
-        )
+        harder = limits.at_least(share * acceleration, share * jerk)
         motion = stop_from(now, harder)
         if is_strong_enough(motion, robot):
             return motion
     return stop_from(now, limits)
+
+
+def stop_on_path(trajectory: Trajectory, s: float, rate: float, limits: MotionLimits) -> Trajectory:
+    """Return a stop of a trajectory that stays on its path.
+
+    s: its time now [s]. rate: at which that runs. limits: of the joints.
+    """
+    now = JointMotion(position=np.array([s]), velocity=np.array([rate]), acceleration=np.zeros(1))
+    speed = np.maximum(np.abs(trajectory.at(s).velocity), 1e-9)
+    hardest = float((limits.acceleration / speed).min()), float((limits.jerk / speed).min())
+    for share in _ON_PATH:
+        timing = stop_from(now, MotionLimits.of_one(1.0, share * hardest[0], share * hardest[1]))
+        motion = Retimed(trajectory, timing)
+        pushes = np.abs([state.acceleration for state in sampled(motion, least=20)])
+        if bool((pushes <= limits.acceleration * (1.0 + 1e-6)).all()):
+            break
+    return motion

@@ -27,6 +27,14 @@ class MotionLimits:
         rows = (np.array([limit]) for limit in (velocity, acceleration, jerk))
         return cls(**dict(zip(("velocity", "acceleration", "jerk"), rows, strict=True)))
 
+    def at_least(self, acceleration: float, jerk: float) -> MotionLimits:
+        """Return these limits, with none of acceleration and jerk smaller than the given ones."""
+        return MotionLimits(
+            velocity=self.velocity,
+            acceleration=np.maximum(self.acceleration, acceleration),
+            jerk=np.maximum(self.jerk, jerk),
+        )
+
     def slowed(self, factor: float) -> MotionLimits:
         """Return the limits of the same motion in `factor` times the duration."""
         return MotionLimits(

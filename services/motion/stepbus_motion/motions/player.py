@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stepbus_kinematics import RobotModel, Vector
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import RunError
 
-from .braking import hard_stop
+from .braking import hard_stop, stop_on_path
 from .clock import MotionClock
+from .fitting import is_strong_enough, sampled
 from .joint_motion import JointMotion, MotionLimits, stop_from
 from .trajectory import Joined, Rest, Trajectory
 
@@ -19,7 +20,8 @@ class MotionPlayer:
     """The motion under way, and its clock.
 
     limits: of the joints. period: between two commands [s]. brake_acceleration, brake_jerk: of the
-    hardest stop [rad/s², rad/s³]. ignores_scale: the motion runs at full rate whatever the scale.
+    hardest stop [rad/s², rad/s³]. collisions: of the robot with itself when it stops; None: not
+    checked. ignores_scale: the motion runs at full rate whatever the scale.
     """
 
     def __init__(
@@ -30,8 +32,10 @@ class MotionPlayer:
         period: float,
         brake_acceleration: float,
         brake_jerk: float,
+        collisions: SelfCollisions | None = None,
     ) -> None:
         self._robot = robot
+        self._collisions = collisions
         self._limits = limits
         self._period = period
         self._hardest = (brake_acceleration, brake_jerk)
@@ -97,14 +101,31 @@ class MotionPlayer:
         if not now.is_moving:
             self.start(Rest(now.position))
             return now.position
-        if hard:
-            motion = hard_stop(now, self._robot, self._limits, *self._hardest)
-        else:
-            motion = stop_from(now, self._limits)
+        motion = self._stop(now, hard=hard)
         self.start(motion)
         self.clock.restart(1.0)
         self.ignores_scale = True
         return motion.at(motion.duration).position
+
+    def _stop(self, now: JointMotion, *, hard: bool) -> Trajectory:
+        """Return a stop: of each joint by itself, or on the path if the robot would touch itself.
+
+        The path has been checked, the other stop leaves it.
+        """
+        motion: Trajectory = stop_from(now, self._limits)
+        if hard:
+            motion = hard_stop(now, self._robot, self._limits, *self._hardest)
+        if self._collisions is None or not self._touches(self._collisions, motion):
+            return motion
+        limits = self._limits.at_least(*self._hardest)
+        on_path = stop_on_path(self.trajectory, self.clock.s, self.clock.rate, limits)
+        return on_path if is_strong_enough(on_path, self._robot) else motion
+
+    def _touches(self, collisions: SelfCollisions, motion: Trajectory) -> bool:
+        first, *states = sampled(motion, least=20)
+        if collisions.any(first.position):
+            return False
+        return any(collisions.any(state.position) for state in states)
 
     def then(self, parts: Sequence[Trajectory]) -> None:
         """Append motions to the braking under way; where it is over, start them."""

@@ -8,7 +8,7 @@ from typing import Protocol
 from stepbus_kinematics import Vector
 from stepbus_motion.paths.joint_path import JointPath
 
-from .joint_motion import JointMotion, MotionLimits, motion_to
+from .joint_motion import JointMotion, Motion, MotionLimits, motion_to
 
 
 class Trajectory(Protocol):
@@ -56,6 +56,29 @@ class Timed:
             return JointMotion.at_rest(self._path.q[-1].copy())
         q, slope, curve = self._path.at(t)
         return JointMotion(position=q, velocity=slope, acceleration=curve)
+
+
+class Retimed:
+    """The same path, with the time of a trajectory as another motion has it.
+
+    timing: of one coordinate, the trajectory's time [s].
+    """
+
+    def __init__(self, trajectory: Trajectory, timing: Motion) -> None:
+        self._trajectory = trajectory
+        self._timing = timing
+        self.duration: float = timing.duration
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        now = self._timing.at(t)
+        s, rate, push = (float(row[0]) for row in (now.position, now.velocity, now.acceleration))
+        there = self._trajectory.at(s)
+        return JointMotion(
+            position=there.position,
+            velocity=there.velocity * rate,
+            acceleration=there.acceleration * rate**2 + there.velocity * push,
+        )
 
 
 class Stretched:
