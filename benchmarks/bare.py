@@ -21,7 +21,7 @@ from stepbus_participant import Endpoint
 
 WINDOW = 64
 CREDIT = WINDOW // 2
-MEMBERS = ("plant", "controller", "mission")
+PARTICIPANTS = ("plant", "controller", "mission")
 # Bytes of the `Outputs` of two_link, measured on the wire.
 STATE, REFERENCE, COMMAND = b"s" * 150, b"r" * 160, b"c" * 150
 
@@ -35,7 +35,7 @@ class Wire(Protocol):
     def grant(self) -> None:
         """Let the mission advance by half a window."""
 
-    def get(self, member: str) -> bytes:
+    def get(self, participant: str) -> bytes:
         """Return the next message of a participant."""
 
     def close(self) -> None:
@@ -48,14 +48,16 @@ class ZenohWire:
     def __init__(self, name: str, hears: tuple[str, ...], folder: str) -> None:
         from stepbus_participant import ZenohBus  # noqa: PLC0415  (in the child only)
 
-        addresses = [f"unixsock-stream/{folder}/{member}.sock" for member in MEMBERS]
-        own = MEMBERS.index(name)
+        addresses = [f"unixsock-stream/{folder}/{participant}.sock" for participant in PARTICIPANTS]
+        own = PARTICIPANTS.index(name)
         self._bus = ZenohBus(Endpoint(listen=[addresses[own]], connect=addresses[:own]), "bare")
-        self._queues: dict[str, SimpleQueue[Any]] = {member: SimpleQueue() for member in hears}
+        self._queues: dict[str, SimpleQueue[Any]] = {
+            participant: SimpleQueue() for participant in hears
+        }
         self._put = self._bus.publisher(f"out/{name}", "application/octet-stream")
         self._credit = self._bus.publisher("out/credit", "application/octet-stream")
-        for member, queue in self._queues.items():
-            self._bus.subscribe(f"out/{member}", queue.put)
+        for participant, queue in self._queues.items():
+            self._bus.subscribe(f"out/{participant}", queue.put)
 
     def put(self, data: bytes) -> None:
         self._put(data)
@@ -63,8 +65,8 @@ class ZenohWire:
     def grant(self) -> None:
         self._credit(b"")
 
-    def get(self, member: str) -> bytes:
-        return self._bus.payload(self._queues[member].get(timeout=10))
+    def get(self, participant: str) -> bytes:
+        return self._bus.payload(self._queues[participant].get(timeout=10))
 
     def close(self) -> None:
         self._bus.close()
@@ -84,11 +86,11 @@ class ZmqWire:
         if name == "plant":
             self._credit.bind(f"ipc://{folder}/credit.zmq")
         self._in = {}
-        for member in hears:
-            socket = self._in[member] = context.socket(zmq.SUB)
+        for participant in hears:
+            socket = self._in[participant] = context.socket(zmq.SUB)
             socket.setsockopt(zmq.SUBSCRIBE, b"")
             socket.setsockopt(zmq.RCVTIMEO, 10_000)
-            socket.connect(f"ipc://{folder}/{member}.zmq")
+            socket.connect(f"ipc://{folder}/{participant}.zmq")
 
     def put(self, data: bytes) -> None:
         self._out.send(data)
@@ -96,8 +98,8 @@ class ZmqWire:
     def grant(self) -> None:
         self._credit.send(b"")
 
-    def get(self, member: str) -> bytes:
-        data: bytes = self._in[member].recv()
+    def get(self, participant: str) -> bytes:
+        data: bytes = self._in[participant].recv()
         return data
 
     def close(self) -> None:
@@ -143,29 +145,29 @@ ROLES = {
 }
 
 
-def _member(kind: str, name: str, steps: int, folder: str, barrier: Any) -> None:
+def _take_part(transport: str, name: str, steps: int, folder: str, barrier: Any) -> None:
     role, hears = ROLES[name]
-    wire = WIRES[kind](name, hears, folder)
+    wire = WIRES[transport](name, hears, folder)
     time.sleep(1.0)  # every link is up within 0.5 s
     barrier.wait()
-    began = time.perf_counter()
+    start = time.perf_counter()
     role(wire, steps)
     if name == "plant":
-        sys.stdout.write(f"{steps / (time.perf_counter() - began):.0f}\n")
+        sys.stdout.write(f"{steps / (time.perf_counter() - start):.0f}\n")
         sys.stdout.flush()
     barrier.wait()
     wire.close()
     os._exit(0)
 
 
-def main(kind: str, steps: int) -> None:
+def main(transport: str, steps: int) -> None:
     """Run one chain."""
     context = multiprocessing.get_context("spawn")
-    barrier = context.Barrier(len(MEMBERS))
+    barrier = context.Barrier(len(PARTICIPANTS))
     with tempfile.TemporaryDirectory(prefix="bare-") as folder:
         children = [
-            context.Process(target=_member, args=(kind, name, steps, folder, barrier))
-            for name in MEMBERS
+            context.Process(target=_take_part, args=(transport, name, steps, folder, barrier))
+            for name in PARTICIPANTS
         ]
         for child in children:
             child.start()

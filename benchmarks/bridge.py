@@ -101,9 +101,9 @@ def timed(call: Callable[[], object]) -> list[float]:
     """Return how long each of many calls takes [µs]."""
     times = []
     for _ in range(ROUND_TRIPS):
-        began = perf_counter_ns()
+        start = perf_counter_ns()
         call()
-        times.append((perf_counter_ns() - began) * 1e-3)
+        times.append((perf_counter_ns() - start) * 1e-3)
     return times
 
 

@@ -24,9 +24,9 @@ HERE = Path(__file__).parent
 STEPS = 4000
 
 
-def bare(kind: str) -> float:
+def bare(transport: str) -> float:
     """Return the steps per second of a hand-written chain."""
-    command = [sys.executable, str(HERE / "bare.py"), kind, str(STEPS)]
+    command = [sys.executable, str(HERE / "bare.py"), transport, str(STEPS)]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
     return float(done.stdout.split()[-1])
 

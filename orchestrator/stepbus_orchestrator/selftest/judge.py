@@ -108,7 +108,7 @@ def _verdict(
 ) -> Verdict:
     free = joint.mode in ("torque", "teleport")
     at = trial.jump + 1 if free else trial.measure
-    found = _evidence(state, joints, trial.begin, at)
+    found = _evidence(state, joints, trial.first, at)
     others = None if free else _moved_most(joint, joints, found)
     findings = [
         *(_pushed(joint, trial, state) if joint.mode == "torque" else ()),

@@ -105,7 +105,7 @@ class StepLoop:
             self._outbox.publish(at_step, self._participant.output(self.step))
 
     def _await_trigger(self, step: int) -> None:
-        began = _now_ns()
+        start_ns = _now_ns()
         self._control.poll()
         timeout = FLUSH_AFTER_S
         while step >= self._control.step_limit:
@@ -114,7 +114,7 @@ class StepLoop:
             if not self._control.wait(timeout) and timeout == FLUSH_AFTER_S:
                 self._outbox.flush(Waiting(step=step, sources=[]))
                 timeout = 1.0
-        self._waited_ns += _now_ns() - began
+        self._waited_ns += _now_ns() - start_ns
 
     def _receive(self, source: Source) -> None:
         """Accept the next message of a source, however long it takes to arrive (P6.2)."""
@@ -149,7 +149,7 @@ class StepLoop:
             if sample is not None:
                 return sample
             self._control.poll()
-        began = _now_ns()
+        start_ns = _now_ns()
         timeout = FLUSH_AFTER_S
         while True:
             try:
@@ -161,6 +161,6 @@ class StepLoop:
                 self._control.poll()
                 continue
             if sample is not None:
-                self._waited_ns += _now_ns() - began
+                self._waited_ns += _now_ns() - start_ns
                 return sample
             self._control.poll()

@@ -67,13 +67,13 @@ class TestedJoint:
 class Trial:
     """What is done to one joint once; steps are those of the tester.
 
-    begin: first step. goal: where it is sent [rad]. rise: steps of the motion. settle: steps it is
+    first: step it starts with. goal: where it is sent [rad]. rise: steps of the motion. settle: steps it is
     then given. measure: step at which it is measured. end: first step of the next trial.
     """
 
     joint: TestedJoint
     goal: float
-    begin: int
+    first: int
     rise: int
     settle: int
     end: int = 0
@@ -81,17 +81,17 @@ class Trial:
     @property
     def measure(self) -> int:
         """Return the step at which the joint should have arrived."""
-        return self.begin + self.rise + self.settle
+        return self.first + self.rise + self.settle
 
     @property
     def pushes(self) -> tuple[int, int]:
         """Return the steps after the two pushes of mode torque, forward and back."""
-        return self.begin + 2 + self.rise, self.begin + 2 * (2 + self.rise)
+        return self.first + 2 + self.rise, self.first + 2 * (2 + self.rise)
 
     @property
     def jump(self) -> int:
         """Return the step at which a joint of mode torque or teleport is put at its goal."""
-        return self.begin + (2 * (2 + self.rise) + 1 if self.joint.mode == "torque" else 0)
+        return self.first + (2 * (2 + self.rise) + 1 if self.joint.mode == "torque" else 0)
 
 
 def read_joints(description: Description, start: Sequence[float]) -> list[TestedJoint]:
@@ -133,7 +133,7 @@ def make_plan(
     step_s: from one command to the next [s]. angle: to send rotary joints to [rad]. only: names
     of the joints to test.
     """
-    begin = settle = max(1, round(_SETTLE_S / step_s))
+    first = settle = max(1, round(_SETTLE_S / step_s))
     plan: list[Trial] = []
     moved = [joint for joint in joints if joint.mode != "passive" and joint.name in only]
     for joint, goal in ((item, goal) for item in moved for goal in item.goals(angle)):
@@ -144,11 +144,11 @@ def make_plan(
             "torque": max(1, round(_PUSH_S / step_s)),
         }
         rise = rises.get(joint.mode, 0)
-        trial = Trial(joint=joint, goal=goal, begin=begin, rise=rise, settle=settle)
+        trial = Trial(joint=joint, goal=goal, first=first, rise=rise, settle=settle)
         # Back again, and the same pause before the next.
         length = 2 * (rise + settle) if joint.mode in _THERE_AND_BACK else 2 * rise + 8
-        plan.append(replace(trial, end=begin + length))
-        begin = plan[-1].end
+        plan.append(replace(trial, end=first + length))
+        first = plan[-1].end
     return plan
 
 
@@ -156,7 +156,7 @@ def commands_at(
     step: int, plan: Sequence[Trial], joints: Sequence[TestedJoint], step_s: float
 ) -> Iterator[tuple[str, JointCommand]]:
     """Yield (mode, command for all joints of that mode) of a step of the tester."""
-    trial = next((t for t in plan if t.begin <= step < t.end), None)
+    trial = next((t for t in plan if t.first <= step < t.end), None)
     for mode in dict.fromkeys(joint.mode for joint in joints if joint.mode != "passive"):
         group = [joint for joint in joints if joint.mode == mode]
         mine = trial if trial is not None and trial.joint.mode == mode else None
@@ -189,7 +189,7 @@ def _way(joint: TestedJoint, step: int, trial: Trial | None) -> float:
     """Return the target of a joint: there and back again, with least jerk."""
     if trial is None or trial.joint is not joint:
         return joint.start
-    there = (step - trial.begin) / max(trial.rise, 1)
+    there = (step - trial.first) / max(trial.rise, 1)
     back = (trial.measure + trial.rise - step) / max(trial.rise, 1)
     part = min(max(min(there, back), 0.0), 1.0)
     if part == 1.0:
@@ -205,7 +205,7 @@ def _velocity(
     values = [0.0] * len(group)
     if trial is not None:
         speed = (trial.goal - trial.joint.start) / (trial.rise * step_s)
-        if step < trial.begin + trial.rise:
+        if step < trial.first + trial.rise:
             values[group.index(trial.joint)] = speed
         elif trial.measure <= step < trial.measure + trial.rise:
             values[group.index(trial.joint)] = -speed
@@ -218,7 +218,7 @@ def _torque(group: Sequence[TestedJoint], step: int, trial: Trial | None) -> Joi
     if trial is None:
         return JointCommand(mode="torque", values=values)
     half = 2 + trial.rise
-    turn, index = divmod(step - trial.begin, half)
+    turn, index = divmod(step - trial.first, half)
     if step == trial.jump:
         return _teleport(group, trial)
     if (turn < 2 and index == 1) or step == trial.end - 1:

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from support.services.control import Stand
 
+from stepbus_motion.ik import analytic
 from stepbus_motion.mobile.participant import MobileController
 from stepbus_participant import Config
 from stepbus_schemas import (
@@ -51,6 +52,11 @@ _ROWS = (
     ("palm", "hand", "turn", "1 0 0", "0.1 0 0"),
 )
 _FIXED = (("chassis", "left_wheel"), ("hand", "left_pad"), ("hand", "right_pad"), ("hand", "grasp"))
+
+
+def without_eaik(warnings):
+    """Return warnings without that of an installation without the extra `robots`."""
+    return [text for text in warnings if "eaik" not in text]
 
 
 def write_robot(folder):
@@ -350,13 +356,13 @@ def test_motion_is_slower_near_an_obstacle_and_says_so(tmp_path):
         robot.go(0, "move_joints", joints=["pan"], values=[1.0])
         times.append(robot.k * DT)
     assert times[1] > 1.8 * times[0]
-    assert robot.warnings == ["hand is 20 mm from pillar: slower"]
+    assert without_eaik(robot.warnings) == ["hand is 20 mm from pillar: slower"]
 
 
 def test_an_arm_is_not_slowed_down_by_what_stands_near_the_base(robot):
     robot.touching = [("chassis", "pillar", 0.0, 0.02)]
     robot.go(0, "move_joints", joints=["pan"], values=[1.0])
-    assert robot.warnings == []
+    assert without_eaik(robot.warnings) == []
 
 
 def test_what_slips_out_during_a_goal_fails_it(robot):
@@ -580,3 +586,13 @@ def test_a_message_that_is_none_is_refused_in_one_sentence(tmp_path, message, se
     robot.step()
     with pytest.raises(RunError, match=sentence):
         robot.stand.update(1, **{**robot.sense(), **message})
+
+
+def test_that_eaik_is_missing_is_a_warning_and_given_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(analytic, "HPRobot", None)
+    robot = Robot(config(tmp_path))
+    for _ in range(3):
+        robot.step()
+    (text,) = robot.warnings
+    assert text.startswith("tip 'grasp': eaik is not installed, so one solution")
+    assert "[robots]" in text

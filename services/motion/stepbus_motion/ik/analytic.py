@@ -9,10 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
+from stepbus_participant import extra_hint
 
 try:
     from eaik.IK_HP import HPRobot
-except ImportError:  # The extra `robots` is not installed: then the search has to do.
+except ModuleNotFoundError:  # The extra `robots` is not installed: `AnalyticChain.warning`.
     HPRobot = None
 
 TURN = 2 * math.pi
@@ -29,7 +30,8 @@ class AnalyticChain:
 
     Ostermeier, Külz, Althoff: Automatic Geometric Decomposition for Analytical Inverse Kinematics,
     IEEE RA-L, 2025. tip: frame fixed to the last of them. Raises RunError for an unknown frame.
-    solves: whether the tip is moved by such joints and their geometry can be decomposed.
+    solves: whether the tip is moved by such joints and their geometry can be decomposed. warning:
+    that eaik is missing where it might; empty otherwise.
     """
 
     def __init__(self, robot: RobotModel, tip: str) -> None:
@@ -37,8 +39,14 @@ class AnalyticChain:
         self._chain = robot.chain(tip)
         self._tip = robot.frame_id(tip)
         self._solver: Any = None
+        self.warning = ""
         if HPRobot is not None and self._is_six_revolute():
             self._set_up()
+        elif self._is_six_revolute():
+            self.warning = (
+                f"tip {tip!r}: eaik is not installed, so one solution of a pose is searched, "
+                f"instead of all computed{extra_hint('eaik')}"
+            )
 
     @property
     def solves(self) -> bool:

@@ -13,6 +13,7 @@ from stepbus_motion.goals.joint_sensor import JointReading, JointSensor
 from stepbus_motion.goals.measured import Measured
 from stepbus_motion.goals.parts import Parts
 from stepbus_motion.gripper.gripper import Gripper
+from stepbus_motion.ik.analytic import AnalyticChain
 from stepbus_motion.manipulator.build import branching_manipulator
 from stepbus_participant import Config, Participant, Step
 from stepbus_schemas import (
@@ -84,6 +85,7 @@ class MobileController(Participant):
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
             avoidance=settings.avoidance,
         )
+        self._executor.reports.warn(AnalyticChain(settings.robot, settings.arm.tip).warning)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the commands of this step, and what is new about the goal."""
