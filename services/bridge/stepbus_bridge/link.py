@@ -1,83 +1,49 @@
-"""Whole messages over the two pipes, and what can be wrong with them."""
+"""Complete messages over the two pipes, and what can be wrong with them.
+
+OutputError (of stepbus)
+└─ BridgeError      the program ended, or wrote something that is no answer
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_participant import HOST, last_error
+from stepbus_participant import HOST, OutputError, last_error
 
-from .errors import BridgeError
 from .program import Program
 
 MOST_BYTES = 16 << 20
 """Longest message of a program."""
 
-# What is left of a message that has begun has to follow within this [s].
 _REST_S = 1.0
-_LOOK_EVERY = 16
-
-# Our log, where the program's prints go too.
+"""Once a message has started, the rest must follow within this [s]."""
+_POLL_EVERY = 16
 _OWN_LOG = Path("/proc/self/fd/2")
+"""Our log, which the program prints to as well."""
 _SHOWN = 60
+
+
+class BridgeError(OutputError):
+    """The program ended, or wrote something that is no answer; the text names it."""
 
 
 class Framing(Protocol):
     """Where one message ends."""
 
     def length(self, data: bytes | bytearray) -> int:
-        """Return the length of the message at the beginning of `data`; -1: not yet known."""
+        """Return the length of the message that `data` starts with; -1: not yet known."""
         ...
 
-    def partly(self, data: bytes | bytearray) -> str:
+    def progress(self, data: bytes | bytearray) -> str:
         """Return in words how much of a message `data` is."""
         ...
 
 
-class Line:
-    """One line, as of JSON."""
-
-    def length(self, data: bytes | bytearray) -> int:
-        """See `Framing`."""
-        return data.find(b"\n") + 1 or -1
-
-    def partly(self, data: bytes | bytearray) -> str:
-        """See `Framing`."""
-        return f"{len(data)} bytes without an end of line ({show(data)})"
-
-
-class Prefixed:
-    """An unsigned 32-bit little-endian length, then as many bytes."""
-
-    def length(self, data: bytes | bytearray) -> int:
-        """See `Framing`."""
-        return 4 + int.from_bytes(data[:4], "little") if len(data) >= 4 else -1
-
-    def partly(self, data: bytes | bytearray) -> str:
-        """See `Framing`."""
-        total = self.length(data)
-        return f"{len(data)} of {total} bytes" if total > 0 else f"{len(data)} of at least 4 bytes"
-
-
-class Block:
-    """Always the same number of float64; `count` may be changed between two messages."""
-
-    def __init__(self, count: int) -> None:
-        self.count = count
-
-    def length(self, data: bytes | bytearray) -> int:
-        """See `Framing`."""
-        return 8 * self.count
-
-    def partly(self, data: bytes | bytearray) -> str:
-        """See `Framing`."""
-        return f"{len(data)} of {8 * self.count} bytes ({self.count} numbers)"
-
-
 class Link:
-    """Asks a program and takes its answers; raises BridgeError for all that goes wrong.
+    """Exchanges messages with a program; raises BridgeError when that fails.
 
-    failed: whether anything has.
+    failed: whether it has failed.
     """
 
     def __init__(self, program: Program, framing: Framing) -> None:
@@ -88,9 +54,9 @@ class Link:
 
     def ask(self, data: bytes | bytearray) -> bytes | bytearray:
         """Send a message and return the program's answer."""
-        # A poll costs as much as a write, and what was not polled for stays.
+        # A poll costs as much as a write; what this one misses, a later one finds.
         self._asked += 1
-        if self._asked % _LOOK_EVERY == 1 and self.program.has_written():
+        if self._asked % _POLL_EVERY == 1 and self.program.has_written():
             self._refuse_unasked()
         self.send(data)
         return self.receive()
@@ -103,7 +69,7 @@ class Link:
             raise self.gone() from None
 
     def receive(self) -> bytes | bytearray:
-        """Return the next message, however long it takes; its step has a deadline elsewhere."""
+        """Return the next message, however long it takes; the orchestrator has the deadline."""
         data = self.program.read()
         if data and self._framing.length(data) == len(data):
             return data
@@ -120,9 +86,9 @@ class Link:
                     raise self.wrong(f"wrote {show(data[length:])} behind its answer")
                 return data
             if not self.program.has_written(_REST_S):
-                raise self.wrong(f"wrote half a message, {self._framing.partly(data)}")
+                raise self.wrong(f"wrote half a message, {self._framing.progress(data)}")
             chunk = self.program.read()
-        raise self.gone(f", half a message left: {self._framing.partly(data)}" if data else "")
+        raise self.gone(f", half a message left: {self._framing.progress(data)}" if data else "")
 
     def _check_length(self, length: int) -> None:
         if length > MOST_BYTES:
@@ -135,7 +101,7 @@ class Link:
         raise self.gone()
 
     def gone(self, half: str = "") -> BridgeError:
-        """Return the error of a program from which nothing comes any more."""
+        """Return the error of a program that writes no more."""
         ended = self.program.how_it_ended()
         host = HOST.get()
         error = last_error(_OWN_LOG if host is None or host.log is None else host.log)
@@ -143,7 +109,7 @@ class Link:
         return self.wrong(f"{ended}{half}{tail}")
 
     def wrong(self, what: str) -> BridgeError:
-        """Return the error of a program that wrote something it must not."""
+        """Return the error of a program that broke the rules of the bridge."""
         self.failed = True
         return BridgeError(f"{self.program} {what}")
 

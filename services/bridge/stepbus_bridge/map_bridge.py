@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 from msgspec.structs import astuple
@@ -12,9 +12,10 @@ from stepbus_participant import Config, Step
 from stepbus_schemas import PROTOCOL_VERSION, Description, Message, message_class
 
 from .bridge import Bridge, BridgedProgram
-from .errors import BridgeError
-from .link import Framing, Line, Prefixed, show
+from .link import BridgeError, show
 
+_to_json = msgspec.json.Encoder().encode
+_to_msgpack = msgspec.msgpack.Encoder().encode
 _BROKEN = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 
 
@@ -27,34 +28,25 @@ class _Ready(msgspec.Struct):
     ready: _Descriptions
 
 
-class Codec(Protocol):
-    """Values to bytes and back."""
-
-    framing: Framing
-
-    def encode(self, value: Any) -> bytes:
-        """Return a framed message."""
-        ...
-
-    def decoder(self, cls: type[Any]) -> Any:
-        """Return a function from a framed message to a value; it raises what msgspec does."""
-        ...
-
-
 class Json:
     """One line of JSON. NaN and infinity are `null`; in a list, `null` may be a NaN."""
 
-    framing = Line()
+    name = "JSON"
 
-    def __init__(self) -> None:
-        self._encoder = msgspec.json.Encoder()
+    def length(self, data: bytes | bytearray) -> int:
+        """Return the length of the first line; -1: it has no end yet."""
+        return data.find(b"\n") + 1 or -1
+
+    def progress(self, data: bytes | bytearray) -> str:
+        """Return in words how much of a message `data` is."""
+        return f"{len(data)} bytes without an end of line ({show(data)})"
 
     def encode(self, value: Any) -> bytes:
-        """See `Codec`."""
-        return self._encoder.encode(value) + b"\n"
+        """Return a framed message."""
+        return _to_json(value) + b"\n"
 
     def decoder(self, cls: type[Any]) -> Any:
-        """See `Codec`."""
+        """Return a function from a framed message to a value; it raises what msgspec does."""
         quick = msgspec.json.Decoder(cls).decode
 
         def decode(data: bytes) -> Any:
@@ -76,20 +68,26 @@ def _with_nan(value: Any) -> Any:
 
 
 class MessagePack:
-    """A length, then a MessagePack map."""
+    """An unsigned 32-bit little-endian length, then a MessagePack map of as many bytes."""
 
-    framing = Prefixed()
+    name = "MessagePack"
 
-    def __init__(self) -> None:
-        self._encoder = msgspec.msgpack.Encoder()
+    def length(self, data: bytes | bytearray) -> int:
+        """Return the length of the first message, with its prefix; -1: not yet known."""
+        return 4 + int.from_bytes(data[:4], "little") if len(data) >= 4 else -1
+
+    def progress(self, data: bytes | bytearray) -> str:
+        """Return in words how much of a message `data` is."""
+        total = self.length(data)
+        return f"{len(data)} of {total} bytes" if total > 0 else f"{len(data)} of at least 4 bytes"
 
     def encode(self, value: Any) -> bytes:
-        """See `Codec`."""
-        data = self._encoder.encode(value)
+        """Return a framed message."""
+        data = _to_msgpack(value)
         return len(data).to_bytes(4, "little") + data
 
     def decoder(self, cls: type[Any]) -> Any:
-        """See `Codec`."""
+        """Return a function from a framed message to a value; it raises what msgspec does."""
         decode = msgspec.msgpack.Decoder(cls).decode
         return lambda data: decode(memoryview(data)[4:])
 
@@ -102,7 +100,7 @@ class MapBridge(Bridge):
 
     def __init__(self, config: Config, bridged: BridgedProgram) -> None:
         self._codec = CODECS[bridged.format]()
-        super().__init__(config, bridged, self._codec.framing)
+        super().__init__(config, bridged, self._codec)
         self._first = config.publishes == "first"
         self._ports = tuple(config.inputs)
         self._outputs = tuple(config.outputs)
@@ -111,7 +109,7 @@ class MapBridge(Bridge):
         self._versions: Mapping[str, str] = {}
 
     def describe(self) -> Mapping[str, Description]:
-        """Describe the run to the program, and return how it describes its outputs."""
+        """Send the program the `welcome`; return how it describes its outputs."""
         self.link.send(self._codec.encode({"welcome": _welcome(self.config)}))
         answer: _Ready = self._read(self._codec.decoder(_Ready), self.link.receive())
         self._versions = answer.ready.versions
@@ -122,7 +120,7 @@ class MapBridge(Bridge):
         return self._versions
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Describe its inputs to the program."""
+        """Send the program the descriptions of its inputs."""
         self.link.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
 
     def output(self, step: Step) -> Mapping[str, Message]:
@@ -163,11 +161,10 @@ class MapBridge(Bridge):
             raise self._malformed(exc, data) from exc
 
     def _malformed(self, exc: Exception, data: bytes | bytearray) -> BridgeError:
-        form = "JSON" if isinstance(self._codec, Json) else "MessagePack"
         known = ", ".join(f"{port} ({row.type})" for port, row in self.config.outputs.items())
         if isinstance(exc, msgspec.ValidationError):
             return self.link.wrong(f"answered wrongly: {exc}; its outputs are {known or 'none'}")
-        return self.link.wrong(f"wrote what is no {form}: {exc}: {show(data)}")
+        return self.link.wrong(f"wrote what is no {self._codec.name}: {exc}: {show(data)}")
 
 
 def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:

@@ -19,7 +19,7 @@ _READS, _WRITES = 3, 4
 _LOWEST_FREE = 10
 _CHUNK = 1 << 16
 _END_WAIT_S = 0.5
-_LOOK_S = 0.005
+_POLL_S = 0.005
 _LONGEST_NAME = 80
 
 
@@ -30,21 +30,21 @@ class Program:
     whole; and it sees the end of descriptor 3 when the bridge dies. In a run in one process, it has
     a group of its own, which the run ends.
 
-    words: its command, with the path of an executable first. form: put into its environment.
+    argv: the path of an executable, and its arguments. form: value of STEPBUS_BRIDGE.
     Raises WiringError when it cannot be executed.
     """
 
-    def __init__(self, words: Sequence[str], form: str) -> None:
-        name = " ".join([Path(words[0]).name, *words[1:]])
+    def __init__(self, argv: Sequence[str], form: str) -> None:
+        name = " ".join([Path(argv[0]).name, *argv[1:]])
         self._name = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}…"
         theirs, self._to = _pipe()
         self._from, answers = _pipe()
         try:
-            self.pid = _spawn(words, form, theirs, answers)
+            self.pid = _spawn(argv, form, theirs, answers)
         except OSError as exc:
             os.close(self._to)
             os.close(self._from)
-            raise WiringError(f"{words[0]} cannot be started: {exc.strerror}") from exc
+            raise WiringError(f"{argv[0]} cannot be started: {exc.strerror}") from exc
         finally:
             os.close(theirs)
             os.close(answers)
@@ -57,21 +57,21 @@ class Program:
         return f"{self._name} (pid {self.pid})"
 
     def write(self, data: bytes | bytearray) -> None:
-        """Write all of it; raises BrokenPipeError when nobody reads any more."""
+        """Write all of the data; raises BrokenPipeError when the program has closed its end."""
         sent = os.write(self._to, data)
         while sent < len(data):
             sent += os.write(self._to, memoryview(data)[sent:])
 
     def read(self) -> bytes:
-        """Return what it has written, as soon as there is any; nothing: it writes no more."""
+        """Wait until it has written something, and return it; empty: it writes no more."""
         return os.read(self._from, _CHUNK)
 
     def has_written(self, timeout_s: float = 0.0) -> bool:
-        """Return whether there is something to read, or the end, within a time [s]."""
+        """Return whether data or the end can be read within a time [s]."""
         return bool(self._poll.poll(timeout_s * 1000))
 
     def has_ended(self, *, wait: bool = False) -> bool:
-        """Return whether it has ended, at the latest after a wait for that; sets `exit_code`."""
+        """Return whether it has ended, and set `exit_code`. wait: until it has."""
         if self.exit_code is None:
             pid, status = os.waitpid(self.pid, 0 if wait else os.WNOHANG)
             if pid:
@@ -79,19 +79,19 @@ class Program:
         return self.exit_code is not None
 
     def how_it_ended(self) -> str:
-        """Return why nothing comes from it any more, in words."""
+        """Return in words why it writes no more."""
         deadline = time.monotonic() + _END_WAIT_S
         while not self.has_ended():
             if time.monotonic() > deadline:
                 return f"has closed descriptor {_WRITES} and still runs"
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         code = self.exit_code or 0
         if code < 0:
             return f"was killed by {signal.Signals(-code).name}"
         return f"exited with code {code}"
 
     def stop(self) -> None:
-        """Close descriptor 3 and wait for its end; the orchestrator ends both if that lasts."""
+        """Close descriptor 3 and wait for the end; the orchestrator kills both if that lasts."""
         if self._open:
             self._open = False
             os.close(self._to)
@@ -99,7 +99,7 @@ class Program:
 
 
 def _pipe() -> tuple[int, int]:
-    """Return a pipe, both ends above the numbers that the program finds."""
+    """Return a pipe with both ends above the descriptors that the program expects."""
     ends = os.pipe()
     high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _LOWEST_FREE) for end in ends]
     for end in ends:
@@ -107,7 +107,7 @@ def _pipe() -> tuple[int, int]:
     return high[0], high[1]
 
 
-def _spawn(words: Sequence[str], form: str, reads: int, writes: int) -> int:
+def _spawn(argv: Sequence[str], form: str, reads: int, writes: int) -> int:
     actions: list[tuple[int, ...] | tuple[int, int, str, int, int]] = [
         (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
         (os.POSIX_SPAWN_DUP2, reads, _READS),
@@ -121,8 +121,8 @@ def _spawn(words: Sequence[str], form: str, reads: int, writes: int) -> int:
     # Not subprocess: it cannot place descriptors without running Python between fork and exec,
     # which is not safe beside Zenoh's threads.
     pid = os.posix_spawn(
-        words[0],
-        list(words),
+        argv[0],
+        list(argv),
         {**os.environ, VARIABLE: form},
         file_actions=actions,
         # Python ignores these two, which a program would inherit.

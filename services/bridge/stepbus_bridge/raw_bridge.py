@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from stepbus_participant import Config, Step
 from stepbus_schemas import (
@@ -21,7 +21,6 @@ from stepbus_schemas import (
 )
 
 from .bridge import Bridge, BridgedProgram
-from .link import Block
 
 Row = list[float]
 _MODES: tuple[JointMode, ...] = ("torque", "velocity", "position", "teleport", "brake")
@@ -40,7 +39,7 @@ def width(type_name: str, n: int) -> int:
 def flatten(message: Message, type_name: str, n: int, order: Sequence[int] = ()) -> Row:
     """Return the numbers of a message; raises RunError where it is not of `n` joints.
 
-    order: which entry of each vector comes when; empty: as they are.
+    order: index of the entry of each vector that comes first, second …; empty: unchanged.
     """
     numbers: Row = [float(_MODES.index(message.mode))] if isinstance(message, JointCommand) else []
     for name in _VECTORS[type_name]:
@@ -54,30 +53,31 @@ def flatten(message: Message, type_name: str, n: int, order: Sequence[int] = ())
     return numbers
 
 
-def _command(numbers: Sequence[float], _n: int) -> JointCommand:
-    if numbers[0] not in range(len(_MODES)):
-        raise ValueError(f"mode {numbers[0]:g} is none of 0 (torque) … 4 (brake)")
-    return JointCommand(mode=_MODES[int(numbers[0])], values=list(numbers[1:]))
+def unflatten(numbers: Sequence[float], type_name: str, n: int) -> Message:
+    """Return the message of `n` joints that numbers stand for; raises ValueError for no mode."""
+    if type_name == "JointCommand/1":
+        if numbers[0] not in range(len(_MODES)):
+            raise ValueError(f"mode {numbers[0]:g} is none of 0 (torque) … 4 (brake)")
+        return JointCommand(mode=_MODES[int(numbers[0])], values=list(numbers[1:]))
+    first, second, third = (list(numbers[i : i + n]) for i in range(0, 3 * n, n))
+    if type_name == "JointReference/1":
+        return JointReference(position=first, velocity=second, acceleration=third)
+    sensed = (None if all(map(math.isnan, row)) else row for row in (first, second, third))
+    return JointState(**dict(zip(_VECTORS[type_name], sensed, strict=True)))
 
 
-def _reference(numbers: Sequence[float], n: int) -> JointReference:
-    rows = (list(numbers[i : i + n]) for i in range(0, 3 * n, n))
-    position, velocity, acceleration = rows
-    return JointReference(position=position, velocity=velocity, acceleration=acceleration)
+class Block:
+    """Always the same number of float64; `count` may change between two messages."""
 
+    count = 1
 
-def _state(numbers: Sequence[float], n: int) -> JointState:
-    rows = [list(numbers[i : i + n]) for i in range(0, 3 * n, n)]
-    sensed = [None if all(map(math.isnan, row)) else row for row in rows]
-    return JointState(position=sensed[0], velocity=sensed[1], effort=sensed[2])
+    def length(self, _data: bytes | bytearray) -> int:
+        """Return the length of a message."""
+        return 8 * self.count
 
-
-UNFLATTEN: dict[str, Callable[[Sequence[float], int], Message]] = {
-    "JointCommand/1": _command,
-    "JointReference/1": _reference,
-    "JointState/1": _state,
-}
-"""Message type → function from the numbers of `n` joints; it raises ValueError."""
+    def progress(self, data: bytes | bytearray) -> str:
+        """Return in words how much of a message `data` is."""
+        return f"{len(data)} of {8 * self.count} bytes ({self.count} numbers)"
 
 
 class RawBridge(Bridge):
@@ -85,7 +85,7 @@ class RawBridge(Bridge):
 
     def __init__(self, config: Config, bridged: BridgedProgram) -> None:
         _check(config)
-        self._block = Block(1)
+        self._block = Block()
         super().__init__(config, bridged, self._block)
         self._in: list[tuple[str, str, int, Sequence[int]]] = []
         self._out: list[tuple[str, str, int]] = []
@@ -165,7 +165,7 @@ class RawBridge(Bridge):
         for name, type_name, n in self._out:
             end = start + width(type_name, n)
             try:
-                found[name] = UNFLATTEN[type_name](numbers[start:end], n)
+                found[name] = unflatten(numbers[start:end], type_name, n)
             except ValueError as exc:
                 raise self.link.wrong(f"answered wrongly: {name}: {exc}") from exc
             start = end
@@ -173,14 +173,14 @@ class RawBridge(Bridge):
 
 
 def _order(names: Sequence[str], wanted: Sequence[str]) -> Sequence[int]:
-    """Return where each of the `wanted` joints stands in `names`; empty where nothing is to do."""
+    """Return the index in `names` of each `wanted` joint; empty where the order is the same."""
     if list(names) == list(wanted) or sorted(names) != sorted(wanted):
         return ()
     return [names.index(name) for name in wanted]
 
 
 def _check(config: Config) -> None:
-    """Raise WiringError for what has no layout in numbers alone."""
+    """Raise WiringError for what numbers alone cannot carry."""
     inputs = {name: port.type for name, port in config.inputs.items()}
     outputs = {name: port.type for name, port in config.outputs.items()}
     mistake = raw_problem(config.publishes, inputs, outputs)

@@ -67,8 +67,8 @@ class TestedJoint:
 class Trial:
     """What is done to one joint once; steps are those of the tester.
 
-    first: step it starts with. goal: where it is sent [rad]. rise: steps of the motion. settle: steps it is
-    then given. measure: step at which it is measured. end: first step of the next trial.
+    first: step it starts with. goal: target position [rad]. rise: steps of the motion. settle:
+    steps to settle after it. end: first step of the next trial.
     """
 
     joint: TestedJoint
