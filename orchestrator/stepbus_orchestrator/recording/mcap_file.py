@@ -40,6 +40,7 @@ class McapFile:
                 compression=CompressionType.ZSTD,
                 index_types=IndexType.ALL,
             )
+            self._writer.keep_room = self._file.keep_room
             self._writer.start(profile=layout.PROFILE, library=layout.LIBRARY)
 
     @property

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from struct import Struct
 from typing import Any
 
@@ -43,9 +43,13 @@ class _Index(MessageIndex):
 
 
 class _ChunkIndexes:
-    """The index records of all chunks, packed: the memory of a run must not grow with it."""
+    """The index records of all chunks, packed: the memory of a run must not grow with it.
+
+    size: of all records in the file [bytes].
+    """
 
     def __init__(self) -> None:
+        self.size = 0
         self._compressor = zlib.compressobj()
         self._packed = bytearray()
 
@@ -53,7 +57,9 @@ class _ChunkIndexes:
         """Append the record of one more chunk."""
         builder = RecordBuilder()
         index.write(builder)
-        self._packed += self._compressor.compress(_taken(builder))
+        record = _taken(builder)
+        self.size += len(record)
+        self._packed += self._compressor.compress(record)
 
     def write(self, stream: RecordBuilder) -> None:
         """Append all records; to be called once."""
@@ -63,12 +69,14 @@ class _ChunkIndexes:
 class MessageWriter(Writer):
     """Writes what `Writer` writes; what a full disk refuses leaves no trace in the index.
 
-    compression: zstd or none. It relies on how mcap keeps its chunk and its statistics, hence on
+    compression: zstd or none. keep_room: is told the size of the index [bytes] before a chunk adds
+    to it; may raise OSError. It relies on how mcap keeps its chunk and its statistics, hence on
     the version that constraints.txt pins. Chunking must be on.
     """
 
     def __init__(self, output: Any, **options: Any) -> None:
         super().__init__(output, **options)
+        self.keep_room: Callable[[int], None] = lambda _size: None
         own = vars(self)
         self._output = output
         self._compression: CompressionType = own["_Writer__compression"]
@@ -173,6 +181,7 @@ class MessageWriter(Writer):
                 index.message_index_offsets[channel] = offset + builder.count
                 entries.write(builder)
             index.message_index_length = builder.count - index.chunk_length
+            self.keep_room(self._chunk_indexes.size)
             self._output.write(_taken(builder))
             self._count()
             self._chunk_indexes.add(index)

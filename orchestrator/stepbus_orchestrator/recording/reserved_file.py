@@ -9,6 +9,8 @@ import struct
 from pathlib import Path
 
 _RESERVE_BYTES = 512 * 1024
+"""For the end of a file beside the index of its chunks: channels, schemas, statistics."""
+_MORE_BYTES = 256 * 1024
 _HEAD = struct.Struct("<BQ")
 _PRIVATE_OPCODE = 0x80
 """A record of this type is skipped by every reader of MCAP."""
@@ -17,9 +19,9 @@ _PRIVATE_OPCODE = 0x80
 class ReservedFile:
     """An append-only file of complete writes: one that fails leaves nothing behind.
 
-    A reserve of 512 KiB, given back by `release`, leaves room to close the file properly: a
-    recording on a full disk still ends with its index. The reserve is a file without a name, so
-    that it goes with the process, however that ends.
+    A reserve of 512 KiB and what `keep_room` asks for, given back by `release`, leaves room to
+    close the file properly: a recording on a full disk still ends with its index. The reserve is a
+    file without a name, so that it goes with the process, however that ends.
 
     sha256: of all that has been written.
     """
@@ -31,23 +33,34 @@ class ReservedFile:
         self.sha256 = hashlib.sha256()
         self.closed = False
         self._reserve = -1
+        self._reserved = 0
         # A named pipe that stands there would wait for a reader without O_NONBLOCK.
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
         self._file = os.open(path, flags, 0o644)
         status = os.fstat(self._file)
         self._identity = (status.st_dev, status.st_ino)
         try:
-            self._set_aside()
+            self._make_reserve()
         except OSError:
             os.close(self._file)
             self.release()
             raise
 
-    def _set_aside(self) -> None:
+    def _make_reserve(self) -> None:
         name = self._path.with_name(f".{self._path.name}.reserve")
         self._reserve = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
         name.unlink()
-        os.posix_fallocate(self._reserve, 0, _RESERVE_BYTES)
+        self._set_aside(_RESERVE_BYTES)
+
+    def _set_aside(self, size: int) -> None:
+        os.posix_fallocate(self._reserve, self._reserved, size - self._reserved)
+        self._reserved = size
+
+    def keep_room(self, size: int) -> None:
+        """Keep room for an index of so many bytes; raises OSError when there is none."""
+        needed = _RESERVE_BYTES + size
+        if needed > self._reserved and self._reserve >= 0:
+            self._set_aside(needed + _MORE_BYTES)
 
     def tell(self) -> int:
         """Return how much has been written [bytes]."""

@@ -10,10 +10,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording import Recording, recover
+from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
+from stepbus_schemas import JointState, encode
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
@@ -55,6 +57,31 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     assert {topic: {b - a for a, b in pairwise(own)} for topic, own in steps.items()} == {
         topic: {64} if topic == "stepbus/chain" else {1} for topic in steps
     }
+
+
+def test_a_full_disk_has_room_for_the_index_of_a_long_recording(small_disk, monkeypatch):
+    # Of 64 KiB, the chunks of 10⁷ steps would have as large an index.
+    monkeypatch.setattr(layout, "CHUNK_BYTES", 100)
+    path = small_disk("6m") / "run.mcap"
+    file = McapFile(path)
+    channel = file.add_channel("plant/joint_state", "JointState/1", {})
+    with pytest.raises(RecordingFailed, match="No space left"):
+        fill(file, channel)
+    file.close()
+    with Recording(path) as recording:
+        steps = recording["plant/joint_state"].steps
+    assert recording.damage == ""
+    assert (steps == range(len(steps))).all()
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary.statistics.message_count == len(summary.chunk_indexes) == len(steps)
+    assert 80 * len(steps) > 600_000
+
+
+def fill(file, channel):
+    """Add messages until the disk is full."""
+    for step in range(1_000_000):
+        file.add(channel, step, encode(JointState(position=[0.0] * 10)), step)
 
 
 def start(folder, *options, bytes_written=20_000):
