@@ -47,6 +47,8 @@ def _main() -> int:
 
 def _guarded() -> int:
     on_signals(_leave)
+    # Those that came while this program was replaced by itself, see `_set_environment`.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     if _IN_PROCESS in sys.argv[1:]:
         _set_environment()
     from .commands import execute  # noqa: PLC0415  (loads everything)
@@ -72,6 +74,8 @@ def _guarded() -> int:
 def _set_environment() -> None:
     """Start anew with the environment of participants; Python and BLAS read it at their start."""
     if any(os.environ.get(name) != value for name, value in PYTHON.items()):
+        # A program that is replaced has no handlers yet: signals wait until it has.
+        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
         again = [sys.executable, *sys.orig_argv[1:]]
         os.execve(sys.executable, again, {**os.environ, **PYTHON})  # noqa: S606  (it is this one)
 
