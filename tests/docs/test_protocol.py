@@ -172,6 +172,6 @@ def test_a_program_written_from_the_page_alone_publishes_what_ours_does(tmp_path
     (tmp_path / "source").mkdir()
     (tmp_path / "source/by_the_page.py").write_bytes(program.read_bytes())
     theirs = run_joints(tmp_path, "controller.exec=[python, by_the_page.py]", *settings)
-    ours = run_joints(tmp_path / "ours", *settings)
+    ours = run_joints(tmp_path / "ours", *settings, in_process=True)
     assert (theirs.exit_code, theirs.reason, theirs.unauthenticated) == (0, "finished", 0)
     assert outputs_of(theirs) == outputs_of(ours)

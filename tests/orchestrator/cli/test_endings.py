@@ -70,7 +70,9 @@ def test_a_failed_run_keeps_its_code_though_its_reader_has_gone(run_words):
 
 def test_a_difference_keeps_its_code_though_its_reader_has_gone(tmp_path):
     names = ("100ms", "200ms")
-    first, second = (run_joints(tmp_path / name, f"duration={name}") for name in names)
+    first, second = (
+        run_joints(tmp_path / name, f"duration={name}", in_process=True) for name in names
+    )
     words = [*STEPBUS, "diff", first.recording, second.recording]
     with closed_pipe() as pipe:
         assert ended(words, pipe) == (ExitCode.DIFFERENT, "")

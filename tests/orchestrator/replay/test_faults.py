@@ -24,7 +24,7 @@ NEVER_JOINS = [sys.executable, "-c", "import time; time.sleep(100)"]
 
 @pytest.fixture(scope="module")
 def joints_recording(tmp_path_factory):
-    result = run_joints(tmp_path_factory.mktemp("joints"))
+    result = run_joints(tmp_path_factory.mktemp("joints"), in_process=True)
     assert result.exit_code == 0, result.reason
     return result.recording
 
@@ -111,7 +111,9 @@ def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
 
 
 def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_path, own_temp):
-    recording = run(load(write_large(tmp_path)), Options(out=tmp_path / "out")).recording
+    recording = run(
+        load(write_large(tmp_path)), Options(out=tmp_path / "out", in_process=True)
+    ).recording
     program = [sys.executable, str(tmp_path / "talk.py"), "frozen"]
     with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read nothing for .* piled up"):
         replay(recording, "reader", program=program, overrides=["reader.step_timeout=1s"])

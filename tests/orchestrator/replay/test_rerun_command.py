@@ -11,7 +11,7 @@ from stepbus_orchestrator.errors import ExitCode
 
 @pytest.fixture
 def recorded(tmp_path):
-    return run_joints(tmp_path, "duration=50ms").recording
+    return run_joints(tmp_path, "duration=50ms", in_process=True).recording
 
 
 def test_an_equal_run_says_so_and_exits_with_0(recorded, tmp_path, capsys):
@@ -23,7 +23,9 @@ def test_an_equal_run_says_so_and_exits_with_0(recorded, tmp_path, capsys):
 
 
 def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
-    first = run_joints(tmp_path, fault("controller", "controller", "end", 9), "duration=1s")
+    first = run_joints(
+        tmp_path, fault("controller", "controller", "end", 9), "duration=1s", in_process=True
+    )
     other = "controller.exec=[python, joints.py, controller, end, '4']"
     code = cli.main(["rerun", str(first.recording), "--set", other, "--out", str(tmp_path / "b")])
     said = capsys.readouterr().out

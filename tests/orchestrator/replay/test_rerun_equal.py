@@ -51,7 +51,7 @@ def test_the_scenario_and_its_files_are_unpacked_beside_the_new_run(again):
 
 
 def test_the_log_alone_is_enough(tmp_path):
-    recorded = run_joints(tmp_path, "duration=50ms")
+    recorded = run_joints(tmp_path, "duration=50ms", in_process=True)
     (tmp_path / "source").rename(tmp_path / "elsewhere")
     assert Preparation(recorded.recording, tmp_path / "again").run().equal
 
@@ -65,7 +65,7 @@ def test_a_program_of_the_log_can_be_executed_again(tmp_path):
 
 
 def test_a_cut_recording_runs_again_and_the_damage_is_noted(tmp_path):
-    recorded = run_joints(tmp_path, "duration=50ms").recording
+    recorded = run_joints(tmp_path, "duration=50ms", in_process=True).recording
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recorded.read_bytes()[:-20])
     again = Preparation(cut, tmp_path / "again").run()
@@ -74,14 +74,14 @@ def test_a_cut_recording_runs_again_and_the_damage_is_noted(tmp_path):
 
 
 def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
-    recorded = run_joints(tmp_path, fault("controller", "controller", "raise", 7))
+    recorded = run_joints(tmp_path, fault("controller", "controller", "raise", 7), in_process=True)
     again = Preparation(recorded.recording, tmp_path / "again").run()
     assert again.result.exit_code == recorded.exit_code == ExitCode.FAULT
     assert again.result.at_step == 7
 
 
 def test_other_versions_and_another_processor_are_noted(tmp_path):
-    recorded = run_joints(tmp_path, "duration=50ms").recording
+    recorded = run_joints(tmp_path, "duration=50ms", in_process=True).recording
     origin = read_origin(recorded)
     versions = {**origin.versions, "orchestrator": {**own_versions(), "cpu": "Z80", "mcap": "0.1"}}
     old = write_log(tmp_path / "old.mcap", origin.scenario.decode(), origin.files, versions)
@@ -126,7 +126,7 @@ def test_files_and_programs_outside_the_log_are_named(tmp_path):
 
 
 def test_a_scenario_without_a_duration_is_noted(tmp_path):
-    recorded = run_joints(tmp_path, fault("controller", "controller", "end", 9))
+    recorded = run_joints(tmp_path, fault("controller", "controller", "end", 9), in_process=True)
     origin = read_origin(recorded.recording)
     endless = "\n".join(
         line for line in origin.scenario.decode().splitlines() if not line.startswith("duration")

@@ -51,7 +51,7 @@ raise SystemExit(stepbus.main({"camera": Camera, "watcher": Watcher}[sys.argv[1]
 
 def recorded(folder, *overrides, text=SCENARIO):
     path = write_scenario(folder / "source", text)
-    result = run(load(path, overrides), Options(out=folder / "out"))
+    result = run(load(path, overrides), Options(out=folder / "out", in_process=True))
     assert result.exit_code == 0, result.reason
     return result.recording
 
@@ -106,7 +106,7 @@ def test_ending_the_run_too_early_is_a_divergence(joints):
 
 
 def test_a_failed_run_is_replayed_up_to_its_failure(tmp_path):
-    failed = run_joints(tmp_path, fault("controller", "controller", "raise", 9))
+    failed = run_joints(tmp_path, fault("controller", "controller", "raise", 9), in_process=True)
     assert failed.exit_code
     result = replay(failed.recording, "plant")
     assert (result.equal, result.ports[0].equal) == (True, 10)

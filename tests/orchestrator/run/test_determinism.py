@@ -15,7 +15,7 @@ OPTIONS = [
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
-    return run_joints(tmp_path_factory.mktemp("reference"))
+    return run_joints(tmp_path_factory.mktemp("reference"), in_process=True)
 
 
 @pytest.mark.parametrize("overrides", OPTIONS, ids="_".join)

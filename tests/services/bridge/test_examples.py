@@ -22,7 +22,8 @@ PARTS = {"c": ["controller.c", "bridge.h", "Makefile"], "javascript": ["controll
 
 @pytest.fixture(scope="module")
 def native(tmp_path_factory):
-    result = run(load("two_link/pd", SHORT), Options(out=tmp_path_factory.mktemp("pd") / "run"))
+    out = tmp_path_factory.mktemp("pd") / "run"
+    result = run(load("two_link/pd", SHORT), Options(out=out, in_process=True))
     assert result.exit_code == 0, result.reason
     return positions(result)
 

@@ -52,7 +52,7 @@ def sales(folder, **faults):
     path = folder / "scenario.yaml"
     (folder / "fake_store.py").write_bytes((PROGRAMS / "fake_store.py").read_bytes())
     path.write_text(SCENARIO.format(faults=json.dumps(faults), tests=TESTS))
-    return run(load(path), Options(out=folder / "out"))
+    return run(load(path), Options(out=folder / "out", in_process=True))
 
 
 def told(result, port):
