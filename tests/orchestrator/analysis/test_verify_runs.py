@@ -11,7 +11,7 @@ from stepbus_orchestrator.errors import ExitCode
 RACY = """
 import os
 import stepbus
-from stepbus_participant import Description, JointCommand, JointState, Participant
+from stepbus import Description, JointCommand, JointState, Participant
 
 class Racy(Participant):
     def describe(self):

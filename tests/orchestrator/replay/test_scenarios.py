@@ -29,7 +29,7 @@ participants:
 SELDOM_PROGRAM = """
 import sys
 import stepbus
-from stepbus_participant import Event
+from stepbus import Event
 
 class Camera(stepbus.Participant):
     def update(self, step):

@@ -11,7 +11,7 @@ from stepbus_orchestrator.run.run_scenario import run
 ECHO = '''
 import sys
 import stepbus
-from stepbus_participant import Event, Participant
+from stepbus import Event, Participant
 
 
 class Source(Participant):

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 PROGRAM = """
 import sys
 import stepbus
-from stepbus_participant import Description, Participant, PlanRequest, Poses
+from stepbus import Description, Participant, PlanRequest, Poses
 
 
 class Plant(Participant):
