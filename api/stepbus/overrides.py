@@ -1,5 +1,7 @@
 """Overrides of a scenario, as Python writes them: `{"controller.params.kp": 80}`."""
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Mapping, Sequence

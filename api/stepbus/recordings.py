@@ -1,5 +1,7 @@
 """Recordings: replay, compare, run again, recover."""
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Mapping, Sequence
 from os import PathLike

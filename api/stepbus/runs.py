@@ -1,5 +1,7 @@
 """Scenarios: load them, run them, describe them, call them while they run."""
 
+from __future__ import annotations
+
 import shutil
 import tempfile
 import threading

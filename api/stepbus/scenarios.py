@@ -1,5 +1,7 @@
 """A scenario written in Python, without a file."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

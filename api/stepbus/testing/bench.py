@@ -1,5 +1,7 @@
 """A participant on a test bench: feed it, step it, read what it publishes."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 

@@ -1,7 +1,5 @@
 """How well joints follow a sinusoid: amplitude and lag, and whether the others stand still."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """How well joints follow their reference, summed up piece by piece."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .signals import Tracking

@@ -1,7 +1,5 @@
 """What a process is doing, as far as the kernel tells it: `/proc/<pid>/stat`."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Bounds the log of a participant, which may print without end."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

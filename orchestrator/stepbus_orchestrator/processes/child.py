@@ -1,7 +1,5 @@
 """One participant's process, owned from its start to its end."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -6,8 +6,6 @@ then takes from a link only what that name may publish, so that no participant c
 another one. Without credentials there is no link at all.
 """
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The endpoints of a run: where each process listens, and which ones it connects to."""
 
-from __future__ import annotations
-
 import secrets
 import socket
 import tempfile

@@ -1,7 +1,5 @@
 """Starts the participants of a run, and ends them whatever happens."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What this machine has to allow before a run is worth starting."""
 
-from __future__ import annotations
-
 import resource
 
 from stepbus_orchestrator.errors import StartFailed

@@ -1,7 +1,5 @@
 """The reaper, as the orchestrator sees it; `reaper.py` is its program."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The hash chain of one participant (P13.2)."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Finds what a recording lacks, by its hash chains and by the steps of its messages."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 

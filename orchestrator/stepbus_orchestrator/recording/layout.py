@@ -1,7 +1,5 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
-from __future__ import annotations
-
 from stepbus_schemas import CHAIN_EVERY
 
 RUN_FILE = "run.mcap"

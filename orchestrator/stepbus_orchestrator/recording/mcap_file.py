@@ -1,7 +1,5 @@
 """An MCAP file in the making."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

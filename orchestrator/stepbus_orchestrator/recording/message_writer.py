@@ -5,8 +5,6 @@ orchestrator does in a step: 14 µs a message, 4 here. It forgets a chunk that a
 but counts it; and it keeps an object for every chunk. A test holds both to the same bytes.
 """
 
-from __future__ import annotations
-
 import contextlib
 import zlib
 from collections.abc import Callable, Iterator

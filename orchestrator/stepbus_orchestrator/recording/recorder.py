@@ -1,7 +1,5 @@
 """Writes run.mcap: the outputs of all participants, in an order that no timing can change."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 

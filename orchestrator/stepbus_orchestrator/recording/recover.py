@@ -1,7 +1,5 @@
 """Makes a complete recording of one that is cut off or corrupt."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Sequence

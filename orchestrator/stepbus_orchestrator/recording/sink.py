@@ -1,7 +1,5 @@
 """The seam between a run and what becomes of its outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """The order of a recording: by step, then participant, then port (P13.1), whatever arrives when."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 

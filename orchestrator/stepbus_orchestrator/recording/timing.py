@@ -1,7 +1,5 @@
 """Writes timing.mcap: when everything happened by the wall clock, which run.mcap leaves out."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Mapping

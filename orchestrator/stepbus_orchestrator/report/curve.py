@@ -1,7 +1,5 @@
 """Lines of a plot, taken piece by piece: a few points that look like all of them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array

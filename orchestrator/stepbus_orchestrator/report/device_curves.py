@@ -1,7 +1,5 @@
 """The lines of a mobile manipulator's devices, taken from a recording piece by piece."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Plots of a mobile manipulator's devices: base, gripper and the height of its tool."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

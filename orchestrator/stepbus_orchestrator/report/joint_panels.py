@@ -1,7 +1,5 @@
 """Plots of many joints: one panel each, measured over target, in degrees."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

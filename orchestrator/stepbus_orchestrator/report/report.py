@@ -1,7 +1,5 @@
 """The plots of a run, beside its recording: report.png."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

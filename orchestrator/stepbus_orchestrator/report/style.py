@@ -1,7 +1,5 @@
 """What the plots of joints share: colours, lines, legends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .curve import Line

@@ -1,7 +1,5 @@
 """What the summary of a run says of its joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from stepbus_orchestrator.analysis.signals import Tracking

@@ -1,7 +1,5 @@
 """The lines of the plots of joints, taken from a recording piece by piece."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

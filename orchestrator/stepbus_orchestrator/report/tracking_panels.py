@@ -1,7 +1,5 @@
 """The classic plots of joint control: error, position, velocity and torque, all joints in each."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

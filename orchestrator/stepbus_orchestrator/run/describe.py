@@ -1,7 +1,5 @@
 """How the participants of a scenario describe their ports, before any step."""
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 import tempfile

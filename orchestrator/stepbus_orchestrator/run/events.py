@@ -1,7 +1,5 @@
 """Events of participants: shown during the run; warnings are kept for its result."""
 
-from __future__ import annotations
-
 import msgspec
 
 from stepbus_schemas import Event

@@ -1,7 +1,5 @@
 """What a run reports to its observer, which has no effect on it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """The result of a run: result.json."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import platform

@@ -1,7 +1,5 @@
 """Runs a scenario: the one function behind `stepbus run`, free of global state."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -1,7 +1,5 @@
 """What differs between a run, a replay and a description: who is started, who is played."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """The bridge as a process: `python -m stepbus_bridge`, which `stepbus bridge` starts."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ OutputError (of stepbus)
 └─ BridgeError      the program ended, or wrote something that is no answer
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Formats `json` and `msgpack`: a map for each message."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The program behind the bridge: a process that reads descriptor 3 and writes descriptor 4."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import select

@@ -1,7 +1,5 @@
 """Format `raw`: blocks of little-endian float64, for programs without a codec."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Control laws: pure classes behind one seam."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np

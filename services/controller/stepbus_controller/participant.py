@@ -1,7 +1,5 @@
 """The controller as a participant: reads the joints, applies the law, commands torques."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from importlib.metadata import version

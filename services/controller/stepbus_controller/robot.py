@@ -1,7 +1,5 @@
 """What a law knows about the robot it controls."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

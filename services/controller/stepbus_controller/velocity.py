@@ -1,7 +1,5 @@
 """Joint velocities from positions, where only these are sensed."""
 
-from __future__ import annotations
-
 import math
 from typing import Protocol
 

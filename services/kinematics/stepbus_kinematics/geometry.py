@@ -1,7 +1,5 @@
 """Collision shapes of a robot, and the pairs of links that may touch."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Bring the vectors of a port into a joint order of your own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

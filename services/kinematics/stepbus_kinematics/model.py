@@ -1,7 +1,5 @@
 """A robot's model: forward kinematics, Jacobians and torques of joints in an order you choose."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

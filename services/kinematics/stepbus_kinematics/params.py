@@ -1,7 +1,5 @@
 """Parameters that services which move joints share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Which links of a robot would touch one another, by coal."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

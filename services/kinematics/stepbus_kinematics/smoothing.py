@@ -1,7 +1,5 @@
 """Filters for noisy measurements, each with the delay that it costs."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import Protocol

@@ -4,8 +4,6 @@ It names the pairs of links that never touch, or always do, wherever the named j
 those that no named joint moves against one another.
 """
 
-from __future__ import annotations
-
 import itertools
 import sys
 from collections.abc import Sequence

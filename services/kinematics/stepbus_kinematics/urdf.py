@@ -1,7 +1,5 @@
 """Load a URDF into Pinocchio, and list what it lacks."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

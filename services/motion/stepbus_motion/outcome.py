@@ -1,7 +1,5 @@
 """How a goal ends, and why one is refused."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The items to detect: their types, colours, and the top faces that a camera sees."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

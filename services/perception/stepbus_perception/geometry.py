@@ -1,7 +1,5 @@
 """Rotations and poses in space."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

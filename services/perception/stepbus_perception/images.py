@@ -1,7 +1,5 @@
 """Camera frames as arrays."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

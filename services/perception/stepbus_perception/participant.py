@@ -1,7 +1,5 @@
 """Perception: a participant that detects items and their poses."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """Where the camera is, by forward kinematics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a scenario says about a participant that perceives."""
 
-from __future__ import annotations
-
 import importlib.util
 from dataclasses import dataclass
 

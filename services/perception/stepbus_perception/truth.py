@@ -1,7 +1,5 @@
 """Detections from the true poses, instead of a camera."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

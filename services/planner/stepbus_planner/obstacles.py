@@ -1,7 +1,5 @@
 """The links around the robot: their shapes, as the plant describes them, and their poses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The planner as a participant: answers each request after a fixed latency."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor

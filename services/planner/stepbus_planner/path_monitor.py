@@ -1,7 +1,5 @@
 """Monitors whether a planned path stays free while the robot follows it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """From a request to a plan."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable, Iterator

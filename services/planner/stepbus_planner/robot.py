@@ -1,7 +1,5 @@
 """The robot that the planner moves: its model, its shapes, and how far it reaches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

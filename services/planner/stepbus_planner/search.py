@@ -1,7 +1,5 @@
 """The search for a path among obstacles with OMPL's RRTConnect."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What a planner works with: its robot, and the limits of its plans."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Time parametrization of paths with toppra."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable

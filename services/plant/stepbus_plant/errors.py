@@ -5,8 +5,6 @@ RunError
 └─ PhysicsError (ArithmeticError)  the physics engine failed, or its state is not finite
 """
 
-from __future__ import annotations
-
 from stepbus_schemas import RunError
 
 

@@ -1,7 +1,5 @@
 """The plant as a participant: ports on one side, the world on the other."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """Executes a script: changes of the world at given times of a run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Sequence
 from typing import NamedTuple

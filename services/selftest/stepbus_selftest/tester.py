@@ -1,7 +1,5 @@
 """The participant that stands in for controller and mission while a plant is tested."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from stepbus_participant import Participant, Step

@@ -1,7 +1,5 @@
 """Values of one field over time as an array."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The messages of some ports in pieces, so that a recording of any length takes the same memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The descriptions of recorded ports."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property

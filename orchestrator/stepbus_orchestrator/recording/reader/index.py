@@ -4,8 +4,6 @@ A complete recording says so in its summary section: that is read at once, howev
 is. Any other file is scanned from its beginning.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """One port of a recording, read when it is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path

@@ -1,7 +1,5 @@
 """All that the orchestrator publishes: start, trigger, stop, and what it sends to single ones."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

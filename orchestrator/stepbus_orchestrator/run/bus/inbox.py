@@ -1,7 +1,5 @@
 """Carries what the bus delivers to the run's own thread; a run waits nowhere else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from queue import Empty
 from typing import Any

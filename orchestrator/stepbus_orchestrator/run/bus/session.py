@@ -1,7 +1,5 @@
 """One run's end of the bus: who is on it, what is published, and what has arrived."""
 
-from __future__ import annotations
-
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Bus
 

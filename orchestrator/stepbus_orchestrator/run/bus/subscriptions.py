@@ -1,7 +1,5 @@
 """Which key is listened to, and who takes what arrives on it (P3.1)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Calls beside the step loop: made from outside, answered between two steps (P15)."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """How to reach a live run, and calls to it from outside."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Pause, resume and single steps: how far a run may go, as the user asks."""
 
-from __future__ import annotations
-
 import threading
 
 from stepbus_orchestrator.run.kernel.gates import FAR

@@ -1,7 +1,5 @@
 """The safe stop: the run continues without a participant that has failed until all is at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 

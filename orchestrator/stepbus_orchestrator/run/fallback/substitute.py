@@ -1,7 +1,5 @@
 """Publishes for a participant that has failed: its last messages, then safe ones, then the end."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any

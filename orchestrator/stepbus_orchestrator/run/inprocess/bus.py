@@ -1,7 +1,5 @@
 """The bus of a participant that shares this process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One participant of a run in one process, in the place of its process."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

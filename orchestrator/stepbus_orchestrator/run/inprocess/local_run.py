@@ -1,7 +1,5 @@
 """The strategy of a run in one process: every participant is hosted here."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import threading

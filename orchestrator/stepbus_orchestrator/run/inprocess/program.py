@@ -1,7 +1,5 @@
 """Python programs, run in this process as `python` would run them in one of their own."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import sys

@@ -1,7 +1,5 @@
 """What participants find around them, in the process that they share."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

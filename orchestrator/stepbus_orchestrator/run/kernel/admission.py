@@ -1,7 +1,5 @@
 """Who may join a run: name, token, protocol version, port types (P4.2)."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """The step barrier: what has been reported, how far the run may go, and who holds a step."""
 
-from __future__ import annotations
-
 from operator import add
 
 from stepbus_orchestrator.scenario import InputSpec, Scenario

@@ -1,7 +1,5 @@
 """Who is late, measured from outside (P12); the sentences are in `failures`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from .failures import (

@@ -1,7 +1,5 @@
 """How participants describe their outputs: inherited along `like`, and checked (P4.7)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 
 from stepbus_orchestrator.errors import StartFailed

@@ -1,7 +1,5 @@
 """The failures of a run, each with its sentence: who, at which step, the numbers, what to check."""
 
-from __future__ import annotations
-
 from stepbus_orchestrator.errors import (
     ParticipantDied,
     ParticipantFault,

@@ -1,7 +1,5 @@
 """How far a run may go: as far as the barrier and every gate let it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Who takes part in a run, and how far each of them has come."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """The phases of a run, and which may follow which."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import StrEnum
 

@@ -1,7 +1,5 @@
 """Closing: the stop is announced, closing outputs come in, the recording is finished (P11)."""
 
-from __future__ import annotations
-
 import time
 
 from stepbus_orchestrator.run.kernel.deadlines import check_bulk, check_closing

@@ -1,7 +1,5 @@
 """The state machine of a run: start-up, stepping, closing, shutdown, and the fallback."""
 
-from __future__ import annotations
-
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.run.kernel.phase import RunPhase
 from stepbus_orchestrator.run.loop import RunLoop

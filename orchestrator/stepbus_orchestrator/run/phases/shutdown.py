@@ -1,7 +1,5 @@
 """Shutdown: every process ends by itself in time, or is ended (P11.4)."""
 
-from __future__ import annotations
-
 import time
 
 from stepbus_orchestrator.errors import ParticipantDied, StopTimeout

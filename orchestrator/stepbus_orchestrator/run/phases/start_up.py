@@ -1,7 +1,5 @@
 """Start-up: participants are started, admitted and ready; then the clock starts (P4)."""
 
-from __future__ import annotations
-
 import time
 
 from stepbus_orchestrator.run.kernel.deadlines import check_start

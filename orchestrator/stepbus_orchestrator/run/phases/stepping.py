@@ -1,7 +1,5 @@
 """Stepping: step after step is released until the run has ended (P5)."""
 
-from __future__ import annotations
-
 from stepbus_orchestrator.run.kernel.deadlines import check_step
 from stepbus_orchestrator.run.kernel.phase import RunPhase
 from stepbus_orchestrator.run.loop import RunLoop

@@ -1,7 +1,5 @@
 """The faults that a participant injects into its own messages."""
 
-from __future__ import annotations
-
 from stepbus_orchestrator.scenario import MESSAGE_FAULTS, Scenario
 from stepbus_participant import MessageFault
 

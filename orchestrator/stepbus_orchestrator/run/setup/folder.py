@@ -1,7 +1,5 @@
 """The folder of a run: a new one for each, also for runs that start in the same second."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from itertools import chain, count
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The strategy of a run: every participant of the scenario is started."""
 
-from __future__ import annotations
-
 from stepbus_orchestrator.processes import Launcher, Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState

@@ -1,7 +1,5 @@
 """How to run a scenario, as opposed to what."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext

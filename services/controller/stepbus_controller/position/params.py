@@ -1,7 +1,5 @@
 """The parameters of a controller that commands positions."""
 
-from __future__ import annotations
-
 from stepbus_participant import Names, NonNegativePerJoint, Settings
 
 

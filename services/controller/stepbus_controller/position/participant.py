@@ -1,7 +1,5 @@
 """Targets for joints with position motors of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

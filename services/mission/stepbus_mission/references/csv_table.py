@@ -1,7 +1,5 @@
 """Reads a table of numbers from a CSV file, and reports every mistake with its line."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The interface of reference generators, and those given by a formula."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, Protocol

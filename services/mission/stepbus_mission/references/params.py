@@ -1,7 +1,5 @@
 """The parameters of a mission that publishes references."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 

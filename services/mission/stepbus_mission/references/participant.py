@@ -1,7 +1,5 @@
 """The reference mission as a participant: publishes references, and reports when it is done."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from itertools import chain

@@ -1,7 +1,5 @@
 """Piecewise polynomials in time, with exact derivatives."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise

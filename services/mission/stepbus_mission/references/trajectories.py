@@ -1,7 +1,5 @@
 """Reference generators through given points: waypoints of a scenario, rows of a CSV file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

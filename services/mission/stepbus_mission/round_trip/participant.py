@@ -5,8 +5,6 @@ the model, the measurement from the plant, and between them lie inverse kinemati
 motors and gravity.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version

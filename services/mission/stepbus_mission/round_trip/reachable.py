@@ -1,7 +1,5 @@
 """Random poses that a robot can reach."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

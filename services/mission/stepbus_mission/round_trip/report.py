@@ -1,7 +1,5 @@
 """The report about the poses of a round trip."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

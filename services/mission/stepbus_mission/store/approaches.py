@@ -1,7 +1,5 @@
 """How the gripper may come to an item: one approach after the other."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The types of goods that a shop has, read from a world file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stepbus_participant import SettingsError, parameters

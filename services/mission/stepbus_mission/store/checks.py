@@ -1,7 +1,5 @@
 """Decides when each state ends, and with which outcome: one function per state."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """Locates the item with the camera: from above the shelf, then from close up."""
 
-from __future__ import annotations
-
 import math
 
 from stepbus_participant import suggest

@@ -1,7 +1,5 @@
 """The goal that each state sends to the controller: one function per state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The parameters of the mission of a store: goods, shelves, outlet, tolerances."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The report about all sales, as a table."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest

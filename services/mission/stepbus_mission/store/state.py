@@ -1,7 +1,5 @@
 """The state of the mission: the sale in progress, and the inputs of the current step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Literal
 

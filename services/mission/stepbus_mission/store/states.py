@@ -1,7 +1,5 @@
 """The table of states: what each one does, and the next state for each outcome."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The items on the shelves: types, poses and sizes, from the plant's description."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

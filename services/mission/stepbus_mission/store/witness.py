@@ -1,7 +1,5 @@
 """Who moved an item: the robot, or somebody else."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

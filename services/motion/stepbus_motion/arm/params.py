@@ -1,7 +1,5 @@
 """The parameters of a controller that carries out goals of an arm."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Carries out goals of an arm."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from importlib.metadata import version
 

@@ -1,7 +1,5 @@
 """From the parameters of the controller of an arm to what it works with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Smoother, make_smoother

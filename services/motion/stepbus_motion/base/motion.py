@@ -1,7 +1,5 @@
 """Drives and turns a mobile base by odometry: smooth profiles, and a law that follows them."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

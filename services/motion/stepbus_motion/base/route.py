@@ -1,7 +1,5 @@
 """From a goal of the base to segments."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The feedback law that makes a base follow its reference."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

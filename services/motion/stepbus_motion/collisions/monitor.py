@@ -1,7 +1,5 @@
 """Monitors the contacts of a robot: what it must not touch, and how close that is."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple

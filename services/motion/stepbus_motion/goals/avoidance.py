@@ -1,7 +1,5 @@
 """What is done about collisions and things that come into the path."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

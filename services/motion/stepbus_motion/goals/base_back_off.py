@@ -1,7 +1,5 @@
 """A base that has touched something: it halts, goes back, and reports what was measured."""
 
-from __future__ import annotations
-
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.collisions.monitor import Collision, CollisionMonitor
 from stepbus_motion.outcome import Outcome

@@ -1,7 +1,5 @@
 """Carries out one goal at a time, and reports what becomes of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from stepbus_motion.collisions.monitor import Collision, CollisionMonitor

@@ -1,7 +1,5 @@
 """Reads the joints of an arm from what the plant senses."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What was measured of a robot in a step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from stepbus_kinematics import Vector

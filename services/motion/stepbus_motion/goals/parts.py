@@ -1,7 +1,5 @@
 """The parts of a robot, and which of them carries out a goal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """What a controller reports: one status after the other, and warnings."""
 
-from __future__ import annotations
-
 from collections import deque
 
 from stepbus_schemas import GoalState, GoalStatus

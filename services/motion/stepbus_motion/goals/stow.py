@@ -1,7 +1,5 @@
 """How the arm must be stowed before the base moves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

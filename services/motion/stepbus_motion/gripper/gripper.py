@@ -1,7 +1,5 @@
 """Opens and closes a gripper, and notices when it loses what it held."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Inverse kinematics with all solutions: analytic where the chain allows it, else by search."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Inverse kinematics: damped least squares with restarts, and what is wrong with a pose."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The path that an arm has come, so that it can back off along it."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How an arm moves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from stepbus_motion.motions.joint_motion import MotionLimits

@@ -1,7 +1,5 @@
 """Asking a planner about one candidate after the other."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The parts of an arm's motion, each fitted to the motors."""
 
-from __future__ import annotations
-
 from stepbus_kinematics import RobotModel
 from stepbus_motion.motions.fitting import fitted
 from stepbus_motion.motions.joint_motion import MotionLimits

@@ -1,7 +1,5 @@
 """When joints have come to rest at the end of a motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

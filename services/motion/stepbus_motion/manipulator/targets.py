@@ -1,7 +1,5 @@
 """What a goal wants of the arm, in the robot's base."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

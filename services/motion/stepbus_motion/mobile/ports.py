@@ -1,7 +1,5 @@
 """The ports of a controller of a mobile manipulator."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from stepbus_participant import Ports

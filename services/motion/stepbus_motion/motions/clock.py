@@ -1,7 +1,5 @@
 """The clock of a motion: it slows down, stops and runs again without a jerk of the joints."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motions slowed down until motors can follow them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """From a planner's answer to a motion."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints that follow a path of the tip on one branch of the inverse kinematics."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Spiral goals: points out of reach are raised, then the joints follow on one branch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Spirals of the tip."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Paths of the tip: poses along a straight line."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

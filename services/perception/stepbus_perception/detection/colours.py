@@ -1,7 +1,5 @@
 """Classifies pixels by the colours of item types."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

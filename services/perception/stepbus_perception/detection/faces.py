@@ -1,7 +1,5 @@
 """Horizontal faces in a depth image, with their edges."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

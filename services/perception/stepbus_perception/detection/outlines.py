@@ -1,7 +1,5 @@
 """Outlines of known size, fitted to edge points by least squares."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Splits a patch that shows the faces of several touching items."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stepbus_perception.geometry import Vector

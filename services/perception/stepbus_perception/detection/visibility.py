@@ -1,7 +1,5 @@
 """How much of a candidate item is visible."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stepbus_perception.catalog import MARGIN, ItemType

@@ -1,7 +1,5 @@
 """A mobile base with two driven wheels: commands and odometry."""
 
-from __future__ import annotations
-
 import math
 
 from stepbus_plant.errors import CommandError

@@ -1,7 +1,5 @@
 """A sensor of contacts between links: forces, and distances of those that nearly touch."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 

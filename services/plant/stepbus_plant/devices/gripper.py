@@ -1,7 +1,5 @@
 """A gripper with two coupled fingers: width, force, and whether it holds an object."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Sequence

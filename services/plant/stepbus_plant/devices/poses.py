@@ -1,7 +1,5 @@
 """True poses of links, read from the physics engine."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """The devices of a world, and the port of each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """Calls that query joints between two steps, or teleport one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Checks the commands of one input and passes them to the drives of their joints."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NoReturn

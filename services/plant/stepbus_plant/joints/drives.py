@@ -1,7 +1,5 @@
 """Drives turn joint commands into forces: one class per mode."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import groupby

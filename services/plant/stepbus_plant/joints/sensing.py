@@ -1,7 +1,5 @@
 """Joint sensors: selected quantities of the true state, with noise and quantisation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Warnings about commands that cannot take effect: each cause once per joint, with its numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import combinations

@@ -1,7 +1,5 @@
 """The movable joints of a world: the URDF's properties, overridden by the world file's."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import Counter

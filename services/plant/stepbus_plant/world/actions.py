@@ -1,7 +1,5 @@
 """The actions of a script: changes of the world at given times of a run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec

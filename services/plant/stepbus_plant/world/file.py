@@ -1,7 +1,5 @@
 """Reads a world file: resolves its models, and draws its stock."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stepbus_participant import format_duration

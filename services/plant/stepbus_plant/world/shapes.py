@@ -4,8 +4,6 @@ The engine cannot report them: it turns a cylinder into a mesh, and gives shapes
 centre of mass.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

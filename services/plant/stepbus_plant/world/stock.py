@@ -1,7 +1,5 @@
 """The stock of a store: items of several types in slots, drawn from a seed."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
