@@ -39,12 +39,22 @@ class RunFailure(RunError):
     """A run failed.
 
     participant: the one that caused it, if any. step: where the run was; −1 before the first.
+    code: where it is not that of the class.
     """
 
     code = ExitCode.INTERNAL
 
-    def __init__(self, message: str, *, participant: str | None = None, step: int = -1) -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        participant: str | None = None,
+        step: int = -1,
+        code: int | None = None,
+    ) -> None:
         super().__init__(message)
+        if code is not None:
+            self.code = ExitCode(code)
         self.participant = participant
         self.step = step
 

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
-from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes import (
     Launcher,
     Mesh,
@@ -20,7 +19,7 @@ from stepbus_orchestrator.processes import (
     private_folder,
 )
 from stepbus_orchestrator.recording import Recorder, Recording, TimingRecorder, layout
-from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.bus.session import Session, open_bus
 from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.participants import Process
 from stepbus_orchestrator.run.loop import Controls, Records, RunLoop
@@ -33,7 +32,6 @@ from stepbus_orchestrator.scenario import (
     command,
     start_command,
 )
-from stepbus_participant import BusError, ZenohBus
 
 from .check import Check
 from .peers import Peer, Peers
@@ -137,7 +135,7 @@ class _Replay:
             timing = TimingRecorder(self.folder / layout.TIMING_FILE)
             stack.callback(timing.close)
             mesh = make_mesh(alone(scenario, spec.name), folder, run)
-            bus = _open_bus(mesh, run)
+            bus = open_bus(mesh.orchestrator, run)
             stack.callback(bus.close)
             session = Session(scenario, bus, self.token, spec.deadlines.step_s)
             stack.callback(session.announcer.close)
@@ -185,10 +183,3 @@ class _Replay:
             command(self.program, own_folder) if self.program else start_command(spec, own_folder)
         )
         return launcher.start(spec, argv, mesh.participants[spec.name], own_folder)
-
-
-def _open_bus(mesh: Mesh, run: str) -> ZenohBus:
-    try:
-        return ZenohBus(mesh.orchestrator, run)
-    except BusError as exc:
-        raise BusFailed(str(exc)) from exc

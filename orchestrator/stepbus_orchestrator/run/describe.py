@@ -75,14 +75,6 @@ class ParticipantDescription(msgspec.Struct, frozen=True, kw_only=True):
     outputs: list[OutputPort]
 
 
-class DescribeFailed(RunFailure):
-    """The participants did not get ready; `code` is the exit code of the run."""
-
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
-        self.code = ExitCode(code)
-
-
 def describe(
     scenario: Scenario, interrupt: threading.Event | None = None
 ) -> list[ParticipantDescription]:
@@ -92,7 +84,7 @@ def describe(
     describes its outputs and is ended. interrupt: as of `run`. An output that is `like` an input
     has the names of that input.
 
-    Raises DescribeFailed when that fails; it names the logs, which are kept then.
+    Raises RunFailure when that fails; it names the logs, which are kept then.
     """
     folder = Path(tempfile.mkdtemp(prefix="describe-stepbus-"))
     found: list[_Describe] = []
@@ -104,10 +96,10 @@ def describe(
     without_steps = dataclasses.replace(scenario, steps=0)
     result = run_with(adapt, without_steps, Options(out=folder / "run"), interrupt=interrupt)
     if result.exit_code not in {ExitCode.FINISHED, ExitCode.INTERRUPTED}:
-        raise DescribeFailed(result.reason, result.exit_code)
+        raise RunFailure(result.reason, code=result.exit_code)
     shutil.rmtree(folder, ignore_errors=True)
     if result.exit_code:
-        raise DescribeFailed(result.reason, result.exit_code)
+        raise RunFailure(result.reason, code=result.exit_code)
     return _described(scenario, found[0].outputs)
 
 

@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from stepbus_orchestrator.errors import BusFailed, RunFailure
+from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.processes import (
     Launcher,
     Mesh,
@@ -16,9 +16,9 @@ from stepbus_orchestrator.processes import (
 )
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
 from stepbus_orchestrator.scenario import FaultSpec, Scenario, Schedule, format_fault
-from stepbus_participant import Bus, BusError, ZenohBus
+from stepbus_participant import Bus
 
-from .bus.session import Session
+from .bus.session import Session, open_bus
 from .control.injector import Injector
 from .control.live_file import Live, forget
 from .events import Events
@@ -169,10 +169,7 @@ class _Run:
 
     def _with_bus(self, launcher: Launcher, mesh: Mesh) -> str:
         with contextlib.ExitStack() as stack:
-            try:
-                bus = ZenohBus(mesh.orchestrator, self._run)
-            except BusError as exc:
-                raise BusFailed(str(exc)) from exc
+            bus = open_bus(mesh.orchestrator, self._run)
             stack.callback(bus.close)
             live_file = Live(run=self._run, token=self._token, endpoint=mesh.caller)
             live_file.save(self._options.out)

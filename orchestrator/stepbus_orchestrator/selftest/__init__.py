@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.analysis.signals import Signal, read_signal
-from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.describe import describe
 from stepbus_orchestrator.run.progress import Observer
@@ -22,19 +22,11 @@ from stepbus_selftest import make_plan, modes_of, read_joints
 
 from .judge import Verdict, better, judge
 
-__all__ = ["SelfTest", "SelfTestFailed", "Verdict", "selftest"]
+__all__ = ["SelfTest", "Verdict", "selftest"]
 
 _COMMAND, _STATE, _EVENT = "JointCommand/1", "JointState/1", "Event/1"
 _TESTER = "selftest"
 _QUANTITIES = ("position", "velocity", "effort")
-
-
-class SelfTestFailed(RunFailure):
-    """The test could not be carried out; `code` is that of the run."""
-
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
-        self.code = ExitCode(code)
 
 
 class SelfTest(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,7 +52,7 @@ def selftest(
 
     angle: to send rotary joints to [rad], or as near as their stops allow. A joint that gets
     there on neither side is sent half as far: the robot may have been in its own path.
-    Raises WiringError where the scenario has no plant that is commanded by joint, SelfTestFailed
+    Raises WiringError where the scenario has no plant that is commanded by joint, RunFailure
     when its run fails; its files are then kept.
     """
     plant, port = _plant_of(scenario)
@@ -72,7 +64,7 @@ def selftest(
         tested = _test_scenario(scenario, plant, port, description, aim)
         result = run(tested, Options(out=folder / "run"), observer, interrupt)
         if result.exit_code:
-            raise SelfTestFailed(result.reason, result.exit_code)
+            raise RunFailure(result.reason, code=result.exit_code)
         try:
             return _judged(result, plant, port, angle, only)
         finally:

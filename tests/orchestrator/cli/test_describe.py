@@ -10,8 +10,8 @@ from support.runs.joints import leftovers
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.describe import DescribeFailed, describe
+from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.run.describe import describe
 
 PROGRAM = """
 import stepbus
@@ -111,7 +111,7 @@ def test_names_of_an_output_that_is_like_an_input_are_those_of_the_input(tmp_pat
     ],
 )
 def test_a_description_that_does_not_fit_together_is_refused(tmp_path, description, sentence):
-    with pytest.raises(DescribeFailed, match=f"sensor .* wrongly: .*{sentence}") as caught:
+    with pytest.raises(RunFailure, match=f"sensor .* wrongly: .*{sentence}") as caught:
         describe(load(sensor(tmp_path, description)))
     assert caught.value.code == ExitCode.START
 
@@ -124,7 +124,7 @@ def test_no_file_and_no_process_is_left(own_temp, tmp_path):
 def test_an_interrupt_ends_it_and_leaves_nothing(own_temp, tmp_path):
     interrupt = threading.Event()
     interrupt.set()
-    with pytest.raises(DescribeFailed, match="interrupted") as caught:
+    with pytest.raises(RunFailure, match="interrupted") as caught:
         describe(load(sensor(tmp_path, "")), interrupt)
     assert caught.value.code == ExitCode.INTERRUPTED
     assert (list(own_temp.iterdir()), leftovers(tmp_path)) == ([], [])

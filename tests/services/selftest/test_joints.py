@@ -9,8 +9,8 @@ import pytest
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.selftest import SelfTestFailed, selftest
+from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.selftest import selftest
 from stepbus_schemas import WiringError
 
 PROGRAM = """
@@ -157,7 +157,7 @@ def test_a_joint_without_effort_fails_the_test(tmp_path, capsys):
 
 
 def test_a_plant_that_fails_ends_the_test_with_the_code_of_its_run(tmp_path):
-    with pytest.raises(SelfTestFailed, match="no power") as caught:
+    with pytest.raises(RunFailure, match="no power") as caught:
         selftest(load(scenario(tmp_path, "crash")), 1.0)
     assert caught.value.code == ExitCode.FAULT
 

@@ -51,14 +51,13 @@ def record(scenario: Scenario, participant: str, folder: Path) -> Material:
     short = dataclasses.replace(scenario, steps=min(wanted, scenario.steps or wanted))
     result = run(short, Options(out=folder))
     if result.exit_code:
-        failure = RunFailure(
+        raise RunFailure(
             f"no inputs for {participant}: the run of {scenario.file} that should record them "
             f"failed: {result.reason}",
             participant=result.participant,
             step=result.at_step,
+            code=result.exit_code,
         )
-        failure.code = type(failure.code)(result.exit_code)
-        raise failure
     if not result.steps:
         raise WiringError(f"{scenario.file} has no steps, so there is nothing to play")
     return read(dataclasses.replace(short, steps=result.steps), participant, result.recording)

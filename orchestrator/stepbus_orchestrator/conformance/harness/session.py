@@ -11,9 +11,10 @@ from queue import Empty, SimpleQueue
 from typing import Any, Self
 
 from stepbus_orchestrator.conformance.outcome import Failed
-from stepbus_orchestrator.errors import BusFailed, Interrupted
+from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.processes import Child, Launcher, Watchdog, new_token, private_folder
-from stepbus_participant import BusError, ZenohBus
+from stepbus_orchestrator.run.bus.session import open_bus
+from stepbus_participant import Endpoint, ZenohBus
 from stepbus_schemas import encode, encoding_of
 
 from .material import Material
@@ -105,11 +106,8 @@ class Session:
         if names:
             self._open_publishers(self._open(self._mesh.participants[names[0]]))
 
-    def _open(self, endpoint: Any) -> ZenohBus:
-        try:
-            bus = ZenohBus(endpoint, self._run)
-        except BusError as exc:
-            raise BusFailed(str(exc)) from exc
+    def _open(self, endpoint: Endpoint) -> ZenohBus:
+        bus = open_bus(endpoint, self._run)
         self._stack.callback(bus.close)
         return bus
 

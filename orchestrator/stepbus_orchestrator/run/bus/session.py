@@ -1,10 +1,19 @@
 """One run's end of the bus: who is on it, what is published, and what has arrived."""
 
+from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.scenario import Scenario
-from stepbus_participant import Bus
+from stepbus_participant import Bus, BusError, Endpoint, ZenohBus
 
 from .announcer import Announcer
 from .inbox import Inbox
+
+
+def open_bus(endpoint: Endpoint, run: str) -> ZenohBus:
+    """Open a session on the bus of a run; raises BusFailed."""
+    try:
+        return ZenohBus(endpoint, run)
+    except BusError as exc:
+        raise BusFailed(str(exc)) from exc
 
 
 class Session:
