@@ -2,7 +2,7 @@
 
 _TALKER = """
 import os, signal, sys
-from stepbus_participant import *
+from stepbus import Event, JointReference, Participant, main
 
 class Mission(Participant):
     def update(self, step):
