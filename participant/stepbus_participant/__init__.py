@@ -34,31 +34,7 @@ from .main import main, take_part
 from .methods import CallError, Method
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .parameters.problems import Problems, SettingsError
-from .parameters.settings import (
-    Count,
-    Duration,
-    File,
-    Finite,
-    ModelFile,
-    Name,
-    Names,
-    NonNegative,
-    NonNegativePerJoint,
-    Own,
-    PerJoint,
-    PerName,
-    Plugin,
-    Positive,
-    PositivePerJoint,
-    Settings,
-    Share,
-    Text,
-    Vector3,
-    Whole,
-    each,
-    needed_when,
-    when,
-)
+from .parameters.settings import *
 from .participant import Participant, PortType
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step

@@ -3,61 +3,8 @@
 from .bridge_formats import BRIDGE_FORMATS, RAW_TYPES, BridgeFormat, raw_problem
 from .codec import Decoder, encode, encoding_of, message_class, type_name
 from .errors import MessageError, RunError, StepbusError, WiringError
-from .messages import (
-    MESSAGE_TYPES,
-    BaseCommand,
-    BaseState,
-    Contacts,
-    ControllerStatus,
-    Detections,
-    Event,
-    Goal,
-    GoalState,
-    GoalStatus,
-    GoalType,
-    GripperCommand,
-    GripperState,
-    Image,
-    JointCommand,
-    JointMode,
-    JointReference,
-    JointState,
-    Message,
-    Plan,
-    PlanRequest,
-    Point,
-    Poses,
-    Quaternion,
-    Spiral,
-)
-from .protocol import (
-    CHAIN_EVERY,
-    ENVELOPE_TYPES,
-    HANDSHAKE_STEP,
-    PROTOCOL_VERSION,
-    Call,
-    CallDescription,
-    Called,
-    CallRecord,
-    CallReply,
-    CallRequest,
-    Chain,
-    Description,
-    Envelope,
-    Fault,
-    Hello,
-    InputConfig,
-    Log,
-    OutputConfig,
-    Outputs,
-    Ready,
-    Refusal,
-    Start,
-    Stop,
-    Trigger,
-    Waiting,
-    Welcome,
-)
+from .messages import *
+from .protocol import *
 from .schedule import due_step
 from .schema import json_schema, not_null
 from .shapes import Shape, parse_shapes
