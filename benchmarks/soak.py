@@ -25,9 +25,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator import Options, Result, load
+from stepbus_orchestrator import Options, Progress, Result, load
 from stepbus_orchestrator import run_scenario as run
-from stepbus_orchestrator.run.progress import Progress
 
 STEPS = 1_000_000
 STEP_MS = 5

@@ -14,7 +14,7 @@ from stepbus import (
     WiringError,
 )
 from stepbus.testing import Bench, feed, make_config, scenario_config
-from stepbus_controller import ControllerParticipant
+from stepbus_controller.participant import ControllerParticipant
 
 PORTS = {"inputs": {"joint_state": JointState}, "outputs": {"command": JointCommand}}
 

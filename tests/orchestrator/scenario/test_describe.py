@@ -38,7 +38,9 @@ def test_generated_files_are_up_to_date(capsys):
 def test_a_stale_page_is_named(tmp_path):
     page = tmp_path / "docs/page.md"
     page.parent.mkdir()
-    page.write_text("<!-- parameters: stepbus_planner:Params -->\nold\n<!-- /parameters -->\n")
+    page.write_text(
+        "<!-- parameters: stepbus_planner.params:Params -->\nold\n<!-- /parameters -->\n"
+    )
     text = generated_files(tmp_path)[page]
     assert "| `latency` | duration | 200ms | From a request to its answer, " in text
     assert "old" not in text

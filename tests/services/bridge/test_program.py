@@ -10,7 +10,10 @@ import pytest
 from support.runs.bridge import BRIDGED
 
 from stepbus.testing import feed
-from stepbus_bridge import BridgedProgram, BridgeError, MapBridge, RawBridge
+from stepbus_bridge.bridge import BridgedProgram
+from stepbus_bridge.link import BridgeError
+from stepbus_bridge.map_bridge import MapBridge
+from stepbus_bridge.raw_bridge import RawBridge
 from stepbus_participant import Config
 from stepbus_schemas import (
     Description,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import controller_config, make_controller
 
-from stepbus_controller import ControllerParticipant
+from stepbus_controller.participant import ControllerParticipant
 from stepbus_kinematics import LowPass, SavitzkyGolay
 from stepbus_schemas import JointReference, JointState, WiringError
 

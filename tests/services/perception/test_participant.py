@@ -12,10 +12,10 @@ from support.services.control import Stand
 from support.services.perception import JOINTS, TOPS, Item, open_store, write_robot
 
 from stepbus_participant import Config
-from stepbus_perception import PerceptionParticipant
 from stepbus_perception.catalog import read_catalog
 from stepbus_perception.detection.colours import Palette
 from stepbus_perception.geometry import rotation
+from stepbus_perception.participant import PerceptionParticipant
 from stepbus_perception.robot import CameraMount
 from stepbus_schemas import (
     Description,

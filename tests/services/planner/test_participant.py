@@ -24,7 +24,7 @@ from support.services.planner import (
 )
 
 from stepbus_kinematics.srdf import srdf_text
-from stepbus_planner import PlannerParticipant
+from stepbus_planner.participant import PlannerParticipant
 from stepbus_planner.robot import PlannedRobot
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
 

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 import stepbus_scenarios
 from stepbus.testing import Bench
-from stepbus_controller import ControllerParticipant
-from stepbus_mission import MissionParticipant
+from stepbus_controller.participant import ControllerParticipant
+from stepbus_mission.references.participant import MissionParticipant
 from stepbus_participant import Config
 from stepbus_schemas import Description, InputConfig, JointState, OutputConfig
 

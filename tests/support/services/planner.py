@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 from support.services.control import Stand
 
 from stepbus_participant import Config
-from stepbus_planner import PlannerParticipant
+from stepbus_planner.participant import PlannerParticipant
 from stepbus_planner.scene import Margins, Scene, Surroundings
 from stepbus_schemas import Description, InputConfig, OutputConfig, Plan, PlanRequest, Poses
 
