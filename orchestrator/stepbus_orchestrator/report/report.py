@@ -19,6 +19,8 @@ REPORT_FILE = "report.png"
 # More joints than that share no plot.
 _MOST_LINES = 6
 
+_NO_DYNAMICS = "joints and base follow their commands at once"
+
 
 def write_report(path: Path) -> list[str]:
     """Plot a recording and return what a summary should say of it.
@@ -37,6 +39,8 @@ def write_report(path: Path) -> list[str]:
             if tracking.state is None:
                 return []
             lines = summary.lines(tracking_pieces(recording, has_commands=False))
+            if _lacks_dynamics(recording):
+                lines.append(f"dynamics  off: {_NO_DYNAMICS}")
             target = path.with_name(REPORT_FILE)
             draw_report(_title(recording), tracking, device_panels(recording), target)
     except ImportError as exc:
@@ -50,7 +54,13 @@ def write_report(path: Path) -> list[str]:
 def _title(recording: Recording) -> str:
     text = recording.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
     names = [line.partition(":")[2] for line in text.splitlines() if line.startswith("name:")]
-    return names[0].strip() if names else recording.path.stem
+    title = names[0].strip() if names else recording.path.stem
+    return f"{title}, {_NO_DYNAMICS}" if _lacks_dynamics(recording) else title
+
+
+def _lacks_dynamics(recording: Recording) -> bool:
+    """Return whether a plant of the recording moved without dynamics."""
+    return any("dynamics" in port.description.details for port in recording.ports.values())
 
 
 def draw_report(

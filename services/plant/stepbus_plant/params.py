@@ -69,6 +69,9 @@ class Params(Settings):
     physics_step_ns: Duration | None = None
     """Length of a physics substep; overrides the world file. Longer ones are faster and less
     accurate. Default: the world's."""
+    dynamics: Literal["on", "off"] = "on"
+    """`off`: joints and bases follow their commands at once, nothing falls, slips or pushes, and a
+    gripper holds what it closes on. To debug missions quickly; every report says so."""
     cameras: bool = True
     """Whether cameras render images; without them a run is much faster."""
     stock: StockParams | None = None

@@ -20,6 +20,7 @@ from .joints.commander import Commander
 from .joints.drives import locate_joints, make_drives
 from .joints.sensing import Sensors, Values
 from .joints.warnings import Warnings
+from .kinematic import NOTICE, Kinematics
 from .params import Params
 from .physics.engine import Physics
 from .physics.joint import Joint, describe_joints
@@ -58,10 +59,21 @@ class Plant:
         self._drives = make_drives(self.physics.client, self.physics.joints, step_ns * 1e-9)
         self._owners: dict[str, str] = {}
         self.warnings = Warnings()
+        self._kinematics: Kinematics | None = None
+        if params.dynamics == "off":
+            self._disable_dynamics()
         for note in self.physics.notes:
             subject, _, text = note.partition(": ")
             self.warnings.add(subject, text, text)
         self._plan_reading()
+
+    def _disable_dynamics(self) -> None:
+        try:
+            self._kinematics = Kinematics(self.physics, self._drives, self.devices, self.script)
+        except WiringError:
+            self.close()
+            raise
+        self.warnings.add("the plant", "dynamics", NOTICE)
 
     def _equip(self, params: Params) -> None:
         """Select the sensed joints, and set up devices, cameras and script.
@@ -103,10 +115,11 @@ class Plant:
         """
         description = describe_joints(self._joints)
         owners = self.devices.owners
-        if not owners:
-            return description
-        device = [owners.get(name, "") for name in self.names]
-        details = {**description.details, "device": device}
+        details = dict(description.details)
+        if owners:
+            details["device"] = [owners.get(name, "") for name in self.names]
+        if self._kinematics is not None:
+            details["dynamics"] = ["off"] * len(self.names)
         return msgspec.structs.replace(description, details=details)
 
     def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
@@ -171,8 +184,11 @@ class Plant:
         for _ in self._substeps:
             for drive in self._drives:
                 drive.before_substep()
-            self.script.before_substep()
-            self.physics.step()
+            if self._kinematics is None:
+                self.script.before_substep()
+                self.physics.step()
+        if self._kinematics is not None:
+            self._kinematics.advance(self._period_ns * 1e-9)
         self.t_ns += self._period_ns
 
     def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:

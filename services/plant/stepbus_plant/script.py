@@ -50,6 +50,11 @@ class Script:
             text = self._execute(self._pending.pop(0))
             self._events.append(f"at {t_ns / 1e9:.9g} s: {text}")
 
+    @property
+    def jammed(self) -> Collection[str]:
+        """Return the names of the jammed joints."""
+        return self._locks.keys()
+
     def take_events(self) -> list[str]:
         """Return what has happened since the last call, one sentence each."""
         events, self._events = self._events, []

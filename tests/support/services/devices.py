@@ -111,7 +111,12 @@ def write_can(folder: Path) -> None:
 
 
 def make_stand(
-    folder: Path, world: str, outputs: dict[str, str], inputs: dict[str, str], **names: list[str]
+    folder: Path,
+    world: str,
+    outputs: dict[str, str],
+    inputs: dict[str, str],
+    dynamics: str = "on",
+    **names: list[str],
 ) -> Stand:
     """Return a started plant; inputs, outputs: port → type; names: of an input's joints."""
     (folder / "world.yaml").write_text(world)
@@ -123,7 +128,7 @@ def make_stand(
         folder=folder,
         inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
         outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
-        params={"world": "world.yaml"},
+        params={"world": "world.yaml", "dynamics": dynamics},
     )
     participant = PlantParticipant(config)
     participant.start({port: Description(names=names.get(port, [])) for port in inputs})

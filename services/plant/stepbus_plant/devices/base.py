@@ -38,17 +38,17 @@ class Base:
     def sense(self) -> BaseState:
         """Return the current odometry; call it at every step."""
         angles, velocities = self._read()
-        arc, turn = self._base_motion(angles[0] - self._angles[0], angles[1] - self._angles[1])
+        arc, turn = self.base_motion(angles[0] - self._angles[0], angles[1] - self._angles[1])
         self._angles = angles
         # sinc() gives the chord of the arc.
         chord = arc if turn == 0.0 else arc * math.sin(turn / 2) / (turn / 2)
         self._x += chord * math.cos(self._yaw + turn / 2)
         self._y += chord * math.sin(self._yaw + turn / 2)
         self._yaw += turn
-        vx, wz = self._base_motion(*velocities)
+        vx, wz = self.base_motion(*velocities)
         return BaseState(x=self._x, y=self._y, yaw=self._yaw, vx=vx, wz=wz)
 
-    def _base_motion(self, left: float, right: float) -> tuple[float, float]:
+    def base_motion(self, left: float, right: float) -> tuple[float, float]:
         """Return travel and turn of the base from the wheel angles; likewise for velocities."""
         radius = self._row.wheel_radius
         return radius * (left + right) / 2, radius * (right - left) / self._row.track

@@ -42,6 +42,7 @@ class ContactSensor:
         self._within = within
         solid = [index for link in self._links if self._is_solid(index := indices[link])]
         self._near = solid if within > 0.0 else []
+        self._pressed: dict[tuple[str, str], float] | None = None
 
     def _is_solid(self, index: LinkIndex) -> bool:
         return bool(bullet.getCollisionShapeData(*index, physicsClientId=self._client))
@@ -62,7 +63,7 @@ class ContactSensor:
         nearest = [min(groups[pair], key=lambda point: point.distance) for pair in pairs]
         return Contacts(
             pairs=pairs,
-            force=[sum(point.force for point in groups[pair]) for pair in pairs],
+            force=[self._force(pair, groups[pair]) for pair in pairs],
             distance=[point.distance for point in nearest],
             position=[point.position for point in nearest],
         )
@@ -112,6 +113,19 @@ class ContactSensor:
         if second < first:
             return _Point((second, first), row[8], row[9], row[5])
         return _Point((first, second), row[8], row[9], row[6])
+
+    def press(self, forces: Mapping[tuple[LinkIndex, LinkIndex], float]) -> None:
+        """Report these forces [N], and no others: the engine computes none."""
+        named = {
+            tuple(sorted((self._names[one], self._names[other]))): force
+            for (one, other), force in forces.items()
+        }
+        self._pressed = {(pair[0], pair[1]): force for pair, force in named.items()}
+
+    def _force(self, pair: tuple[str, str], points: Sequence[_Point]) -> float:
+        if self._pressed is not None:
+            return self._pressed.get(pair, 0.0)
+        return sum(point.force for point in points)
 
 
 def name_links(

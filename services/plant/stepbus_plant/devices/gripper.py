@@ -24,6 +24,9 @@ _GAIN = 10.0
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
 
+FORCE_WITHOUT_DYNAMICS = 15.0
+"""Reported of a gripper that holds something while dynamics are off [N]."""
+
 
 @dataclass(frozen=True)
 class _Contact:
@@ -36,7 +39,7 @@ class _Contact:
 class Gripper:
     """Two coupled prismatic fingers that open towards positive positions.
 
-    width: sum of both positions [m].
+    width: sum of both positions [m]. held_without_forces: what it holds while dynamics are off.
     """
 
     def __init__(self, row: GripperSettings, left: Joint, right: Joint, physics: Physics) -> None:
@@ -44,8 +47,9 @@ class Gripper:
         self.speed = row.speed
         self.max_force = min(left.effort, right.effort)
         self.widths = (left.lower + right.lower, left.upper + right.upper)
+        self.fingers = [left.index, right.index]
+        self.held_without_forces: LinkIndex | None = None
         self._body = left.body
-        self._fingers = [left.index, right.index]
         self._physics = physics
         self._slide = bullet.getJointInfo(left.body, left.index, physics.client)[13]
         self._couple()
@@ -53,7 +57,7 @@ class Gripper:
     def _couple(self) -> None:
         """Let the engine keep both positions equal; uncoupled fingers drift with the object."""
         client = self._physics.client
-        left, right = self._fingers
+        left, right = self.fingers
         zero = (0.0, 0.0, 0.0)
         gear = bullet.createConstraint(
             self._body,
@@ -70,7 +74,7 @@ class Gripper:
 
     def width(self) -> float:
         """Return the current distance of the fingers [m]."""
-        left, right = self._physics.read(self._body, self._fingers)
+        left, right = self._physics.read(self._body, self.fingers)
         width: float = left[0] + right[0]
         return width
 
@@ -84,18 +88,20 @@ class Gripper:
         The force is that of the weaker finger: the difference between the two does not squeeze the
         object, it pushes it aside until it is centred.
         """
-        left, right = (self._contacts(finger) for finger in self._fingers)
+        if self.held_without_forces is not None:
+            return GripperState(width=self.width(), force=FORCE_WITHOUT_DYNAMICS, holding=True)
+        left, right = (self._contacts(finger) for finger in self.fingers)
         force = min(sum(contact.force for contact in side.values()) for side in (left, right))
         held = [(contact, right[thing]) for thing, contact in left.items() if thing in right]
-        axis = self._axis() if held else ()
+        axis = self.opening() if held else ()
         holding = any(all(_is_along(axis, contact) for contact in pair) for pair in held)
         return GripperState(width=self.width(), force=force, holding=holding)
 
-    def _axis(self) -> Sequence[float]:
+    def opening(self) -> Sequence[float]:
         """Return the opening direction of the fingers in the world frame."""
         client = self._physics.client
         state = bullet.getLinkState(
-            self._body, self._fingers[0], computeForwardKinematics=True, physicsClientId=client
+            self._body, self.fingers[0], computeForwardKinematics=True, physicsClientId=client
         )
         axis: Sequence[float] = bullet.rotateVector(state[5], self._slide)
         return axis

@@ -99,6 +99,21 @@ class Devices:
             for joint in device.joints
         }
 
+    @property
+    def bases(self) -> list[Base]:
+        """Return all bases."""
+        return list(self._bases.values())
+
+    @property
+    def grippers(self) -> list[Gripper]:
+        """Return all grippers."""
+        return list(self._grippers.values())
+
+    @property
+    def contacts(self) -> list[ContactSensor]:
+        """Return all contact sensors."""
+        return list(self._contacts.values())
+
     def sensor(self, port: str, port_type: str) -> Device:
         """Return the device of an output: the one named like the port, or the only one.
 

@@ -46,6 +46,13 @@ class Drive:
     def before_substep(self) -> None:
         """Pass new targets to the physics engine."""
 
+    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
+        """Return position and velocity of a joint after dt [s], if it follows at once [rad, rad/s].
+
+        position: of now. What nothing drives stays where it is.
+        """
+        return position, 0.0
+
     def torques(self) -> list[float] | None:
         """Return the torques applied last [N·m], if the engine does not report them."""
         return None
@@ -178,6 +185,11 @@ class VelocityMotor(_Motors):
             self._set_limit(command, index, source)
         self._changed = True
 
+    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
+        """Return where its velocity takes a joint, no further than to its stops."""
+        joint, velocity = self.joints[index], self._velocities[index]
+        return min(max(position + velocity * dt, joint.lower), joint.upper), velocity
+
 
 class PositionMotor(_Motors):
     """Mode position: a motor that tracks a target with limited torque and velocity.
@@ -219,6 +231,10 @@ class PositionMotor(_Motors):
         """Hold the joint at its current position."""
         super().brake(index, position)
         self._hold(index, position)
+
+    def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
+        """Return the target, and its velocity."""
+        return self._target(index), self._velocities[index]
 
     def targets(self) -> list[float] | None:
         """Return the current targets, limited to the joints' stops [rad]."""
