@@ -10,9 +10,9 @@ from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.starters.starter import STARTERS, write_starter
 
 TOOLS = {"c": "make", "java": "java", "js": "node", "octave": "octave-cli", "rust": "cargo"}
 # Zenoh builds for minutes, in the tests of the Rust example; Python runs in test_cli_commands.py.

@@ -11,8 +11,8 @@ from support.paths import CHECKOUT
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.setup import doctor as doctor_command
-from stepbus_orchestrator.doctor import Finding, bus, machine, packages
-from stepbus_orchestrator.doctor.packages import EXTRAS, Requirement, parse
+from stepbus_orchestrator.diagnosis.doctor import Finding, bus, machine, packages
+from stepbus_orchestrator.diagnosis.doctor.packages import EXTRAS, Requirement, parse
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_participant import install_command
 

@@ -10,7 +10,7 @@ from support.runs.conformance import FOUND_BY, PROGRAMS, failed, material, outco
 from support.runs.joints import leftovers
 
 from stepbus_orchestrator import load
-from stepbus_orchestrator.conformance import conformance
+from stepbus_orchestrator.diagnosis.conformance import conformance
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.scenario import ScenarioError
 

@@ -8,8 +8,8 @@ import pytest
 from support.paths import DOCS
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.conformance import CHECKS
-from stepbus_orchestrator.conformance.harness.feeds import repeated, reverse, shifted
+from stepbus_orchestrator.diagnosis.conformance import CHECKS
+from stepbus_orchestrator.diagnosis.conformance.harness.feeds import repeated, reverse, shifted
 from stepbus_schemas import JointCommand, encode
 
 

@@ -11,7 +11,7 @@ from support.messages.recordings import chunks
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.signals import tracking_pieces
-from stepbus_orchestrator.conformance.harness import material
+from stepbus_orchestrator.diagnosis.conformance.harness import material
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.replay import replay as replay_participant

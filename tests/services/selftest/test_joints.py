@@ -9,8 +9,8 @@ import pytest
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.diagnosis.selftest import selftest
 from stepbus_orchestrator.errors import ExitCode, RunFailure
-from stepbus_orchestrator.selftest import selftest
 from stepbus_schemas import WiringError
 
 PROGRAM = """

@@ -5,10 +5,10 @@ import sys
 import threading
 
 from stepbus_orchestrator import load
-from stepbus_orchestrator.conformance import CHECKS, select
-from stepbus_orchestrator.conformance.check import run_checks
-from stepbus_orchestrator.conformance.harness.kit import Kit
-from stepbus_orchestrator.conformance.harness.material import read
+from stepbus_orchestrator.diagnosis.conformance import CHECKS, select
+from stepbus_orchestrator.diagnosis.conformance.check import run_checks
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
+from stepbus_orchestrator.diagnosis.conformance.harness.material import read
 from support.paths import PROGRAMS
 
 

@@ -10,8 +10,14 @@ from rich.table import Table
 from stepbus_orchestrator.cli.command import Command, add_overrides
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.conformance import CHECKS, CheckResult, Report, conformance, select
-from stepbus_orchestrator.conformance.junit import write_junit
+from stepbus_orchestrator.diagnosis.conformance import (
+    CHECKS,
+    CheckResult,
+    Report,
+    conformance,
+    select,
+)
+from stepbus_orchestrator.diagnosis.conformance.junit import write_junit
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import load
 from stepbus_schemas import BRIDGE_FORMATS

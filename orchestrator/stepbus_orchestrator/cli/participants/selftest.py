@@ -11,9 +11,9 @@ from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.diagnosis.selftest import SelfTest, Verdict, selftest
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import load
-from stepbus_orchestrator.selftest import SelfTest, Verdict, selftest
 
 _COLUMNS = ("joint", "mode", "commanded", "measured", "rad or m", "others", "verdict")
 _PLAIN_COLUMNS = 160

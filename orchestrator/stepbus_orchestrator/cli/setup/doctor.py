@@ -4,7 +4,7 @@ import argparse
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.doctor import examine
+from stepbus_orchestrator.diagnosis.doctor import examine
 from stepbus_orchestrator.errors import ExitCode
 
 

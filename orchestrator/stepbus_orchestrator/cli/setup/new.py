@@ -5,8 +5,8 @@ import shlex
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
 from stepbus_orchestrator.cli.terminal.output import say
-from stepbus_orchestrator.starters.starter import STARTERS, write_starter
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,10 +4,10 @@ import os
 import time
 from typing import Any
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.kit import Kit
-from stepbus_orchestrator.conformance.harness.setup import Setup
-from stepbus_orchestrator.conformance.outcome import Failed, Skipped
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
+from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 from stepbus_orchestrator.processes import Child
 from stepbus_participant import TICKET_VARIABLE
 

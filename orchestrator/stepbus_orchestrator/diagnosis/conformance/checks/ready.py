@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.feeds import reverse_description
-from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
-from stepbus_orchestrator.conformance.harness.setup import Setup
-from stepbus_orchestrator.conformance.outcome import Failed
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.feeds import reverse_description
+from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit, Trace
+from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
 from stepbus_schemas import Description, Ready
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Self
 
-from stepbus_orchestrator.conformance.outcome import Failed
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.processes import Child, Launcher, Watchdog, new_token, private_folder
 from stepbus_orchestrator.run.bus.session import open_bus

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit
-from stepbus_orchestrator.conformance.harness.setup import Setup
-from stepbus_orchestrator.conformance.outcome import Failed
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
+from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_schemas import encoding_of

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
-from stepbus_orchestrator.conformance.outcome import Failed, Skipped
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 from stepbus_schemas import Description
 
 from .feeds import Feed, Ports

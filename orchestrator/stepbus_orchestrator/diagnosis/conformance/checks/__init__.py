@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from stepbus_orchestrator.conformance.check import Check
+from stepbus_orchestrator.diagnosis.conformance.check import Check
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import msgspec
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.feeds import Ports
-from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit
-from stepbus_orchestrator.conformance.outcome import Failed, Skipped
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.feeds import Ports
+from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 from stepbus_schemas import Fault
 
 Spoil = Callable[[Harness, str, int, Ports], None]

@@ -7,16 +7,16 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.analysis.comparison import FieldTolerance, differences
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.feeds import (
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.feeds import (
     edited,
     plain,
     reverse,
     reverse_description,
     vectors_of,
 )
-from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
-from stepbus_orchestrator.conformance.outcome import Skipped
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit, Trace
+from stepbus_orchestrator.diagnosis.conformance.outcome import Skipped
 from stepbus_schemas import Description, encode, message_class
 
 _BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)

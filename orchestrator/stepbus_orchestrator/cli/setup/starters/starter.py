@@ -14,7 +14,7 @@ from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
 _PACKAGE = Path(__file__).parent
-_CHECKOUT = _PACKAGE.parents[2]
+_CHECKOUT = _PACKAGE.parents[4]
 _MODEL_FILES = ("two_link.urdf", "world.yaml")
 _NAME = re.compile(r"^name: .*$", re.MULTILINE)
 _WORLD = re.compile(r'"?package://stepbus_scenarios/two_link/world\.yaml"?')

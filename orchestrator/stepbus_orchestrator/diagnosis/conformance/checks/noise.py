@@ -6,11 +6,11 @@ from functools import partial
 
 import msgspec
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.feeds import Feed, Ports
-from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit
-from stepbus_orchestrator.conformance.outcome import Skipped
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.feeds import Feed, Ports
+from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
+from stepbus_orchestrator.diagnosis.conformance.outcome import Skipped
 from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Start, Stop, Trigger, encode

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.feeds import Feed, repeated, shifted
-from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit, Trace
-from stepbus_orchestrator.conformance.harness.setup import Setup
-from stepbus_orchestrator.conformance.outcome import Failed, Skipped
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.feeds import Feed, repeated, shifted
+from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit, Trace
+from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 
 _SLOW_S = 0.1
 

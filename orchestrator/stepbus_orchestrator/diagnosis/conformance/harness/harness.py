@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from stepbus_orchestrator.conformance.outcome import Failed
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
 from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_schemas import (
     HANDSHAKE_STEP,

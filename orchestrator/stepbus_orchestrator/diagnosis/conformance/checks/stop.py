@@ -2,10 +2,10 @@
 
 import signal
 
-from stepbus_orchestrator.conformance.check import check
-from stepbus_orchestrator.conformance.harness.harness import Harness
-from stepbus_orchestrator.conformance.harness.kit import Kit
-from stepbus_orchestrator.conformance.outcome import Failed, Skipped
+from stepbus_orchestrator.diagnosis.conformance.check import check
+from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
+from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
+from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 
 _TERM_S = 1.0
 # By then it waits: it has nothing else to do.
