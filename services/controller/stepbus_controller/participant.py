@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_kinematics import JointOrder, Smoother, Vector, delay_warning, make_smoother
+from stepbus_kinematics import Smoother, Vector, delay_warning, joint_orders, make_smoother
 from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (
     ControllerStatus,
@@ -17,7 +17,6 @@ from stepbus_schemas import (
     JointState,
     Message,
     RunError,
-    WiringError,
     due_step,
 )
 
@@ -47,8 +46,9 @@ class ControllerParticipant(Participant):
         params = config.read(Params, ports.problems)
         self._estimator: VelocityEstimator | None = make_estimator(params)
         sensed_s = max(config.every, config.inputs[self._state_port].every) * config.step_ns * 1e-9
-        self._smoother: Smoother | None = make_smoother(params, sensed_s)
-        self._velocity_smoother: Smoother | None = make_smoother(params, sensed_s)
+        filters = (params.smoothing, params.time_constant, params.window, sensed_s)
+        self._smoother: Smoother | None = make_smoother(*filters)
+        self._velocity_smoother: Smoother | None = make_smoother(*filters)
         self._robot = make_robot(config, params)
         self.law = make_law(config, params, self._robot)
         self._limit: list[float] = self._robot.effort_limit.tolist()
@@ -70,17 +70,10 @@ class ControllerParticipant(Participant):
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for those that are missing."""
-        orders: dict[str, JointOrder] = {}
-        problems: list[str] = []
-        for port in (self._state_port, self._reference_port):
-            try:
-                orders[port] = JointOrder(port, inputs[port].names, self._robot.joints)
-            except WiringError as exc:
-                problems += [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-        if problems:
-            raise WiringError("\n".join(problems))
-        self._state_order = orders[self._state_port]
-        self._reference_order = orders[self._reference_port]
+        ports = (self._state_port, self._reference_port)
+        self._state_order, self._reference_order = joint_orders(
+            self.config.name, inputs, ports, self._robot.joints
+        )
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the torques of this step and the tracking error."""

@@ -9,30 +9,27 @@ from typing import TYPE_CHECKING, Any
 from .params import Smoothing, SmoothingParams, TimeConstant, Window, window_problems
 
 if TYPE_CHECKING:
-    from .geometry import collision_geometry, keep_moving_pairs, radius_from
-    from .joint_order import JointOrder
-    from .model import STANDARD_GRAVITY, Indices, Overload, RobotModel, Vector
+    from .geometry import collision_geometry, radius_from
+    from .joint_order import JointOrder, joint_orders
+    from .model import Indices, Overload, RobotModel, Vector
     from .self_collisions import LinkPair, SelfCollisions
-    from .smoothing import LowPass, SavitzkyGolay, Smoother, delay_warning, make_smoother
+    from .smoothing import Smoother, delay_warning, make_smoother
 
 _MODULES = {
-    "geometry": ("collision_geometry", "keep_moving_pairs", "radius_from"),
-    "joint_order": ("JointOrder",),
-    "model": ("STANDARD_GRAVITY", "Indices", "Overload", "RobotModel", "Vector"),
+    "geometry": ("collision_geometry", "radius_from"),
+    "joint_order": ("JointOrder", "joint_orders"),
+    "model": ("Indices", "Overload", "RobotModel", "Vector"),
     "self_collisions": ("LinkPair", "SelfCollisions"),
-    "smoothing": ("LowPass", "SavitzkyGolay", "Smoother", "delay_warning", "make_smoother"),
+    "smoothing": ("Smoother", "delay_warning", "make_smoother"),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
-    "STANDARD_GRAVITY",
     "Indices",
     "JointOrder",
     "LinkPair",
-    "LowPass",
     "Overload",
     "RobotModel",
-    "SavitzkyGolay",
     "SelfCollisions",
     "Smoother",
     "Smoothing",
@@ -42,7 +39,7 @@ __all__ = [
     "Window",
     "collision_geometry",
     "delay_warning",
-    "keep_moving_pairs",
+    "joint_orders",
     "make_smoother",
     "radius_from",
     "window_problems",

@@ -1,11 +1,11 @@
 """Bring the vectors of a port into a joint order of your own."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from stepbus_participant import suggest
-from stepbus_schemas import RunError, WiringError
+from stepbus_schemas import Description, RunError, WiringError
 
 from .model import Vector
 
@@ -47,3 +47,21 @@ class JointOrder:
                 f"{self._length} joints"
             )
         return np.array([values[i] for i in self._index])
+
+
+def joint_orders(
+    who: str, inputs: Mapping[str, Description], ports: Sequence[str], wanted: Sequence[str]
+) -> list[JointOrder]:
+    """Return the joint orders of several ports.
+
+    who: the participant, for messages. Raises WiringError that lists what is wrong with any.
+    """
+    orders, problems = [], []
+    for port in ports:
+        try:
+            orders.append(JointOrder(port, inputs[port].names, wanted))
+        except WiringError as exc:
+            problems += [f"{who}: {line}" for line in str(exc).splitlines()]
+    if problems:
+        raise WiringError("\n".join(problems))
+    return orders

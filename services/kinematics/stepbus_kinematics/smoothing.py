@@ -71,32 +71,13 @@ def delay_warning(smoother: Smoother | None) -> list[str]:
     return [f"smoothing delays the measurements by {smoother.delay * 1e3:.1f} ms"]
 
 
-class SmoothingChoice(Protocol):
-    """Parameters that describe a filter; see `SmoothingParams`."""
-
-    @property
-    def smoothing(self) -> str:
-        """Return the name of the filter."""
-        ...
-
-    @property
-    def time_constant(self) -> float:
-        """Return τ of the low pass [s]."""
-        ...
-
-    @property
-    def window(self) -> int:
-        """Return the samples of the Savitzky-Golay filter."""
-        ...
-
-
-def make_smoother(params: SmoothingChoice, period: float) -> Smoother | None:
-    """Return a filter as the parameters describe it; None: no smoothing.
+def make_smoother(
+    smoothing: str, time_constant: float, window: int, period: float
+) -> Smoother | None:
+    """Return a filter as `SmoothingParams` describe it; None: no smoothing.
 
     period: between two measurements [s].
     """
-    if params.smoothing == "low_pass":
-        return LowPass(params.time_constant, period)
-    if params.smoothing == "savitzky_golay":
-        return SavitzkyGolay(params.window, period)
-    return None
+    if smoothing == "low_pass":
+        return LowPass(time_constant, period)
+    return SavitzkyGolay(window, period) if smoothing == "savitzky_golay" else None

@@ -5,7 +5,7 @@ import pytest
 from support.services.control import controller_config, make_controller
 
 from stepbus_controller.participant import ControllerParticipant
-from stepbus_kinematics import LowPass, SavitzkyGolay
+from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay
 from stepbus_schemas import JointReference, JointState, WiringError
 
 PERIOD = 0.005

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stepbus_kinematics import JointOrder, Vector
+from stepbus_kinematics import Vector, joint_orders
 from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (
     ControllerStatus,
@@ -13,7 +13,6 @@ from stepbus_schemas import (
     JointReference,
     JointState,
     Message,
-    WiringError,
     due_step,
 )
 
@@ -51,17 +50,10 @@ class PositionController(Participant):
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for those that are missing."""
-        orders: dict[str, JointOrder] = {}
-        problems: list[str] = []
-        for port in (self._reference_port, self._state_port):
-            try:
-                orders[port] = JointOrder(port, inputs[port].names, self._joints)
-            except WiringError as exc:
-                problems += [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-        if problems:
-            raise WiringError("\n".join(problems))
-        self._reference_order = orders[self._reference_port]
-        self._state_order = orders[self._state_port]
+        ports = (self._reference_port, self._state_port)
+        self._reference_order, self._state_order = joint_orders(
+            self.config.name, inputs, ports, self._joints
+        )
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the targets of this step, and the tracking error."""

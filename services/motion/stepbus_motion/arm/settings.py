@@ -43,5 +43,5 @@ def read_arm_settings(config: Config, problems: Problems, period: float) -> ArmS
         limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
         settling=make_settling(params),
         tries_unholdable=params.not_holdable == "try",
-        smoother=make_smoother(params, period),
+        smoother=make_smoother(params.smoothing, params.time_constant, params.window, period),
     )
