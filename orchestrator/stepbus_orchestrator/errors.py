@@ -9,6 +9,7 @@ RunError
    ├─ StopTimeout (TimeoutError)       a participant did not exit by its deadline
    ├─ BusFailed (ConnectionError)      the bus could not be opened
    ├─ RecordingFailed (OSError)        a recording could not be written or read
+   ├─ Untrusted                        a recording made elsewhere would start programs
    └─ Interrupted                      the user pressed Ctrl-C
 """
 
@@ -32,6 +33,7 @@ class ExitCode(IntEnum):
     STOP_TIMEOUT = 9
     DIFFERENT = 10
     NONCONFORMING = 11
+    UNTRUSTED = 12
     INTERRUPTED = 130
 
 
@@ -103,6 +105,12 @@ class RecordingFailed(RunFailure, OSError):
     """A recording could not be written or read."""
 
     code = ExitCode.RECORDING
+
+
+class Untrusted(RunFailure):
+    """A recording that was made elsewhere would start programs, and nobody said that it may."""
+
+    code = ExitCode.UNTRUSTED
 
 
 class Interrupted(RunFailure):

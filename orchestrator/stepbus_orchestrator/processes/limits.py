@@ -4,7 +4,7 @@ import resource
 
 from stepbus_orchestrator.errors import StartFailed
 
-_OWN_FILES = 15
+_OWN_FILES = 21
 """Open files of an orchestrator without participants; each of these adds a link."""
 
 

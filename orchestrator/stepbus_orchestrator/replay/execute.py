@@ -54,6 +54,7 @@ def replay(
     tolerance: Tolerance | None = None,
     update: Path | None = None,
     window: int = WINDOW,
+    trusted: str | None = None,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> ReplayResult:
@@ -61,7 +62,8 @@ def replay(
 
     program: another program than the recorded one, started in the current folder. overrides:
     settings such as `controller.params.kp=101`. update: where to write a new reference recording.
-    window: how far the peers are ahead [steps]. observer, interrupt: as of `run`.
+    window: how far the peers are ahead [steps]. trusted: fingerprint of the programs that may be
+    started (`known_programs`); None: any. observer, interrupt: as of `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
     RunFailure when the participant fails; then its log is kept.
@@ -78,7 +80,12 @@ def replay(
     )
     try:
         full = prepare(
-            opened, participant, folder / "source", overrides, own_program=program is not None
+            opened,
+            participant,
+            folder / "source",
+            overrides,
+            own_program=program is not None,
+            trusted=trusted,
         )
         scenario = shorten(full, opened, participant, window)
         with new_reference(update, opened, full, is_changed=bool(overrides)) as reference:

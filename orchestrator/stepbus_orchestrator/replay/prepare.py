@@ -9,14 +9,13 @@ import msgspec
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.processes import low_latency
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_participant import suggest
-from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
 from .recorded import replayable_steps
-from .rerun import origin_of, unpack
+from .rerun import origin_of, refuse_others, unpack
+from .trust import recorded_commands
 
 _NO_PROGRAM = "[python]"
 
@@ -28,20 +27,24 @@ def prepare(
     overrides: Sequence[str],
     *,
     own_program: bool,
+    trusted: str | None = None,
 ) -> Scenario:
     """Unpack a recording's scenario into a new folder and return it, as it was recorded.
 
     own_program: whether the participant's program is not the recorded one. Programs that the
-    replay does not start need not be there.
+    replay does not start need not be there. trusted: fingerprint of the programs that may be
+    started; None: any.
 
     Raises RecordingFailed when there is no scenario in it, WiringError when it has no such
     participant, ScenarioError when it cannot be replayed here.
     """
-    path = unpack(origin_of(recording), folder)
-    programs = _programs(recording)
+    origin = origin_of(recording)
+    refuse_others(origin, trusted)
+    programs = recorded_commands(recording)
     if participant not in programs:
         known = suggest(participant, programs)
         raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
+    path = unpack(origin, folder)
     unused = [name for name in programs if own_program or name != participant]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
@@ -52,16 +55,6 @@ def prepare(
     ]
     # What was recorded is what came of the faults; they are not injected once more.
     return dataclasses.replace(scenario, participants=tuple(specs), faults=())
-
-
-def _programs(recording: Recording) -> dict[str, tuple[str, ...]]:
-    """Return the recorded `exec` of each participant."""
-    text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
-    content = parse_yaml(SCENARIO_ATTACHMENT, text)
-    try:
-        return {name: tuple(row["exec"]) for name, row in content["participants"].items()}
-    except (KeyError, TypeError, AttributeError) as exc:
-        raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is no scenario") from exc
 
 
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.recording.known_programs import fingerprint
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.progress import Observer
@@ -54,14 +55,11 @@ def origin_of(recording: Recording) -> Origin:
     Raises RecordingFailed when that holds no scenario, or a file whose name leads out of its
     folder.
     """
-    if SCENARIO_ATTACHMENT not in recording.attachments:
-        raise RecordingFailed(
-            f"{recording.path} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
-        )
+    scenario, files = attached(recording)
     return Origin(
         recording=recording.path,
-        scenario=recording.attachments[SCENARIO_ATTACHMENT],
-        files=_files(recording.path, recording.attachments),
+        scenario=scenario,
+        files=files,
         versions={
             owner: content
             for name, content in recording.metadata.items()
@@ -71,6 +69,16 @@ def origin_of(recording: Recording) -> Origin:
         flaws=recording.flaws(),
         calls=recorded_calls(recording),
     )
+
+
+def attached(recording: Recording) -> tuple[bytes, Mapping[str, bytes]]:
+    """Return the scenario that a recording holds, and its files; raises as `origin_of`."""
+    if SCENARIO_ATTACHMENT not in recording.attachments:
+        raise RecordingFailed(
+            f"{recording.path} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
+        )
+    files = _files(recording.path, recording.attachments)
+    return recording.attachments[SCENARIO_ATTACHMENT], files
 
 
 def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -84,6 +92,12 @@ def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes
         if path.is_absolute() or ".." in path.parts or not path.parts or "\0" in name:
             raise RecordingFailed(f"{recording}: attached file {name!r} leads out of its folder")
     return files
+
+
+def refuse_others(origin: Origin, trusted: str | None) -> None:
+    """Raise RecordingFailed where a recording has other programs than those that may be started."""
+    if trusted not in {None, fingerprint(origin.scenario, origin.files)}:
+        raise RecordingFailed(f"{origin.recording} has changed since it was checked; try again")
 
 
 def unpack(origin: Origin, folder: Path) -> Path:
@@ -130,13 +144,22 @@ class Rerun:
 class Preparation:
     """A run from a recording that is about to start; its files are unpacked in `out/source`.
 
-    overrides: settings such as `window=1`. notes: what may make it different from the recorded
-    one. Raises RecordingFailed when the recording is not fit for it or `out` holds a run already,
+    overrides: settings such as `window=1`. trusted: fingerprint of the programs that may be
+    started; None: any. notes: what may make it different from the recorded one.
+    Raises RecordingFailed when the recording is not fit for it or `out` holds a run already,
     and ScenarioError when the scenario cannot run here.
     """
 
-    def __init__(self, recording: Path, out: Path, overrides: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        recording: Path,
+        out: Path,
+        overrides: Sequence[str] = (),
+        *,
+        trusted: str | None = None,
+    ) -> None:
         self._origin = read_origin(recording)
+        refuse_others(self._origin, trusted)
         self._out = out
         if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
             raise RecordingFailed(f"{out} holds a run already; choose another --out")

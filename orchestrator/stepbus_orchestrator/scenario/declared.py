@@ -9,7 +9,6 @@ import ast
 import importlib
 import json
 import subprocess
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from stepbus_participant.parameters import find_problems
 
 from .files.paths import is_file
 from .model import ParticipantSpec, Scenario
-from .program import module_file, python_target
+from .program import PYTHON, module_file, python_target
 
 _NAME = "Params"
 _LONGEST_S = 30.0
@@ -111,7 +110,7 @@ def _check_separately(
         {"file": str(at.file), "module": at.module, "name": at.name, "params": dict(spec.params)}
         for spec, at in rows
     ]
-    words = [sys.executable, "-m", "stepbus_participant.parameters"]
+    words = [*PYTHON, "-m", "stepbus_participant.parameters"]
     try:
         done = subprocess.run(
             words,

@@ -23,6 +23,28 @@ _PACKAGES = {
 }
 """Program → the Debian package that has it, for languages of our examples."""
 
+OURS = (
+    "stepbus",
+    "stepbus_bridge",
+    "stepbus_controller",
+    "stepbus_kinematics",
+    "stepbus_mission",
+    "stepbus_motion",
+    "stepbus_orchestrator",
+    "stepbus_participant",
+    "stepbus_perception",
+    "stepbus_planner",
+    "stepbus_plant",
+    "stepbus_pytest",
+    "stepbus_scenarios",
+    "stepbus_schemas",
+    "stepbus_selftest",
+)
+"""Packages of this installation: no folder of that name in a scenario's folder replaces one."""
+
+PYTHON = (sys.executable, "-P")
+"""Python that searches the installed packages only, not the working directory."""
+
 _FLAGS_WITH_VALUE = ("-X", "-W", "--check-hash-based-pycs")
 
 
@@ -36,12 +58,17 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     """
     program, rest = words[0], words[1:]
     if program == "python":
-        return (sys.executable, *rest)
+        return (*(PYTHON if _runs_ours(rest) else PYTHON[:1]), *rest)
     if (program, *rest[:1]) == ("stepbus", "bridge"):
         return _bridge_command(rest[1:], folder)
     if program == "stepbus":
-        return (sys.executable, "-m", "stepbus_orchestrator", *rest)
+        return (*PYTHON, "-m", "stepbus_orchestrator", *rest)
     return (_find(program, folder), *rest)
+
+
+def _runs_ours(arguments: Sequence[str]) -> bool:
+    launch, name = python_target(arguments)
+    return launch == "module" and name.partition(".")[0] in OURS
 
 
 def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
@@ -60,7 +87,7 @@ def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
     """Return the command of the bridge; the bridged program, after `--`, is found first."""
     split = arguments.index("--") + 1 if "--" in arguments else len(arguments)
     program = command(arguments[split:], folder) if arguments[split:] else ()
-    return (sys.executable, "-m", "stepbus_bridge", *arguments[:split], *program)
+    return (*PYTHON, "-m", "stepbus_bridge", *arguments[:split], *program)
 
 
 def check_command(words: Sequence[str], folder: Path) -> None:
@@ -143,8 +170,9 @@ def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
         return None
     # A file may have been written since this process last checked.
     importlib.invalidate_caches()
-    # `python -m` puts the working directory, which is the scenario's folder, first.
-    spec = PathFinder.find_spec(parts[0], [str(folder)]) or importlib.util.find_spec(parts[0])
+    # `python -m` puts the working directory, which is the scenario's folder, first; not for ours.
+    own = None if parts[0] in OURS else PathFinder.find_spec(parts[0], [str(folder)])
+    spec = own or importlib.util.find_spec(parts[0])
     for depth in range(2, len(parts) + 1):
         spec = _submodule(spec, ".".join(parts[:depth])) if spec else None
     return spec

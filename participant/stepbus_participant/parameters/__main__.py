@@ -26,6 +26,8 @@ from .settings import Settings
 def main() -> int:
     """Answer the requests on standard input; what imported modules print goes to stderr."""
     requests = json.load(sys.stdin)
+    # Only from here on: `python -P` has loaded what is installed, not what the folder calls alike.
+    sys.path.insert(0, str(Path.cwd()))
     with contextlib.redirect_stdout(sys.stderr):
         answers = [_check(request) for request in requests]
     json.dump(answers, sys.stdout)

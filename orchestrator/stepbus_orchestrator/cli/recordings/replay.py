@@ -14,6 +14,7 @@ from stepbus_orchestrator.replay import WINDOW, ReplayResult, replay
 from stepbus_schemas import WiringError
 
 from .tolerance_arguments import add_tolerance_arguments, tolerance_of
+from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"how many steps its peers are played ahead of it (default: {WINDOW})",
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
+    add_trust(parser)
     parser.add_argument(
         "--exec",
         nargs=argparse.REMAINDER,
@@ -55,6 +57,7 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _replay(args: argparse.Namespace) -> ReplayResult:
     tolerance = tolerance_of(args, args.participant)
+    trusted = trusted_programs(args, args.participant, own_program=args.exec is not None)
     title = f"replay of {args.participant}"
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
         return replay(
@@ -65,6 +68,7 @@ def _replay(args: argparse.Namespace) -> ReplayResult:
             tolerance=tolerance,
             update=args.update,
             window=args.window,
+            trusted=trusted,
             observer=display,
             interrupt=interrupt,
         )
@@ -84,7 +88,8 @@ COMMAND = Command(
     description="Starts one participant of a recorded run, or another program in its place, feeds "
     "it exactly the recorded inputs in lockstep, and compares each output with the recorded one: "
     "byte for byte, or within a tolerance. Shows the first divergent step with its inputs. Exit "
-    "code 0: equal, 10: different. A recording contains programs: replay only one that you trust.",
+    "code 0: equal, 10: different. A recording contains programs: one that you have not run here "
+    "is shown first, and needs a yes, or --trust.",
     examples=(
         "stepbus replay run.mcap --participant controller",
         "stepbus replay run.mcap --participant controller --set controller.params.kp=101",

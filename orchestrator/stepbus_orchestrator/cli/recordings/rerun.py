@@ -12,16 +12,21 @@ from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
 
+from .trust import add_trust, trusted_programs
+
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, help="the run.mcap of a run")
     add_overrides(parser, "override one value, e.g. window=1; may be repeated")
     parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+    add_trust(parser)
 
 
 def _execute(args: argparse.Namespace) -> int:
-    preparation = Preparation(args.recording, args.out or _default(args.recording), args.set)
+    trusted = trusted_programs(args)
+    out = args.out or _default(args.recording)
+    preparation = Preparation(args.recording, out, args.set, trusted=trusted)
     if not args.json:
         _warn(preparation.notes)
     title = preparation.scenario.name
@@ -81,7 +86,7 @@ COMMAND = Command(
     description="Extracts the scenario and its files from a recording into <out>/source, runs "
     "them, and compares the new recording with the old one, byte for byte. Lists what differs on "
     "this machine. Exit code 0: every message is equal, 10: one differs. A recording contains "
-    "programs: run only one that you trust.",
+    "programs: those that you have not run here are shown first, and need a yes, or --trust.",
     examples=(
         "stepbus rerun runs/two_link-20250101-120000/run.mcap",
         "stepbus rerun run.mcap --set window=1 --out /tmp/again",

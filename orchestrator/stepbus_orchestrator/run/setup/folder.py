@@ -6,6 +6,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, layout
+from stepbus_orchestrator.recording.known_programs import fingerprint, remember
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
 
@@ -52,18 +53,20 @@ def claim(out: Path) -> None:
 
 
 def attach(file: McapFile, scenario: Scenario) -> None:
-    """Attach all that is needed to run again from the recording alone.
+    """Attach all that is needed to run again from the recording alone, and remember it as ours.
 
     Raises RecordingFailed when a file of the scenario cannot be read.
     """
-    text = resolved(scenario)
-    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text.encode())
+    text, contents = resolved(scenario).encode(), {}
+    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
     for name, path in files(scenario).items():
         try:
             content = path.read_bytes()
         except OSError as exc:
             raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
         file.attach(layout.file_attachment(name), "application/octet-stream", content)
+        contents[name] = content
+    remember(fingerprint(text, contents))
     file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
     if scenario.faults:
         rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(scenario.faults)}

@@ -11,7 +11,7 @@ from typing import Any
 from stepbus_participant.parameters import Keys
 
 from ..model import ParticipantSpec, Scenario
-from ..program import python_target
+from ..program import OURS, python_target
 from .names import FileUnreadable, modules_in, names_in
 from .paths import is_file, is_folder
 
@@ -48,6 +48,8 @@ class FileSearch:
     def module(self, keys: Keys, module: str, bases: list[Path]) -> None:
         """Look for the Python file, or the files of the package, that a module's name means."""
         top = module.partition(".")[0]
+        if top in OURS:
+            return
         for base in bases:
             if is_file(base / f"{top}.py"):
                 self._take(keys, base / f"{top}.py")

@@ -1,0 +1,83 @@
+"""The programs that this user has started on this machine, by the fingerprints of their scenarios.
+
+A recording holds programs: what a scenario starts, and its files. Those that you have run here may
+be started again unasked, wherever their recording lies now; those of others are strangers. The list
+is in `$XDG_STATE_HOME/stepbus/programs` (`~/.local/state/…`). It changes no result.
+"""
+
+import contextlib
+import hashlib
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+_LARGEST = 4 * 1024 * 1024
+_OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def fingerprint(scenario: bytes, files: Mapping[str, bytes]) -> str:
+    """Return the SHA-256 of all that a recording can start: its scenario, and files by name."""
+    digest = hashlib.sha256()
+    for name, content in [("", scenario), *sorted(files.items())]:
+        for part in (name.encode(errors="surrogateescape"), content):
+            digest.update(len(part).to_bytes(8, "little"))
+            digest.update(part)
+    return digest.hexdigest()
+
+
+def remember(programs: str) -> None:
+    """Add a fingerprint to the list; does nothing where that cannot be written."""
+    with contextlib.suppress(OSError, RuntimeError):
+        if is_known(programs):
+            return
+        path = _path()
+        path.parent.mkdir(parents=True, mode=0o700, exist_ok=True)
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        file = os.open(path, flags, 0o600)
+        try:
+            if not _is_ours(file):
+                return
+            os.write(file, f"{programs}\n".encode())
+            size = os.fstat(file).st_size
+        finally:
+            os.close(file)
+        if size > _LARGEST:
+            _forget_oldest(path)
+
+
+def is_known(programs: str) -> bool:
+    """Return whether a fingerprint is on the list, and nobody else can have written it there."""
+    try:
+        file = os.open(_path(), os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except (OSError, RuntimeError):
+        return False
+    try:
+        return _is_ours(file) and programs.encode() in _read(file).split(b"\n")
+    finally:
+        os.close(file)
+
+
+def _path() -> Path:
+    given = Path(os.environ.get("XDG_STATE_HOME", ""))
+    base = given if given.is_absolute() else Path.home() / ".local" / "state"
+    return base / "stepbus" / "programs"
+
+
+def _is_ours(file: int) -> bool:
+    found = os.fstat(file)
+    is_own = found.st_uid == os.geteuid() and stat.S_ISREG(found.st_mode)
+    return is_own and not found.st_mode & _OTHERS_MAY_WRITE
+
+
+def _read(file: int) -> bytes:
+    with os.fdopen(os.dup(file), "rb") as stream:
+        return stream.read()
+
+
+def _forget_oldest(path: Path) -> None:
+    lines = path.read_bytes().splitlines(keepends=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    part.touch(mode=0o600)
+    part.write_bytes(b"".join(lines[len(lines) // 2 :]))
+    part.replace(path)
