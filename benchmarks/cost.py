@@ -101,7 +101,8 @@ def main() -> None:
     for number in range(args.rounds):
         for case in cases if number % 2 == 0 else reversed(cases):
             case.measure(args.steps)
-        sys.stderr.write(f"round {number + 1} of {args.rounds} done\n")
+        newest = (f"{c.name} {c.window}: {c.rates[-1]:.0f}/s {c.costs[-1]:.0f} µs" for c in cases)
+        sys.stderr.write(f"round {number + 1} of {args.rounds}: {', '.join(newest)}\n")
     show(cases, args.rounds, args.steps)
 
 

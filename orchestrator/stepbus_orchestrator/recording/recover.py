@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import parse_duration
@@ -17,6 +17,7 @@ from stepbus_schemas import StepbusError
 
 from . import layout
 from .holes import Holes
+from .message_writer import MessageWriter
 from .scanner import Scanner
 
 
@@ -104,7 +105,7 @@ class _Copy:
             )
         with part.open("wb") as file:
             # As the recorder does, so that an undamaged recording comes out byte for byte.
-            writer: Any = Writer(
+            writer: Any = MessageWriter(
                 file,
                 chunk_size=layout.CHUNK_BYTES,
                 compression=CompressionType.ZSTD,

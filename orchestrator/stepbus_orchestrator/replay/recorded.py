@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import msgspec
+import numpy as np
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, topic_of
@@ -104,7 +105,10 @@ def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
     publishes now and then may have had nothing more to say.
     """
     topics = [topic_of(spec.name, port) for port in spec.outputs]
-    steps = {int(step) for t in topics if t in recording for step in recording[t].steps}
-    last = max(steps, default=-spec.every)
-    dense = len(steps) == last // spec.every + 1
-    return last + spec.every if steps and dense else None
+    ports = [recording[topic] for topic in topics if topic in recording]
+    count, last = 0, -spec.every
+    for batch in recording.batches(ports):
+        steps = np.unique(np.concatenate([one.steps for one in batch.values()]))
+        count, last = count + len(steps), max(last, int(steps[-1]))
+    dense = count == last // spec.every + 1
+    return last + spec.every if count and dense else None
