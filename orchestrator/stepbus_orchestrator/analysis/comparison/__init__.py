@@ -1,8 +1,7 @@
 """Compares messages: equal to the byte, within a tolerance, or where they diverge."""
 
-from .divergence import Divergence, PortResult, in_order
+from .divergence import Divergence, PortResult, in_order, port_lines
 from .port import PortComparison, fields_of
-from .text import port_lines
 from .tolerance import FieldTolerance, Tolerance, parse_tolerance, read_tolerance
 from .values import differences, short
 

@@ -9,7 +9,7 @@ from msgspec import inspect as types
 from stepbus_participant import Settings
 from stepbus_participant.parameters import default, is_own, mark, options_of, plain
 
-from .rows import descriptions, fields_of, is_duration, settings_of, show_default
+from .tables import descriptions, fields_of, is_duration, settings_of, show_default
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 _NULL = {"type": "null"}
