@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import pybullet as bullet
 from PIL import Image
 from store_pictures import FOLDER, Log, Look, Moments, Picture, Scene
 
@@ -85,25 +84,8 @@ def frames(log: Log, scene: Scene, film: Sequence[Shot], step_s: float) -> Itera
 
 def draw(scene: Scene, look: Look) -> Picture:
     """Return what is seen, with a plain sky, drawn in twice the size first."""
-    width, height = 2 * SIZE[0], 2 * SIZE[1]
-    _, _, pixels, _, seen = bullet.getCameraImage(
-        width,
-        height,
-        viewMatrix=bullet.computeViewMatrixFromYawPitchRoll(
-            look.target, look.distance, look.yaw - 90, -look.pitch, 0, 2
-        ),
-        projectionMatrix=bullet.computeProjectionMatrixFOV(look.fov, width / height, 0.05, 40),
-        renderer=bullet.ER_TINY_RENDERER,
-        shadow=1,
-        lightDirection=(-2.0, 2.5, 6.0),
-        lightDistance=20.0,
-        lightAmbientCoeff=0.62,
-        lightDiffuseCoeff=0.42,
-        lightSpecularCoeff=0.0,
-        physicsClientId=scene.client,
-    )
-    picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3].copy()
-    body = np.reshape(np.asarray(seen), (height, width))
+    light = {"lightDistance": 20.0, "lightAmbientCoeff": 0.62, "lightDiffuseCoeff": 0.42}
+    picture, body = scene.render(look, 2 * SIZE[0], 2 * SIZE[1], shadow=1, **light)
     floor = body == scene.body("ground")
     picture[floor] = np.clip(FLOOR + 3.0 * (picture[floor] - LIT_FLOOR), 150, 255)
     picture[body < 0] = SKY

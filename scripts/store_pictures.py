@@ -138,11 +138,6 @@ class Scene:
         self._physics.prepare()
         self._bodies = list(world.bodies)
 
-    @property
-    def client(self) -> int:
-        """PyBullet's number of the world."""
-        return self._physics.client
-
     def body(self, name: str) -> int:
         """Return the number of a body, which the segmentation of a picture has."""
         return self._bodies.index(name)
@@ -169,25 +164,30 @@ class Scene:
 
     def draw(self, look: Look, width: int, height: int) -> Picture:
         """Return what is seen, drawn in twice the size first to have smooth edges."""
+        light = {"lightAmbientCoeff": 0.55, "lightDiffuseCoeff": 0.5}
+        large, _ = self.render(look, 2 * width, 2 * height, shadow=0, **light)
+        return _picture(cv2.resize(large, (width, height), interpolation=cv2.INTER_AREA))
+
+    def render(
+        self, look: Look, width: int, height: int, **light: float
+    ) -> tuple[Picture, NDArray[np.int32]]:
+        """Return what is seen, and the number of the body that each pixel shows."""
         view = bullet.computeViewMatrixFromYawPitchRoll(
             look.target, look.distance, look.yaw - 90, -look.pitch, 0, 2
         )
-        projection = bullet.computeProjectionMatrixFOV(look.fov, width / height, 0.05, 40)
-        pixels = bullet.getCameraImage(
-            2 * width,
-            2 * height,
+        _, _, pixels, _, seen = bullet.getCameraImage(
+            width,
+            height,
             viewMatrix=view,
-            projectionMatrix=projection,
+            projectionMatrix=bullet.computeProjectionMatrixFOV(look.fov, width / height, 0.05, 40),
             renderer=bullet.ER_TINY_RENDERER,
-            shadow=0,
             lightDirection=(-2.0, 2.5, 6.0),
-            lightAmbientCoeff=0.55,
-            lightDiffuseCoeff=0.5,
             lightSpecularCoeff=0.0,
             physicsClientId=self._physics.client,
-        )[2]
-        large = np.reshape(np.asarray(pixels, dtype=np.uint8), (2 * height, 2 * width, 4))
-        return _picture(cv2.resize(large[..., :3], (width, height), interpolation=cv2.INTER_AREA))
+            **light,
+        )
+        colours = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
+        return colours.copy(), np.reshape(np.asarray(seen), (height, width))
 
 
 def _picture(pixels: Any) -> Picture:

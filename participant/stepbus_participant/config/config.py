@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stepbus_participant.files import find_file, package_path
+from stepbus_participant.files import find_file
 from stepbus_participant.parameters.problems import Problems
 from stepbus_participant.parameters.read import read
 from stepbus_participant.parameters.settings import Settings
 from stepbus_schemas import InputConfig, OutputConfig, Welcome, WiringError
-
-__all__ = ["Config", "package_path"]
 
 S = TypeVar("S", bound=Settings)
 

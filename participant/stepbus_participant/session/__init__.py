@@ -6,7 +6,7 @@ from .control import Control
 from .inputs import Input, PeerFault, make_inputs
 from .outbox import OutputError
 from .session import Session, Terminated
-from .sources import Source, carries_token, make_sources
+from .sources import carries_token, make_sources
 
 __all__ = [
     "Control",
@@ -14,7 +14,6 @@ __all__ = [
     "OutputError",
     "PeerFault",
     "Session",
-    "Source",
     "Terminated",
     "carries_token",
     "join",

@@ -46,7 +46,6 @@ class Outbox:
         self._classes = {
             port: message_class(config.type) for port, config in welcome.outputs.items()
         }
-        self._is_bulk = {port for port, config in welcome.outputs.items() if config.bulk}
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
         self._put_log = bus.publisher(f"log/{welcome.name}", encoding_of("Log/1"))
         self._put_bulk = {
@@ -77,7 +76,7 @@ class Outbox:
         bulk: dict[str, int] = {}
         for port, message in (messages or {}).items():
             data = self._encode(step, port, message)
-            if port in self._is_bulk:
+            if port in self._put_bulk:
                 bulk[port] = len(data)
                 self._put_bulk[port](data, attachment=stamp(step, self._welcome.token))
             else:

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping
 from importlib.metadata import version
 
+from stepbus_kinematics import JointOrder
 from stepbus_participant import Config, Participant, Step
 from stepbus_schemas import (
     Description,
@@ -19,7 +20,7 @@ from stepbus_schemas import (
 from .catalog import Catalog, read_catalog
 from .geometry import turn_about_z
 from .images import View, make_view
-from .robot import JointReader
+from .robot import read_angles
 from .sources import CameraSettings, TruthSettings, read_settings
 from .truth import Truth
 
@@ -41,12 +42,13 @@ class CameraSource:
         self._frame = frame
         self._mount = settings.mount
         self._detector = Detector(catalog, settings.min_confidence)
-        joints = settings.mount.joints
-        self._reader = JointReader(settings.joint_state, described.names, joints)
+        self._port = settings.joint_state
+        self._order = JointOrder(self._port, described.names, settings.mount.joints)
 
     def detections(self, view: View, state: JointState) -> Detections:
         """Return the items in a view; state: the joints at its time."""
-        found = self._detector.find(view, self._mount.pose(self._reader.read(state)))
+        angles = read_angles(self._order, self._port, state)
+        found = self._detector.find(view, self._mount.pose(angles))
         return Detections(
             frame=self._frame,
             types=[item.type for item in found],

@@ -32,20 +32,13 @@ class CameraMount:
         return Pose(rotation=pose.rotation.copy(), position=pose.translation.copy())
 
 
-class JointReader:
-    """Reads the angles of some joints, by name, from one port; see `JointOrder`."""
+def read_angles(order: JointOrder, port: str, state: JointState) -> list[float]:
+    """Return the angles in an order [rad]; port: where they come from.
 
-    def __init__(self, port: str, given: Sequence[str], wanted: Sequence[str]) -> None:
-        self._port = port
-        self._order = JointOrder(port, given, wanted)
-
-    def read(self, state: JointState) -> list[float]:
-        """Return the angles [rad], in the order wanted.
-
-        Raises RunError for a state without them, or with one that is no finite number.
-        """
-        angles = self._order.pick(state.position, "position")
-        if not np.isfinite(angles).all():
-            raise RunError(f"input {self._port!r}: {angles} rad are not all finite numbers")
-        read: list[float] = angles.tolist()
-        return read
+    Raises RunError for a state without them, or with one that is no finite number.
+    """
+    angles = order.pick(state.position, "position")
+    if not np.isfinite(angles).all():
+        raise RunError(f"input {port!r}: {angles} rad are not all finite numbers")
+    read: list[float] = angles.tolist()
+    return read
