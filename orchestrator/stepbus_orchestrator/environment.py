@@ -1,5 +1,7 @@
 """The environment of Python participants, in a process of their own or in a shared one."""
 
+import os
+
 PYTHON = {
     # One thread for each BLAS: more only compete for the cores the lockstep runs on.
     "OMP_NUM_THREADS": "1",
@@ -8,3 +10,8 @@ PYTHON = {
     # The order of a set of texts is the same in every run.
     "PYTHONHASHSEED": "0",
 }
+
+
+def is_set() -> bool:
+    """Return whether this process has it, so that it can host participants as their own would."""
+    return all(os.environ.get(name) == value for name, value in PYTHON.items())

@@ -10,10 +10,12 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.processes import Delays
+from stepbus_orchestrator.run.inprocess import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_orchestrator.scenario.model import Transport
+from stepbus_schemas import WiringError
 
 WINDOWS = (1, 2, 8, 64)
 TRANSPORTS: tuple[Transport, ...] = ("tcp", "unix")
@@ -23,7 +25,8 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     """The conditions of one run, none of which may change its result.
 
     number: from 1 on. start_order: names of the participants. delayed: whether they are delayed
-    at random while they run.
+    at random while they run. in_process: whether all participants share one process; then there is
+    no transport and no delay.
     """
 
     number: int
@@ -31,6 +34,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     transport: Transport
     start_order: tuple[str, ...]
     delayed: bool
+    in_process: bool = False
 
 
 class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,10 +74,11 @@ class Verification:
         return first, last
 
 
-def plan(scenario: Scenario, count: int, seed: int) -> list[Trial]:
+def plan(scenario: Scenario, count: int, seed: int, *, in_process: bool = False) -> list[Trial]:
     """Return `count` trials: the scenario as it is, then shuffled starts, delays, other windows.
 
     Windows and transports take turns, so that each pair of them comes once in eight trials.
+    in_process: add one in which all participants share a process, where the scenario can.
     """
     names = tuple(spec.name for spec in scenario.participants)
     generator = np.random.default_rng(seed)
@@ -94,7 +99,19 @@ def plan(scenario: Scenario, count: int, seed: int) -> list[Trial]:
         )
         for index in range(count - 1)
     ]
-    return [plain, *others]
+    return [plain, *others, *(_shared(plain, count) if in_process and _can_share(scenario) else ())]
+
+
+def _can_share(scenario: Scenario) -> bool:
+    try:
+        check_scenario(scenario)
+    except WiringError:
+        return False
+    return True
+
+
+def _shared(plain: Trial, count: int) -> list[Trial]:
+    return [msgspec.structs.replace(plain, number=count + 1, in_process=True)]
 
 
 def verify(
@@ -105,15 +122,26 @@ def verify(
     seed: int,
     on_result: Callable[[TrialResult], None],
     interrupt: threading.Event | None = None,
+    owns_descriptors: bool = False,
 ) -> Verification:
     """Run trials until one fails or differs from the first.
 
     folder: gets a folder for each run, named by its number. seed: of the delays. on_result: gets
-    each trial when it has ended. interrupt: ends the current run, as a failure.
+    each trial when it has ended. interrupt: ends the current run, as a failure. owns_descriptors:
+    as in `Options`.
     """
     results: list[TrialResult] = []
     for trial in trials:
-        results.append(_attempt(scenario, trial, folder / str(trial.number), seed, interrupt))
+        delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
+        options = Options(
+            out=folder / str(trial.number),
+            start_order=trial.start_order,
+            around=delays.around,
+            in_process=trial.in_process,
+            owns_descriptors=owns_descriptors,
+        )
+        result = run(_changed(scenario, trial), options, interrupt=interrupt)
+        results.append(TrialResult(trial=trial, result=result, delays=sum(delays.counts.values())))
         on_result(results[-1])
         found = Verification(results=tuple(results))
         if found.failed or found.different:
@@ -121,16 +149,10 @@ def verify(
     return Verification(results=tuple(results))
 
 
-def _attempt(
-    scenario: Scenario, trial: Trial, out: Path, seed: int, interrupt: threading.Event | None
-) -> TrialResult:
-    changed = dataclasses.replace(
+def _changed(scenario: Scenario, trial: Trial) -> Scenario:
+    return dataclasses.replace(
         scenario,
         window=trial.window,
         batch=scenario.batch if trial.number == 1 else max(1, trial.window // 2),
         bus=msgspec.structs.replace(scenario.bus, transport=trial.transport),
     )
-    delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
-    options = Options(out=out, start_order=trial.start_order, around=delays.around)
-    result = run(changed, options, interrupt=interrupt)
-    return TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
 
-from stepbus_orchestrator.environment import PYTHON
+from stepbus_orchestrator.environment import PYTHON, is_set
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -49,7 +49,7 @@ def _guarded() -> int:
     on_signals(_leave)
     # Those that came while this program was replaced by itself, see `_set_environment`.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    if _IN_PROCESS in sys.argv[1:]:
+    if _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]:
         _set_environment()
     from .commands import execute  # noqa: PLC0415  (loads everything)
     from .terminal.outlet import outlets  # noqa: PLC0415
@@ -73,7 +73,7 @@ def _guarded() -> int:
 
 def _set_environment() -> None:
     """Start anew with the environment of participants; Python and BLAS read it at their start."""
-    if any(os.environ.get(name) != value for name, value in PYTHON.items()):
+    if not is_set():
         # A program that is replaced has no handlers yet: signals wait until it has.
         signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
         again = [sys.executable, *sys.orig_argv[1:]]

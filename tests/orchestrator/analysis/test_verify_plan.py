@@ -39,3 +39,14 @@ def test_the_seed_decides_the_start_orders(scenario):
     orders = [[trial.start_order for trial in plan(scenario, 9, seed)] for seed in (0, 0, 1)]
     assert orders[0] == orders[1] != orders[2]
     assert len(set(orders[0])) > 2
+
+
+def test_the_last_run_has_all_participants_in_one_process(scenario):
+    *others, last = plan(scenario, 4, seed=0, in_process=True)
+    assert others == plan(scenario, 4, seed=0)
+    assert (last.number, last.in_process, last.window) == (5, True, 16)
+
+
+def test_a_scenario_that_needs_processes_is_run_in_separate_ones_only():
+    scenario = load("two_link", ["controller.exec=[sleep, '1']"])
+    assert not any(trial.in_process for trial in plan(scenario, 4, seed=0, in_process=True))

@@ -10,6 +10,7 @@ from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
+from stepbus_orchestrator.environment import is_set
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.scenario import load
 
@@ -23,7 +24,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "-n",
         type=number("a number of runs, at least 2", 2),
         default=_RUNS,
-        help="number of runs (default: 5)",
+        help="number of runs in separate processes (default: 5)",
     )
     parser.add_argument(
         "--seed",
@@ -40,15 +41,21 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _execute(args: argparse.Namespace) -> int:
     scenario = load(args.scenario, args.set)
     folder = _folder(args.keep)
-    trials = plan(scenario, args.n, args.seed)
+    trials = plan(scenario, args.n, args.seed, in_process=is_set())
 
     def show(trial: TrialResult) -> None:
         if not args.json:
-            say(_line(trial, args.n))
+            say(_line(trial, len(trials)))
 
     with interruptible() as interrupt:
         found = verify(
-            scenario, trials, folder, seed=args.seed, on_result=show, interrupt=interrupt
+            scenario,
+            trials,
+            folder,
+            seed=args.seed,
+            on_result=show,
+            interrupt=interrupt,
+            owns_descriptors=is_set(),
         )
     if args.json:
         say_json(_fields(found))
@@ -77,9 +84,13 @@ def _folder(keep: Path | None) -> Path:
 def _line(found: TrialResult, count: int) -> str:
     trial = found.trial
     what = found.result.sha256[:_SHOWN_HASH] or "no recording"
+    circumstances = (
+        "all participants in one process"
+        if trial.in_process
+        else f"{trial.transport:4}, started {' '.join(trial.start_order)}, {found.delays:4} delays"
+    )
     return (
-        f"run {trial.number} of {count}: window {trial.window:2}, {trial.transport:4}, started "
-        f"{' '.join(trial.start_order)}, {found.delays:4} delays: {what}, "
+        f"run {trial.number} of {count}: window {trial.window:2}, {circumstances}: {what}, "
         f"{found.steps_per_s:.0f} steps/s"
     )
 
@@ -117,7 +128,8 @@ COMMAND = Command(
     name="verify",
     summary="run a scenario several times and compare the recordings",
     description="Runs a scenario several times: once as it is, then with shuffled start order, "
-    "random delays in every participant, and other windows and transports. All recordings must "
+    "random delays in every participant, and other windows and transports, and last with all "
+    "participants in one process, where they can share one. All recordings must "
     "be equal byte for byte. Exit code 10: two differ; the first difference is shown.",
     examples=(
         "stepbus verify two_link",
