@@ -217,6 +217,21 @@ def test_modules_of_the_scenario_belong_to_one_participant_each(tmp_path):
     assert not {"counting", "late", "counter"} & set(sys.modules)
 
 
+def test_no_folder_of_a_scenario_replaces_a_package_of_stepbus(tmp_path):
+    source = tmp_path / "source"
+    write_scenario(source)
+    for name in ("stepbus_selftest", "stepbus_mission"):
+        (source / name).mkdir()
+        for file in ("__init__", "__main__"):
+            (source / name / f"{file}.py").write_text("raise SystemExit('replaced')\n")
+    task = "mission={exec: [python, -m, stepbus_mission], outputs: {reference: JointReference/1}, params: {task: sine, joints: [hip, knee], amplitude: 1, omega: 1}}"
+    result = run(
+        load(source / "scenario.yaml", [task]), Options(out=tmp_path / "out", in_process=True)
+    )
+    assert "replaced" not in result.reason
+    assert result.exit_code == 0, result.reason
+
+
 @pytest.mark.parametrize("form", ["json", "raw"])
 def test_a_bridged_program_keeps_its_process(tmp_path, separate, form):
     result = run_bridged(tmp_path, form, in_process=True)

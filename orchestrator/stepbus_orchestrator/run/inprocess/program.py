@@ -50,18 +50,19 @@ class Program:
         self._others: dict[str, ModuleType | None] = {}
         self._known = 0
         launch, name = python_target(command)
+        self._arguments = self._command[self._command.index(name) + 1 :]
         self._module = name if launch == "module" else ""
         self._script = folder / name
         # `python -m` puts the working directory first, `python script` the folder of the script.
         self._path = str(folder if self._module else self._script.parent.resolve())
+        # `python -P` puts none.
+        self._is_searched = "-P" not in self._command[: self._command.index(name)]
 
     def run(self) -> None:
         """Execute it to its end; raises what it raises, SystemExit included."""
         main = self._own[_MAIN]
-        arguments = self._command[self._command.index(self._module or str(self._command[0])) + 1 :]
-        sys.path.insert(0, self._path)
         code = self._module_code(main) if self._module else self._script_code(main)
-        sys.argv = [str(main.__file__), *arguments]
+        sys.argv = [str(main.__file__), *self._arguments]
         exec(code, main.__dict__)  # noqa: S102  (it is what the user asks to run)
 
     def _script_code(self, main: ModuleType) -> CodeType:
@@ -83,6 +84,8 @@ class Program:
     def enter(self) -> None:
         """Put its own modules in place."""
         modules = sys.modules
+        if self._is_searched:
+            sys.path.insert(0, self._path)
         if len(self._own) > 1:
             self._others = {name: modules.get(name) for name in self._own}
             modules.update(self._own)
@@ -94,6 +97,8 @@ class Program:
     def leave(self) -> None:
         """Take its own modules away, those it has loaded meanwhile included."""
         modules = sys.modules
+        if self._is_searched and self._path in sys.path:
+            sys.path.remove(self._path)
         if len(modules) != self._known:
             for name, module in tuple(modules.items()):
                 if name not in self._own and self._is_own(module):
