@@ -43,6 +43,8 @@ class Params(Settings):
     """Largest velocity of each joint, never above the URDF's [rad/s]."""
     acceleration_limit: PositivePerJoint = each(3.0)
     """Largest acceleration of each joint [rad/s²]."""
+    jerk_limit: PositivePerJoint = each(40.0)
+    """Largest jerk of each joint [rad/s³]."""
     max_checks: Count = 20_000
     """Limit on collision checks of a search."""
     latency_ns: Duration = 200_000_000

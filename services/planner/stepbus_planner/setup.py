@@ -17,6 +17,8 @@ from .timing import Limits
 _EFFORT_SHARE = 0.8
 """Of the URDF's effort limits; the rest is for following the plan."""
 
+_LONGEST_SAMPLE_NS = 20_000_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
@@ -43,6 +45,7 @@ def read_setup(config: Config, problems: Problems) -> Setup:
     limits = Limits(
         velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
         acceleration=np.array(params.acceleration_limit.of(robot.joints)),
+        jerk=np.array(params.jerk_limit.of(robot.joints)),
         effort=_EFFORT_SHARE * robot.effort_limit,
     )
     planning = PlanningSettings(
@@ -50,6 +53,7 @@ def read_setup(config: Config, problems: Problems) -> Setup:
         margins=Margins(robot=params.margin, held=params.held_margin, path=params.path_margin),
         limits=limits,
         max_checks=params.max_checks,
+        period=_sample_period(config.every * config.step_ns),
     )
     return Setup(
         robot=robot,
@@ -58,6 +62,11 @@ def read_setup(config: Config, problems: Problems) -> Setup:
         latency_ns=params.latency_ns,
         check_latency_ns=params.check_latency_ns,
     )
+
+
+def _sample_period(period_ns: int) -> float:
+    """Return the distance of the samples of a plan [s]: whole steps, if they are below 20 ms."""
+    return max(_LONGEST_SAMPLE_NS // period_ns, 1) * min(period_ns, _LONGEST_SAMPLE_NS) * 1e-9
 
 
 def _make_robot(params: Params, problems: Problems) -> PlannedRobot:

@@ -17,13 +17,24 @@ MODULES = ("toppra", "toppra.constraint", "toppra.algorithm")
 _DENSE = 0.02
 """Distance of the spline's points [rad]; with larger distances it deviates from the path."""
 
+_FINE = 1e-3
+"""Distance of the samples that are averaged [s]."""
+
+
+_HALF = 0.53
+"""Share of the widest window that suffices where acceleration does not jump between its limits."""
+
+_ALMOST = 1.02
+"""Excess up to which half of the window is kept, and the motion slowed."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits of the motion, each of shape (n,) [rad/s, rad/s², N·m]."""
+    """Limits of the motion, each of shape (n,) [rad/s, rad/s², rad/s³, N·m]."""
 
     velocity: Vector
     acceleration: Vector
+    jerk: Vector
     effort: Vector
 
 
@@ -36,6 +47,14 @@ class Trajectory:
     velocity: Vector
 
 
+@dataclass(frozen=True, kw_only=True)
+class Smoothing:
+    """How a motion is smoothed; factor: on its duration. share: of the widest window."""
+
+    factor: float = 1.0
+    share: float = 1.0
+
+
 Torques = Callable[[Vector, Vector, Vector], Vector]
 
 
@@ -44,7 +63,10 @@ def parametrize(path: Vector, limits: Limits, torques: Torques, period: float) -
 
     path: shape (k, n) [rad], without duplicate points. torques: of position, velocity,
     acceleration. period: between two samples [s]. After Pham and Pham, A new approach to
-    time-optimal path parameterization based on reachability analysis, 2018.
+    time-optimal path parameterization based on reachability analysis, 2018. A moving average then
+    bounds the jerk (Biagiotti and Melchiorri, FIR filters for online trajectory planning, 2012): it
+    changes no straight line, cuts corners by at most a·T²/24, and keeps velocities and
+    accelerations below their peaks.
     """
     toppra, constraint, algorithm = need("the planner", *MODULES)
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
@@ -83,33 +105,66 @@ def _lengths(points: Vector) -> Vector:
 
 
 def _sampled(found: Any, path: Vector, limits: Limits, period: float) -> Trajectory:
-    """Return the motion sampled every period, slowed to a whole number of periods.
+    """Return the motion smoothed, and sampled every period.
 
     Between the points of toppra's grid it may slightly exceed the limits; it is slowed for that.
     """
-    motion = _slowed(found, path, max(math.ceil(found.duration / period), 1), period)
-    # A new sampling may hit a higher peak; one or two rounds suffice.
-    for _ in range(10):
-        factor = _too_fast(motion, limits, period)
-        if factor <= 1.0:
-            break
-        motion = _slowed(found, path, math.ceil((len(motion.times) - 1) * factor), period)
+    for share in (_HALF, 1.0):
+        factor = 1.0
+        for _ in range(10):
+            smoothing = Smoothing(factor=factor, share=share)
+            motion = _smoothed(found, path, limits, period, smoothing)
+            excess = _too_fast(motion, limits, period)
+            if excess <= 1.0:
+                return motion
+            if share < 1.0 and excess > _ALMOST:
+                break
+            factor *= 1.002 * excess
     return motion
 
 
-def _slowed(found: Any, path: Vector, count: int, period: float) -> Trajectory:
-    """Return the motion stretched to a number of periods."""
-    t = np.linspace(0.0, found.duration, count + 1)
-    position, velocity = found(t), found(t, 1) * (found.duration / (count * period))
+def _smoothed(
+    found: Any, path: Vector, limits: Limits, period: float, smoothing: Smoothing
+) -> Trajectory:
+    """Return the motion stretched, and averaged over a window of T.
+
+    The jerk is (a(t) - a(t - T)) / T, at most 2 a / T.
+    """
+    # Slowed down, its accelerations are smaller than the limit by the square of the factor.
+    factor = smoothing.factor
+    window = float((2.0 * limits.acceleration / factor**2 / limits.jerk).max()) * smoothing.share
+    width = max(math.ceil(window / _FINE), 1)
+    length = found.duration * factor
+    inside = max(math.ceil(length / _FINE), 1)
+    t = np.minimum(np.arange(inside + 1) * _FINE, length) / factor
+    position, velocity = found(t), found(t, 1) / factor
     position[[0, -1]], velocity[[0, -1]] = path[[0, -1]], 0.0
+    still = np.zeros((width, path.shape[1]))
+    position = np.concatenate([still + path[0], position, still + path[-1]])
+    velocity = np.concatenate([still, velocity, still])
+    # By the trapezoidal rule with its correction from the slopes: exact for cubics.
+    pieces = _FINE * (position[1:] + position[:-1]) / 2 - _FINE**2 * np.diff(velocity, axis=0) / 12
+    area = np.concatenate([np.zeros((1, path.shape[1])), np.cumsum(pieces, axis=0)])
+    mean = (area[width:] - area[:-width]) / (width * _FINE)
+    slope = (position[width:] - position[:-width]) / (width * _FINE)
+    every = round(period / _FINE)
+    count = -(-(len(mean) - 1) // every)
+    rows = np.minimum(np.arange(count + 1) * every, len(mean) - 1)
+    mean, slope = mean[rows], slope[rows]
+    mean[[0, -1]], slope[[0, -1]] = path[[0, -1]], 0.0
     times: Vector = np.arange(count + 1) * np.float64(period)
-    return Trajectory(times=times, position=position, velocity=velocity)
+    return Trajectory(times=times, position=mean, velocity=slope)
 
 
 def _too_fast(motion: Trajectory, limits: Limits, period: float) -> float:
     """Return the factor by which to slow a motion; 1: it is within its limits."""
     between = np.diff(motion.position, axis=0) / period
     fastest = np.abs([*motion.velocity, *between]).max(axis=0)
-    sharpest = np.abs(np.diff(motion.velocity, axis=0) / period).max(axis=0)
-    ratios = [*(fastest / limits.velocity), *np.sqrt(sharpest / limits.acceleration)]
+    pushes = np.diff(motion.velocity, axis=0) / period
+    jerks = np.diff(pushes, axis=0, prepend=0.0 * pushes[:1], append=0.0 * pushes[:1]) / period
+    ratios = [
+        *(fastest / limits.velocity),
+        *np.sqrt(np.abs(pushes).max(axis=0) / limits.acceleration),
+        *np.cbrt(np.abs(jerks).max(axis=0) / limits.jerk),
+    ]
     return max(1.0, *map(float, ratios))

@@ -326,3 +326,11 @@ def test_an_item_without_measures_is_refused():
         mission.start(
             {"poses": Description(names=["chassis", "outlet_top", "cola_a1_1"], details=details)}
         )
+
+
+def test_a_motion_that_took_longer_than_it_should_is_reported():
+    store = FakeStore(
+        shelf_a(*GOODS), slower={("down", 1): "took 4.80 s instead of 1.50 s: a_tier"}
+    )
+    text = "sale 1 (cola_a1_2): moving down took 4.80 s instead of 1.50 s: a_tier"
+    assert text in sell(store).text.splitlines()

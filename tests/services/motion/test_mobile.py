@@ -1,6 +1,7 @@
 """The controller of a mobile manipulator, closed by motors that follow perfectly."""
 
 import math
+import re
 from types import MappingProxyType
 
 import numpy as np
@@ -596,3 +597,21 @@ def test_that_eaik_is_missing_is_a_warning_and_given_once(tmp_path, monkeypatch)
     (text,) = robot.warnings
     assert text.startswith("tip 'grasp': eaik is not installed, so one solution")
     assert "[robots]" in text
+
+
+def test_a_duration_that_could_not_be_kept_is_reported_with_the_reason(robot):
+    robot.touching = [("hand", "post", 0.0, 0.01)]
+    end = robot.go(0, "move_joints", joints=["turn"], values=[0.3], duration=1.5)
+    assert (end.state, end.cause) == ("succeeded", "slower")
+    assert re.match(r"took \d\.\d\d s instead of 1.50 s: hand is 10 mm from post; ", end.text)
+
+
+def test_a_duration_that_the_limits_do_not_allow_is_reported(robot):
+    end = robot.go(0, "move_joints", joints=["pan"], values=[1.5], duration=0.5)
+    assert end.cause == "slower"
+    assert "s instead of 0.50 s: the joints cannot be faster within their limits" in end.text
+
+
+def test_a_duration_that_was_kept_is_not_worth_a_word(robot):
+    end = robot.go(0, "move_joints", joints=["pan"], values=[0.5], duration=4.0)
+    assert (end.cause, "instead of" in end.text) == ("", False)

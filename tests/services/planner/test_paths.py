@@ -44,7 +44,7 @@ def test_a_plan_leads_from_rest_at_the_start_to_rest_at_the_goal(tmp_path):
     plan, _ = answer(tmp_path, PILLAR)
     assert (plan.position[0], plan.position[-1]) == (START, GOAL)
     assert plan.velocity[0] == plan.velocity[-1] == [0.0] * 3
-    assert plan.times == pytest.approx([0.02 * k for k in range(len(plan.times))])
+    assert plan.times == pytest.approx([0.016 * k for k in range(len(plan.times))])
 
 
 def test_it_goes_around_a_pillar_and_touches_nothing_at_any_millisecond(tmp_path):
@@ -63,7 +63,18 @@ def test_velocity_and_acceleration_stay_within_their_limits(tmp_path):
     plan, _ = answer(tmp_path, PILLAR, velocity_limit=[1.0, 1.2, 1.4], acceleration_limit=2.0)
     velocity = np.diff(every_ms(plan), axis=0) / 1e-3
     assert np.all(np.abs(velocity) <= np.array([1.0, 1.2, 1.4]))
-    assert np.abs(np.diff(np.array(plan.velocity), axis=0) / 0.02).max() <= 2.0
+    assert np.abs(np.diff(np.array(plan.velocity), axis=0) / 0.016).max() <= 2.0
+
+
+@pytest.mark.parametrize("things", [(), (PILLAR,)], ids=["straight", "detour"])
+def test_acceleration_and_jerk_stay_within_their_limits_between_the_samples_too(tmp_path, things):
+    plan, _ = answer(tmp_path, *things, acceleration_limit=3.0, jerk_limit=40.0)
+    position = every_ms(plan)[::16]
+    acceleration = np.diff(position, n=2, axis=0) / 0.016**2
+    assert 2.0 < np.abs(acceleration).max() <= 3.0 + 1e-6
+    assert 30.0 < np.abs(np.diff(acceleration, axis=0)).max() / 0.016 <= 40.0 + 1e-3
+    shifted = np.diff(every_ms(plan)[5::16], n=3, axis=0) / 0.016**3
+    assert np.abs(shifted).max() <= 1.1 * 40.0
 
 
 def test_where_a_wall_is_in_the_way_it_says_after_how_many_checks_it_gave_up(tmp_path):
@@ -148,7 +159,7 @@ def test_a_request_of_no_use_is_refused_in_a_sentence(tmp_path, request_, text):
 def test_a_goal_at_the_start_is_a_plan_of_standing_still(tmp_path):
     plan, _ = answer(tmp_path, request={"goal": START})
     assert plan.position == [START, START]
-    assert plan.times == [0.0, 0.02]
+    assert plan.times == [0.0, 0.016]
 
 
 def test_weak_motors_make_it_slow_and_too_weak_ones_make_it_refuse(tmp_path):

@@ -109,7 +109,7 @@ class FakeStore:
     Events are named by the state that the mission is in and how often it has sent a goal from
     there, e.g. ("lift", 1).
 
-    fails: event → cause. silent: events without any status. endless: those that only ever run.
+    fails: event → cause. slower: event → text. silent: events without any status. endless: those that only ever run.
     drops: those at which the item is lost. pushes: event → item that is pushed, and by how much
     along x [m]. hides: event → item that is not seen from then on. slips: how many lifts lose the
     item. empty_grips: how many times the fingers miss it. shift: of every detection, x and y [m];
@@ -121,6 +121,7 @@ class FakeStore:
 
     things: dict[str, Thing]
     fails: dict = field(default_factory=dict)
+    slower: dict = field(default_factory=dict)
     silent: tuple = ()
     endless: tuple = ()
     drops: tuple = ()
@@ -218,7 +219,9 @@ class FakeStore:
         self._do(goal)
         self._happen(which)
         self.news += [None] * PAUSE
-        self.news.append(GoalStatus(id=goal.id, state="succeeded"))
+        text = self.slower.get(which, "")
+        cause, text = ("slower", f"{text}; settled") if text else ("", "")
+        self.news.append(GoalStatus(id=goal.id, state="succeeded", cause=cause, text=text))
 
     def _happen(self, which) -> None:
         if which in self.pushes:

@@ -8,6 +8,7 @@ from .detection import correct, find
 from .geometry import tilt_of
 from .report import SaleResult, Unsold
 from .state import Outcome, Sale, StoreState
+from .states import STATES
 from .stock import Item
 
 Check = Callable[[StoreState], Outcome | None]
@@ -104,6 +105,8 @@ def arrived(store: StoreState) -> Outcome | None:
     if dropped := _dropped(store):
         return dropped
     if status is not None and status.state == "succeeded":
+        if status.cause:
+            store.report(f"{STATES[store.visit.state].doing} {status.text.partition('; ')[0]}")
         return Outcome(name="done")
     if status is not None and status.state in {"failed", "cancelled"}:
         cause = status.cause or status.state

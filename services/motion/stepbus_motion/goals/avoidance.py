@@ -62,6 +62,9 @@ class Avoidance:
         self._near: Approach | None = None
         self._replans = 0
         self._close: tuple[str, str] | None = None
+        self.slowest = ""
+        """What the robot was nearest to while the goal slowed down for it; empty: nothing."""
+        self._least_scale = 1.0
 
     @property
     def held(self) -> str:
@@ -72,6 +75,7 @@ class Avoidance:
         """Watch a new goal."""
         self._touched, self._is_slow = None, False
         self._back_off, self._replans, self._close = None, 0, None
+        self.slowest, self._least_scale = "", 1.0
         self._base_back_off, self._near = None, None
         self._monitor_goal(goal, part, grips=goal.type == "grip")
 
@@ -92,6 +96,8 @@ class Avoidance:
         if watch.near is not None and not self._is_slow and has_goal:
             self._reports.warn(f"{_gap(watch)}: slower")
         self._is_slow = watch.near is not None
+        if watch.near is not None and watch.scale < self._least_scale:
+            self._least_scale, self.slowest = watch.scale, _gap(watch)
         return watch.scale
 
     @property

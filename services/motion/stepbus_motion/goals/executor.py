@@ -11,6 +11,9 @@ from .measured import Measured
 from .parts import PART_OF, Part, Parts
 from .reports import Reports
 
+_LATE = 1.02
+"""Share of the requested duration from which a motion counts as slower."""
+
 
 @dataclass(kw_only=True)
 class _Active:
@@ -140,8 +143,20 @@ class GoalExecutor:
         return Outcome(state="succeeded", text="all is at rest")
 
     def _end(self, active: _Active, outcome: Outcome) -> None:
-        self.reports.status(active.goal.id, outcome.state, outcome.cause, outcome.text)
+        cause, text = outcome.cause, outcome.text
+        if outcome.state == "succeeded" and active.part == "arm":
+            late = self._late(active.goal)
+            cause, text = ("slower", f"{late}; {text}") if late else (cause, text)
+        self.reports.status(active.goal.id, outcome.state, cause, text)
         self._active = None
+
+    def _late(self, goal: Goal) -> str:
+        """Return how much longer than requested a motion took, and why; empty: it did not."""
+        took = self._parts.arm.took
+        if took is None or goal.duration == 0.0 or took <= goal.duration * _LATE + 0.02:
+            return ""
+        why = self._avoidance.slowest or "the joints cannot be faster within their limits"
+        return f"took {took:.2f} s instead of {goal.duration:.2f} s: {why}"
 
     def _rest(self, t: float) -> None:
         """Bring to rest what the goal under way has set in motion."""

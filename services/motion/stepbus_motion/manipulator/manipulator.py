@@ -76,6 +76,9 @@ class Manipulator:
         self._blocked = ""
         self._behind = BackOffPath(robot, options.tip)
         self._backs_off = False
+        self._began_at = 0.0
+        self.took: float | None = None
+        """How long the last motion took, once it is over [s]."""
         self.caution = ""
         """Cause for which the motion under way will probably fail; empty: none."""
 
@@ -216,6 +219,8 @@ class Manipulator:
         late = self._player.late(t)
         if self._settle is None or late < 0:
             return None
+        if self.took is None:
+            self.took = t - late - self._began_at
         outcome = self._settle.check(q, v, t, late)
         if outcome is not None:
             self._settle = None
@@ -290,6 +295,7 @@ class Manipulator:
 
     def _watch(self) -> None:
         trajectory = self._player.trajectory
+        self._began_at, self.took = self._player.clock.t, None
         self._settle = SettleWatch(self._robot, self._settling, trajectory, self._tip)
 
 

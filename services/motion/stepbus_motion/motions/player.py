@@ -39,7 +39,7 @@ class MotionPlayer:
         self._limits = limits
         self._period = period
         self._hardest = (brake_acceleration, brake_jerk)
-        self.clock = MotionClock(limits.acceleration)
+        self.clock = MotionClock(limits.acceleration, limits.jerk)
         self._trajectory: Trajectory | None = None
         self.ignores_scale = False
 
