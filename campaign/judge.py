@@ -3,25 +3,41 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 from . import log_reader
 from .faults import Fault
-from .sandbox import STEPBUS, Sandbox
+from .log_reader import Log
+from .sandbox import MARK, STEPBUS, Sandbox
 
 ORPHAN_GRACE_S = 3.0
+_STEP_TIMEOUT, _INTERRUPTED = 6, 130
+_SHARED_MEMORY = Path("/dev/shm")  # noqa: S108
+# Python itself, before any program of ours runs.
+_NOT_OURS = re.compile(r"Error processing line \d+ of .*?Remainder of file ignored", re.DOTALL)
+
+Say = Callable[[str], None]
 
 
 @dataclass
 class Verdict:
-    """What one case came to: exit code, how long after the fault, and every broken promise."""
+    """What one case came to.
+
+    code: exit code; None where it hangs. seconds: how long it took after the fault. broken: every
+    promise that was broken. said: the reason that the run gave. output: the end of what it said.
+    """
 
     code: int | None
     seconds: float
     broken: list[str] = field(default_factory=list)
+    said: str = ""
+    output: str = ""
 
 
 def judge(box: Sandbox, fault: Fault, limit_s: float) -> Verdict:
@@ -31,60 +47,87 @@ def judge(box: Sandbox, fault: Fault, limit_s: float) -> Verdict:
     """
     code = _await_end(box, limit_s)
     verdict = Verdict(code, time.monotonic() - box.faulted_at)
+    verdict.output = (box.text("stderr") + box.text("stdout")).strip()
     say = verdict.broken.append
     if code is None:
         say(f"hang: still running after {verdict.seconds:.1f} s")
         return verdict
     if code not in fault.codes:
         say(f"false exit code {code}, not one of {sorted(fault.codes)}")
-    _check_orphans(box, say)
-    _check_words(box, fault, code, say)
-    _check_recording(box, code, say)
+    result = log_reader.result(box.out)
+    verdict.said = result["reason"] if result else ""
+    log = log_reader.read(box.out / "run.mcap")
+    _check_left(box, fault, say)
+    _check_output(verdict.output, say)
+    if code >= 0 and box.out.exists():
+        _check_result(box, code, result, say)
+    if result is not None and result["exit_code"]:
+        _check_blame(box, fault, result, log, say)
+    _check_recording(box, code, result, log, say)
     return verdict
 
 
 def _await_end(box: Sandbox, limit_s: float) -> int | None:
     while time.monotonic() < box.faulted_at + limit_s:
         if box.orchestrator.poll() is not None:
-            return box.orchestrator.returncode
+            break
         time.sleep(0.01)
     return box.orchestrator.poll()
 
 
-def _check_orphans(box: Sandbox, say: Callable[[str], None]) -> None:
+def _check_left(box: Sandbox, fault: Fault, say: Say) -> None:
+    """Check that no process and no temporary file is left."""
     give_up = time.monotonic() + ORPHAN_GRACE_S
     while (left := box.processes()) and time.monotonic() < give_up:
         time.sleep(0.05)
     for process in left:
         say(f"orphan: {' '.join(process.cmdline())[-80:]}")
+    if fault.leaves:
+        return
     while (kept := sorted(box.temporary.iterdir())) and time.monotonic() < give_up:
         time.sleep(0.05)
     if kept:
         say(f"left behind: {', '.join(path.name for path in kept)}")
+    if shared := box.new_shared_memory():
+        say(f"left in {_SHARED_MEMORY}: {', '.join(sorted(shared))}")
 
 
-def _check_words(box: Sandbox, fault: Fault, code: int, say: Callable[[str], None]) -> None:
-    text = box.text("stdout") + box.text("stderr")
-    if "Traceback" in text:
-        say(f"traceback: {text.strip().splitlines()[-1][:120]}")
-    result = log_reader.result(box.out)
-    if code < 0 or not box.out.exists():
-        return
+def _check_output(text: str, say: Say) -> None:
+    own = _NOT_OURS.sub("", text)
+    for sign in ("Traceback (most recent call last)", "Exception ignored", "Fatal Python error"):
+        if sign in own:
+            say(f"traceback: {own[own.index(sign) :].strip()[-200:]!r}")
+            return
+
+
+def _check_result(box: Sandbox, code: int, result: dict[str, Any] | None, say: Say) -> None:
     if result is None:
-        if box.notes.get("stepped"):
+        if box.notes.get("stepped") and box.notes.get("blocked") != "result.json":
             say("no result.json")
-        return
-    if result["exit_code"] != code:
+    elif result["exit_code"] != code:
         say(f"result.json says {result['exit_code']}, the exit code is {code}")
-    hit = box.notes.get("hit")
-    if fault.blames and result["participant"] != hit:
-        say(f"wrong blame: {result['participant']} instead of {hit}: {result['reason']}")
 
 
-def _check_recording(box: Sandbox, code: int, say: Callable[[str], None]) -> None:
-    path = box.out / "run.mcap"
-    log = log_reader.read(path)
-    result = log_reader.result(box.out)
+def _check_blame(box: Sandbox, fault: Fault, result: dict[str, Any], log: Log, say: Say) -> None:
+    """Check whom the run names: against who was hit, and against what the log shows."""
+    blamed, hit = result["participant"], box.notes.get("hit")
+    said = f"{blamed}: {result['reason']}"
+    is_interrupted = result["exit_code"] == _INTERRUPTED
+    if fault.blames == "hit" and blamed != hit and not is_interrupted:
+        say(f"wrong blame: not {hit} but {said}")
+    if fault.blames == "nobody" and blamed is not None:
+        say(f"wrong blame: nobody was hit, but it says {said}")
+    if blamed is not None and blamed not in box.notes["participants"]:
+        say(f"wrong blame: there is no participant {said}")
+    # Who held a step has not published it.
+    last = -1 if blamed is None or fault.blames == "any" else log.last_step_of(blamed)
+    if result["exit_code"] == _STEP_TIMEOUT and last > result["at_step"]:
+        say(f"wrong blame: the log has step {last} of {said}")
+
+
+def _check_recording(
+    box: Sandbox, code: int, result: dict[str, Any] | None, log: Log, say: Say
+) -> None:
     if code == 0 and result is not None:
         if log.sha256 != result["sha256"]:
             say("result.json gives another SHA-256 than the recording has")
@@ -98,9 +141,10 @@ def _check_recording(box: Sandbox, code: int, say: Callable[[str], None]) -> Non
 
 def _is_reported(box: Sandbox) -> bool:
     """Return whether `stepbus recover` finds damage in the recording."""
-    command = [STEPBUS, "recover", str(box.out / "run.mcap"), "-o", str(box.home / "whole.mcap")]
-    environment = {**os.environ, "TMPDIR": str(box.temporary)}
+    command = [STEPBUS, "recover", str(box.out / "run.mcap"), "--out", str(box.home / "whole.mcap")]
+    environment = {**os.environ, MARK: box.mark, "TMPDIR": str(box.temporary)}
     done = subprocess.run(
         command, capture_output=True, text=True, timeout=60, check=False, env=environment
     )
-    return "undamaged" not in done.stdout + done.stderr
+    said = done.stdout + done.stderr
+    return "Traceback" not in said and ": undamaged" not in said

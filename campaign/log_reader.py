@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,6 +20,17 @@ from mcap.stream_reader import StreamReader
 
 CHAIN = "stepbus/chain"
 CALLS = "stepbus/calls"
+_DAMAGE = (
+    EOFError,
+    KeyError,
+    McapError,
+    MemoryError,
+    OverflowError,
+    ValueError,
+    struct.error,
+    zstandard.ZstdError,
+)
+"""What reading a damaged file may end in."""
 
 
 @dataclass
@@ -38,6 +50,11 @@ class Log:
     def last_step(self) -> int:
         """Return the newest step of any topic; −1 where there is none."""
         return max((steps[-1] for steps in self.steps.values() if steps), default=-1)
+
+    def last_step_of(self, participant: str) -> int:
+        """Return the newest step of a participant's topics; −1 where there is none."""
+        topics = (t for t in self.steps if t.split("/")[0] == participant)
+        return max((self.steps[t][-1] for t in topics if self.steps[t]), default=-1)
 
 
 def read(path: Path) -> Log:
@@ -71,7 +88,7 @@ def _records(path: Path, log: Log) -> Iterator[tuple[object, Channel | None]]:
                     channels[record.id] = record
                 yield record, channels[record.channel_id] if isinstance(record, Message) else None
             log.sealed = True
-        except (McapError, EOFError, ValueError, KeyError, zstandard.ZstdError):
+        except _DAMAGE:
             return
 
 
@@ -124,8 +141,11 @@ class _Chains:
         """Extend one chain; it may end before `last`, in a run that failed."""
         value = self._values.get(name, bytes(32))
         pending = self._pending.pop(name, {})
+        # Who has ended publishes nothing more: its chain stays what it was.
         reached = value.hex() == expected and not pending
-        for step in range(self._next.get(name, 0), last + 1, self._every.get(name, 1)):
+        for step in (
+            () if reached else range(self._next.get(name, 0), last + 1, self._every.get(name, 1))
+        ):
             digest = hashlib.sha256(value + step.to_bytes(8, "little", signed=True))
             for port, data in pending.pop(step, []):
                 digest.update(port.encode() + data)

@@ -11,15 +11,33 @@ import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from types import MappingProxyType
+from typing import Any
 
 import psutil
 
 MARK = "STEPBUS_CAMPAIGN"
+_STEPPING_BYTES = 4_000
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
+
+
+def _shared_memory() -> frozenset[str]:
+    """Return the shared memory of Zenoh and of Python."""
+    folder = Path("/dev/shm")  # noqa: S108
+    names = (path.name for path in (folder.iterdir() if folder.exists() else ()))
+    return frozenset(name for name in names if name.endswith(".zenoh") or name.startswith("psm_"))
+
+
+def _is_mapped(name: str) -> bool:
+    """Return whether a process that is alive still uses it."""
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error, OSError):
+            if any(row.path.endswith(name) for row in process.memory_maps()):
+                return True
+    return False
 
 
 @dataclass
@@ -36,6 +54,7 @@ class Sandbox:
     faulted_at: float = 0.0
     helpers: list[subprocess.Popen[Any]] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
+    shared: frozenset[str] = field(default_factory=_shared_memory)
 
     @property
     def out(self) -> Path:
@@ -58,19 +77,22 @@ class Sandbox:
         self,
         arguments: Sequence[str],
         *,
-        stdout: int | IO[bytes] | None = None,
+        stdout: int | None = None,
+        stderr: int | None = None,
         before: Callable[[], None] | None = None,
+        environment: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        """Start `stepbus run …`; stderr and, by default, stdout go to files."""
-        output = stdout if stdout is not None else (self.home / "stdout").open("wb")
+        """Start `stepbus run …`; stdout and stderr go to files by default."""
+        own = {MARK: self.mark, "TMPDIR": str(self.temporary)}
+        wrapper = self.notes.get("wrapper", [])
         self.process = subprocess.Popen(
-            [STEPBUS, "run", *arguments, "--out", str(self.out)],
+            [*wrapper, STEPBUS, "run", *arguments, "--out", str(self.out)],
             stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=(self.home / "stderr").open("wb"),
-            env={**os.environ, MARK: self.mark, "TMPDIR": str(self.temporary)},
+            stdout=stdout if stdout is not None else (self.home / "stdout").open("wb"),
+            stderr=stderr if stderr is not None else (self.home / "stderr").open("wb"),
+            env={**os.environ, **environment, **own},
             cwd=self.home,
-            preexec_fn=before,  # noqa: PLW1509  (rlimits; the campaign has a single thread)
+            preexec_fn=lambda: _prepare(before),  # noqa: PLW1509  (the campaign has one thread)
             start_new_session=True,
         )
 
@@ -102,16 +124,34 @@ class Sandbox:
         return True
 
     def is_stepping(self) -> bool:
-        """Return whether steps have reached the recording."""
+        """Return whether steps have reached the recording, which is long behind its attachments."""
         recording = self.out / "run.mcap"
         with contextlib.suppress(OSError):
-            return bool(recording.stat().st_size > self.notes.get("stepping_bytes", 20_000))
+            size = recording.stat().st_size
+            if "attached" not in self.notes and any(self.temporary.glob("stepbus-*")):
+                # They are written before the run makes its private folder.
+                self.notes["attached"] = size
+            more = self.notes.get("stepping_bytes", _STEPPING_BYTES)
+            return bool(size > self.notes.get("attached", 1 << 60) + more)
         return False
+
+    def new_shared_memory(self) -> frozenset[str]:
+        """Return what shared memory there is of the run or its helpers, and was not before."""
+        return frozenset(name for name in _shared_memory() - self.shared if not _is_mapped(name))
 
     def text(self, name: str) -> str:
         """Return what went to stdout or stderr."""
         path = self.home / name
         return path.read_text(errors="replace") if path.exists() else ""
+
+
+def _prepare(before: Callable[[], None] | None) -> None:
+    """Take signals as from a terminal, whatever `nohup` or a shell's `&` has made of them."""
+    for number in (signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if before is not None:
+        before()
 
 
 def _role(process: psutil.Process) -> str:
@@ -142,6 +182,7 @@ def sandbox() -> Iterator[Sandbox]:
                 process.kill()
         if box.process is not None:
             box.process.wait()
-        if os.path.ismount(home / "disk"):
-            subprocess.run(["umount", "-l", str(home / "disk")], check=False)
+        for folder in (home / "disk", home / "tmp"):
+            if os.path.ismount(folder):
+                subprocess.run(["umount", "-l", str(folder)], check=False)
         shutil.rmtree(home, ignore_errors=True)

@@ -176,6 +176,7 @@ fn config(endpoint: &Endpoint, dictionary: Option<&Path>) -> zenoh::Result<Confi
         ("scouting/gossip/enabled", json!(false)),
         ("transport/shared_memory/enabled", json!(false)),
         ("transport/link/tx/lease", json!(3_600_000)),
+        ("transport/unicast/accept_timeout", json!(1000)),
     ];
     if endpoint.low_latency {
         settings.push(("transport/unicast/qos/enabled", json!(false)));

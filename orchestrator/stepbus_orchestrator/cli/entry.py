@@ -19,7 +19,10 @@ _SENTENCE = "stepbus: interrupted\n"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, `kill`, and a terminal that is closed: each ends a command, with the same exit code."""
 
+_RETRY_S = 0.01
+
 _is_settled = False
+"""Whether the exit code stands: from then on a signal changes nothing."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,9 +49,11 @@ def _main() -> int:
 
 
 def _guarded() -> int:
+    global _is_settled  # noqa: PLW0603  (a signal handler has no other way to know)
     on_signals(_leave)
     # Those that came while this program was replaced by itself, see `_set_environment`.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    _retry_swallowed_interrupts()
     if _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]:
         _set_environment()
     from .commands import execute  # noqa: PLC0415  (loads everything)
@@ -59,15 +64,20 @@ def _guarded() -> int:
         try:
             on_signals(_interrupt)
             code = execute(sys.argv[1:])
-            on_signals(signal.SIG_IGN)
+            _is_settled = True
         except SystemExit as exc:
+            _is_settled = True
             code = exc.code if isinstance(exc.code, int) else 0
         except KeyboardInterrupt:
+            # An assignment lets no further signal in, as a call would.
+            _is_settled = True
             if code is None:
                 code = _INTERRUPTED
                 sys.stderr.write(_SENTENCE)
         finally:
+            _is_settled = True
             on_signals(signal.SIG_IGN)
+            forget_swallowed()
     return code
 
 
@@ -101,6 +111,29 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
         os.write(2, _SENTENCE.encode())
     finally:
         os._exit(_INTERRUPTED)
+
+
+def _retry_swallowed_interrupts() -> None:
+    """Raise an interrupt again where a destructor or a weak reference's callback swallowed it.
+
+    Python prints a traceback there, and continues as if there had been no signal.
+    """
+    usual = sys.unraisablehook
+
+    def hook(unraisable: "sys.UnraisableHookArgs") -> None:
+        if unraisable.exc_type is not KeyboardInterrupt:
+            usual(unraisable)
+        elif not _is_settled:
+            # Not at once: this hook is of no use for exceptions of its own.
+            signal.setitimer(signal.ITIMER_REAL, _RETRY_S)
+
+    signal.signal(signal.SIGALRM, _interrupt)
+    sys.unraisablehook = hook
+
+
+def forget_swallowed() -> None:
+    """Raise no interrupt again: what it should have ended has ended."""
+    signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

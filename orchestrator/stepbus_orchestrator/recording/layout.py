@@ -6,7 +6,10 @@ RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
 
 PROFILE = ""
-LIBRARY = "stepbus"
+LIBRARY = "stepbus 2"
+"""From version 2 on, the data section has a checksum: no byte of it changes unseen."""
+LIBRARIES = frozenset({"stepbus", LIBRARY})
+"""Chunks, attachments and the summary of these have checksums: none is a sign of damage."""
 CHUNK_BYTES = 64 * 1024
 MESSAGE_ENCODING = "msgpack"
 SCHEMA_ENCODING = "jsonschema"

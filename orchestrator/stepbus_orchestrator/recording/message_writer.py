@@ -64,6 +64,21 @@ class _ChunkIndexes:
         stream.write(zlib.decompress(self._packed + self._compressor.flush()))
 
 
+class _Checksummed:
+    """An output with the checksum of all that was written to it; a failed write adds nothing."""
+
+    def __init__(self, output: Any) -> None:
+        self._output = output
+        self.tell = output.tell
+        self.crc = 0
+
+    def write(self, data: bytes) -> int:
+        """Append bytes; raises OSError."""
+        count: int = self._output.write(data)
+        self.crc = zlib.crc32(data, self.crc)
+        return count
+
+
 class MessageWriter(Writer):
     """Writes what `Writer` writes; what a full disk refuses leaves no trace in the index.
 
@@ -73,10 +88,12 @@ class MessageWriter(Writer):
     """
 
     def __init__(self, output: Any, **options: Any) -> None:
-        super().__init__(output, **options)
+        checked: Any = _Checksummed(output)
+        super().__init__(checked, **options)
         self.keep_room: Callable[[int], None] = lambda _size: None
         own = vars(self)
         self._output = output
+        self._checked: _Checksummed = checked
         self._compression: CompressionType = own["_Writer__compression"]
         self._chunk: Any = own["_Writer__chunk_builder"]
         self._chunk_bytes: int = own["_Writer__chunk_size"]
@@ -159,6 +176,7 @@ class MessageWriter(Writer):
         """Write the chunk and its message indexes at once; raises OSError, and has lost them."""
         chunk = self._chunk
         if chunk.num_messages == 0:
+            self._keep_checksum()
             return
         try:
             record = self._chunk_record()
@@ -180,11 +198,16 @@ class MessageWriter(Writer):
                 entries.write(builder)
             index.message_index_length = builder.count - index.chunk_length
             self.keep_room(self._chunk_indexes.size)
-            self._output.write(_taken(builder))
+            self._checked.write(_taken(builder))
             self._count()
             self._chunk_indexes.add(index)
         finally:
             chunk.reset()
+            self._keep_checksum()
+
+    def _keep_checksum(self) -> None:
+        """Let `finish`, which ends the last chunk first, write the checksum of the data section."""
+        vars(self)["_Writer__data_section_crc"] = self._checked.crc
 
     # Whatever of `Writer` ends a chunk, ends it so.
     _Writer__finalize_chunk = _end_chunk

@@ -69,17 +69,20 @@ def check_head(opcode: int, length: int, offset: int, size: int) -> None:
         raise DamagedRecord(f"the {type_of(opcode)} at byte {offset} lacks {length - left} bytes")
 
 
-def records_of(opcode: int, content: bytes) -> Iterator[McapRecord]:
+def records_of(opcode: int, content: bytes, *, checked: bool = False) -> Iterator[McapRecord]:
     """Yield what one record holds: itself, or all that is in a chunk; nothing of an index.
 
-    Raises DamagedRecord when it contradicts itself.
+    checked: whether chunks and attachments must have checksums. Raises DamagedRecord when it
+    contradicts itself.
     """
     read = _READERS.get(opcode)
     if read is None:
         return
     try:
+        if opcode == Opcode.ATTACHMENT:
+            check_attachment(content, checked=checked)
         record = read(content)
-        inside = unpack(record) if isinstance(record, Chunk) else None
+        inside = unpack(record, checked=checked) if isinstance(record, Chunk) else None
     except _PARSE_ERRORS as exc:
         raise _corrupt(opcode, exc) from exc
     if inside is None:
@@ -92,10 +95,10 @@ def records_of(opcode: int, content: bytes) -> Iterator[McapRecord]:
         raise DamagedRecord(f"inside a chunk: {exc}") from exc
 
 
-def chunk_content(content: bytes) -> bytes:
+def chunk_content(content: bytes, *, checked: bool) -> bytes:
     """Return the records inside a chunk; raises DamagedRecord when it is corrupt."""
     try:
-        return unpack(Chunk.read(_stream(content)))
+        return unpack(Chunk.read(_stream(content)), checked=checked)
     except _PARSE_ERRORS as exc:
         raise _corrupt(Opcode.CHUNK, exc) from exc
 
@@ -115,8 +118,8 @@ def walk(data: bytes) -> Iterator[tuple[int, bytes]]:
         yield opcode, data[start:offset]
 
 
-def unpack(chunk: Chunk) -> bytes:
-    """Return the records of a chunk, checked by its CRC where it has one; raises ValueError."""
+def unpack(chunk: Chunk, *, checked: bool) -> bytes:
+    """Return the records of a chunk; raises ValueError when it, or its checksum, is wrong."""
     data: bytes
     if chunk.compression == "zstd":
         data = zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
@@ -126,7 +129,7 @@ def unpack(chunk: Chunk) -> bytes:
         raise ValueError(f"compression {chunk.compression!r} is not zstd or none")
     if len(data) != chunk.uncompressed_size:
         raise ValueError(f"it holds {len(data)} bytes, not {chunk.uncompressed_size}")
-    _check_crc(data, chunk.uncompressed_crc)
+    check_crc(data, chunk.uncompressed_crc, checked=checked)
     return data
 
 
@@ -134,20 +137,20 @@ def _corrupt(opcode: int, exc: BaseException) -> DamagedRecord:
     return DamagedRecord(f"a {type_of(opcode)} is corrupt: {str(exc) or type(exc).__name__}")
 
 
-def _check_crc(data: bytes, expected: int) -> None:
-    """Raise ValueError when a checksum is wrong; 0 stands for none."""
-    if expected and zlib.crc32(data) != expected:
+def check_crc(data: bytes, expected: int, *, checked: bool) -> None:
+    """Raise ValueError when a checksum is wrong; unless `checked`, 0 stands for none."""
+    if (expected or checked) and zlib.crc32(data) != expected:
         raise ValueError("its checksum is wrong")
+
+
+def check_attachment(content: bytes, *, checked: bool) -> None:
+    """Raise ValueError when the checksum of an attachment is wrong."""
+    expected = int.from_bytes(content[-_CRC_BYTES:], "little")
+    check_crc(content[:-_CRC_BYTES], expected, checked=checked)
 
 
 def _stream(content: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(content))
-
-
-def _read_attachment(content: bytes) -> McapRecord:
-    _check_crc(content[:-_CRC_BYTES], int.from_bytes(content[-_CRC_BYTES:], "little"))
-    record: McapRecord = Attachment.read(_stream(content))
-    return record
 
 
 def _read_message(content: bytes) -> McapRecord:
@@ -173,6 +176,6 @@ _READERS: Mapping[int, Callable[[bytes], McapRecord]] = {
     Opcode.CHANNEL: _plain(Channel),
     Opcode.METADATA: _plain(Metadata),
     Opcode.CHUNK: _plain(Chunk),
-    Opcode.ATTACHMENT: _read_attachment,
+    Opcode.ATTACHMENT: _plain(Attachment),
     Opcode.MESSAGE: _read_message,
 }

@@ -110,6 +110,7 @@ class _Copy:
                 chunk_size=layout.CHUNK_BYTES,
                 compression=CompressionType.ZSTD,
                 index_types=IndexType.ALL,
+                enable_data_crcs=True,
             )
             writer.start(profile=header.profile, library=header.library)
             for record in records:

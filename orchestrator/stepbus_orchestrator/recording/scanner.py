@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import os
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, McapRecord, Message
+from mcap.records import Channel, Header, McapRecord, Message
 
 from stepbus_orchestrator.errors import RecordingFailed
 
+from . import layout
 from .records import HEAD, MAGIC, DamagedRecord, check_head, open_recording, records_of
+
+_CRC_BYTES = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +51,8 @@ class Scanner:
         self.damage = ""
         self.has_end = False
         self._channels: set[int] = set()
+        self._library = ""
+        self._crc = 0
 
     def records(self) -> Iterator[McapRecord]:
         """Yield header, schemas, channels, messages, attachments and metadata in order."""
@@ -77,6 +83,7 @@ class Scanner:
                 f"{self.path} is not an MCAP recording: it does not start with its magic bytes"
             )
         self.intact_bytes = len(MAGIC)
+        self._crc = zlib.crc32(MAGIC)
 
     def _until_damage(self, file: IO[bytes]) -> Iterator[Scanned]:
         try:
@@ -89,14 +96,17 @@ class Scanner:
             opcode, content = self._read(file, offset)
             scanned = Scanned(offset=offset, length=file.tell() - offset, opcode=opcode, records=[])
             try:
-                for record in records_of(opcode, content):
+                for record in records_of(opcode, content, checked=self._is_ours()):
                     self._check_channel(record)
+                    if isinstance(record, Header):
+                        self._library = record.library
                     scanned.records.append(record)
             finally:
                 # A chunk may be damaged inside: what precedes it is complete.
                 yield scanned
             self.has_end = self.has_end or opcode == Opcode.DATA_END
             self.intact_bytes = file.tell()
+            self._take_checksum(opcode, content)
             if opcode == Opcode.FOOTER:
                 self._take_end(file)
                 return
@@ -109,6 +119,28 @@ class Scanner:
         opcode, length = HEAD.unpack(head)
         check_head(opcode, length, offset, self.size)
         return opcode, file.read(length)
+
+    def _is_ours(self) -> bool:
+        return self._library in layout.LIBRARIES
+
+    def _take_checksum(self, opcode: int, content: bytes) -> None:
+        """Add a record to the checksum of its section; raise DamagedRecord where that is wrong."""
+        record = HEAD.pack(opcode, len(content)) + content
+        if opcode == Opcode.DATA_END:
+            self._check_section("data section", content, must=self._library == layout.LIBRARY)
+            self._crc = 0
+        elif opcode == Opcode.FOOTER:
+            self._crc = zlib.crc32(record[:-_CRC_BYTES], self._crc)
+            self._check_section("summary", content, must=self._is_ours())
+        else:
+            self._crc = zlib.crc32(record, self._crc)
+
+    def _check_section(self, name: str, content: bytes, *, must: bool) -> None:
+        expected = int.from_bytes(content[-_CRC_BYTES:], "little")
+        if (expected or must) and expected != self._crc:
+            raise DamagedRecord(
+                f"the checksum of the {name} is wrong: something in it is not what was written"
+            )
 
     def _check_channel(self, record: McapRecord) -> None:
         """Raise DamagedRecord for a message of a channel that no record before it describes."""

@@ -31,6 +31,8 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 
 _LEASE_MS = 3_600_000
 _UNIX = "unixsock-stream/"
+_ACCEPT_MS = 1000
+"""How long a link may take to open; a session that closes waits for those that never do."""
 
 
 @cache
@@ -88,6 +90,7 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
     # After its default of 10 s, Zenoh drops the link to a process that is stopped, in a debugger
     # for example. Here the deadlines of the scenario decide; a dead process closes its sockets.
     settings["transport/link/tx/lease"] = _LEASE_MS
+    settings["transport/unicast/accept_timeout"] = _ACCEPT_MS
     if endpoint.low_latency:
         settings["transport/unicast/qos/enabled"] = False
         settings["transport/unicast/lowlatency"] = True

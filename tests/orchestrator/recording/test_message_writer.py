@@ -11,7 +11,8 @@ from stepbus_orchestrator.recording.message_writer import MessageWriter
 
 def written(writer_class, messages, compression=CompressionType.ZSTD, chunk_size=2000):
     stream = BytesIO()
-    writer = writer_class(stream, chunk_size=chunk_size, compression=compression)
+    more = {"enable_data_crcs": True} if writer_class is Writer else {}
+    writer = writer_class(stream, chunk_size=chunk_size, compression=compression, **more)
     writer.start(profile="", library="stepbus")
     schema = writer.register_schema("s", "jsonschema", b"{}")
     channels = [writer.register_channel(f"topic{n}", "msgpack", schema, {}) for n in range(3)]

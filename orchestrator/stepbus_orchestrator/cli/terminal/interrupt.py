@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from types import FrameType
 from typing import Any
 
-from stepbus_orchestrator.cli.entry import on_signals
+from stepbus_orchestrator.cli.entry import forget_swallowed, on_signals
 
 
 @contextlib.contextmanager
@@ -34,6 +34,7 @@ def abortable() -> Iterator[None]:
     try:
         yield
     finally:
+        forget_swallowed()
         _restore(before)
 
 

@@ -55,7 +55,13 @@ class Index:
     blocks: list[Block] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, Mapping[str, str]] = field(default_factory=dict)
+    library: str = ""
     damage: str = ""
+
+    @property
+    def is_ours(self) -> bool:
+        """Return whether we wrote it: everything in it has a checksum."""
+        return self.library in layout.LIBRARIES
 
     def add(self, record: object) -> None:
         """Add what a record says, unless it is a message."""
@@ -68,6 +74,8 @@ class Index:
                 self.attachments[record.name] = record.data
             case Metadata():
                 self.metadata[record.name] = record.metadata
+            case Header():
+                self.library = record.library
 
 
 def read_index(path: Path, file: int) -> Index:
@@ -139,10 +147,9 @@ class _Summary:
         opcode, length = HEAD.unpack_from(head, len(MAGIC))
         if opcode != Opcode.HEADER or length > self._size:
             return False
-        return any(
-            isinstance(record, Header) and record.library == layout.LIBRARY
-            for record in self._records_at(len(MAGIC), HEAD.size + length)
-        )
+        for record in self._records_at(len(MAGIC), HEAD.size + length):
+            self._index.add(record)
+        return self._index.is_ours
 
     def _take(self, opcode: int, content: bytes) -> None:
         if opcode == Opcode.CHUNK_INDEX:
@@ -183,7 +190,7 @@ class _Summary:
     def _records_at(self, offset: int, length: int) -> Iterator[object]:
         data = os.pread(self._file, length, offset)
         for opcode, content in _walk(data):
-            yield from records_of(opcode, content)
+            yield from records_of(opcode, content, checked=self._index.is_ours)
 
 
 _ATTACHED: Mapping[int, Callable[[Any], AttachmentIndex | MetadataIndex]] = {

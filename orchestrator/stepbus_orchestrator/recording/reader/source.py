@@ -115,7 +115,8 @@ class Source:
             raise DamagedRecord(
                 f"the record at byte {block.offset} has another length than indexed"
             )
-        return chunk_content(data[HEAD.size :]) if opcode == Opcode.CHUNK else data
+        checked = self.index.is_ours
+        return chunk_content(data[HEAD.size :], checked=checked) if opcode == Opcode.CHUNK else data
 
 
 def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:

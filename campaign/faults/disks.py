@@ -1,0 +1,136 @@
+"""Disks that are full, and files that somebody removes, cuts or replaces."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import resource
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+from campaign.sandbox import Sandbox
+
+from .fault import Prepare, Strike
+
+_LIMIT_BYTES = 1 << 20
+
+
+def small_disk(box: Sandbox, chance: random.Random) -> Callable[[], None] | None:
+    """Put the run's folder on a file system of a random size, or limit the size of its files."""
+    kib = chance.randrange(700, 6000)
+    box.notes["stepping_bytes"] = 1 << 40
+    return _disk(box, f"size={kib}k", kib * 1024)
+
+
+def own_disk(box: Sandbox, _chance: random.Random) -> Callable[[], None] | None:
+    """Put the run's folder on a file system of its own, of 8 MB."""
+    return _disk(box, "size=8m", _LIMIT_BYTES)
+
+
+def few_inodes(box: Sandbox, chance: random.Random) -> Callable[[], None] | None:
+    """Put the run's folder on a file system that takes a few files only."""
+    return _disk(box, f"size=64m,nr_inodes={chance.randrange(2, 14)}", _LIMIT_BYTES)
+
+
+def small_temporary_disk(box: Sandbox, chance: random.Random) -> Callable[[], None] | None:
+    """Leave hardly any room for temporary files."""
+    mount(box.temporary, f"size={4 * chance.randrange(1, 12)}k")
+    return None
+
+
+def _disk(box: Sandbox, options: str, otherwise_bytes: int) -> Callable[[], None] | None:
+    if mount(box.home / "disk", options):
+        return None
+    return limit_files(otherwise_bytes)
+
+
+def limit_files(size: int) -> Callable[[], None]:
+    """Return what limits the size of each file that a process writes [bytes]."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+def mount(folder: Path, options: str) -> bool:
+    """Mount a file system in memory; return whether this user may."""
+    command = ["mount", "-t", "tmpfs", "-o", options, "none", str(folder)]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def fill(box: Sandbox, _chance: random.Random) -> None:
+    """Take the space of the run's folder away while it runs."""
+    with contextlib.suppress(OSError), (box.home / "disk" / "ballast").open("wb") as file:
+        while True:
+            file.write(bytes(4096))
+            file.flush()
+
+
+def remove_folder(box: Sandbox, _chance: random.Random) -> None:
+    """Remove the run's folder."""
+    shutil.rmtree(box.out, ignore_errors=True)
+
+
+def move_folder(box: Sandbox, _chance: random.Random) -> None:
+    """Move the run's folder away."""
+    with contextlib.suppress(OSError):
+        box.out.rename(box.out.with_name("elsewhere"))
+
+
+def remove_logs(box: Sandbox, _chance: random.Random) -> None:
+    """Remove the participants' logs."""
+    shutil.rmtree(box.out / "logs", ignore_errors=True)
+
+
+def remove_temporary_files(box: Sandbox, _chance: random.Random) -> None:
+    """Remove the private folder, with the sockets in it."""
+    for folder in box.temporary.glob("stepbus-*"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def truncate(name: str) -> Strike:
+    """Return a strike that cuts a file of the run to a random size."""
+
+    def strike(box: Sandbox, chance: random.Random) -> None:
+        path = box.out / name
+        box.wait_for(path.exists, 5.0)
+        with contextlib.suppress(OSError):
+            os.truncate(path, chance.randrange(path.stat().st_size + 1))
+
+    return strike
+
+
+def replace(name: str) -> Strike:
+    """Return a strike that puts something else into the place of a file of the run."""
+
+    def strike(box: Sandbox, chance: random.Random) -> None:
+        path = box.out / name
+        box.wait_for(path.exists, 5.0)
+        with contextlib.suppress(OSError):
+            path.unlink()
+            match chance.randrange(3):
+                case 0:
+                    path.write_bytes(b"somebody else's")
+                case 1:
+                    path.symlink_to(box.home / "stderr")
+                case _:
+                    path.mkdir()
+
+    return strike
+
+
+def damage(box: Sandbox, chance: random.Random) -> None:
+    """Overwrite some bytes of the recording that have been written."""
+    with contextlib.suppress(OSError), (box.out / "run.mcap").open("r+b") as file:
+        file.seek(chance.randrange(15_000))
+        file.write(chance.randbytes(chance.choice((1, 8, 100))))
+
+
+def occupy(name: str) -> Prepare:
+    """Return what makes a folder where the run wants to write a file."""
+
+    def prepare(box: Sandbox, _chance: random.Random) -> None:
+        box.notes["blocked"] = name
+        (box.out / name).mkdir(parents=True)
+
+    return prepare

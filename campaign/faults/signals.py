@@ -1,0 +1,109 @@
+"""Signals to the participants, the orchestrator and the reaper."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import time
+from collections.abc import Iterator
+
+import psutil
+
+from campaign.sandbox import Sandbox
+
+from .fault import Strike
+
+
+def to_participant(*numbers: int) -> Strike:
+    """Return a strike that sends one of these signals to a participant."""
+
+    def strike(box: Sandbox, chance: random.Random) -> None:
+        name = chance.choice(box.notes["participants"])
+        box.notes["hit"] = name
+        box.wait_for(lambda: box.find(name), 10.0)
+        send(box.find(name), chance.choice(numbers))
+
+    return strike
+
+
+def to_all_participants(number: int) -> Strike:
+    """Return a strike that sends a signal to every participant at once."""
+
+    def strike(box: Sandbox, _chance: random.Random) -> None:
+        box.wait_for(lambda: all(map(box.find, box.notes["participants"])), 10.0)
+        for process in [box.find(name) for name in box.notes["participants"]]:
+            send(process, number)
+
+    return strike
+
+
+def to_orchestrator(*numbers: int) -> Strike:
+    """Return a strike that sends one of these signals to the orchestrator."""
+
+    def strike(box: Sandbox, chance: random.Random) -> None:
+        box.orchestrator.send_signal(chance.choice(numbers))
+
+    return strike
+
+
+def to_reaper(*numbers: int) -> Strike:
+    """Return a strike that sends one of these signals to the reaper."""
+
+    def strike(box: Sandbox, chance: random.Random) -> None:
+        box.wait_for(lambda: box.find("reaper"), 10.0)
+        send(box.find("reaper"), chance.choice(numbers))
+
+    return strike
+
+
+def storm(*numbers: int) -> Strike:
+    """Return a strike that sends the orchestrator six of these signals in half a second."""
+
+    def strike(box: Sandbox, chance: random.Random) -> None:
+        for _ in range(6):
+            box.orchestrator.send_signal(chance.choice(numbers))
+            time.sleep(chance.uniform(0.0, 0.1))
+
+    return strike
+
+
+def suspend_orchestrator(box: Sandbox, chance: random.Random) -> None:
+    """Stop the orchestrator for longer than any deadline of a step, then let it continue."""
+    with paused(psutil.Process(box.orchestrator.pid)):
+        time.sleep(chance.uniform(2.5, 4.0))
+
+
+def stutter(box: Sandbox, chance: random.Random) -> None:
+    """Stop a participant a few times, never for as long as its deadline."""
+    name = chance.choice(box.notes["participants"])
+    box.wait_for(lambda: box.find(name), 10.0)
+    for _ in range(5):
+        with paused(box.find(name)):
+            time.sleep(chance.uniform(0.02, 0.3))
+        time.sleep(chance.uniform(0.0, 0.1))
+
+
+@contextlib.contextmanager
+def paused(process: psutil.Process | None) -> Iterator[None]:
+    """Stop a process while this is open."""
+    with contextlib.suppress(psutil.Error):
+        if process is not None:
+            process.suspend()
+    try:
+        yield
+    finally:
+        with contextlib.suppress(psutil.Error):
+            if process is not None:
+                process.resume()
+
+
+def pause(_box: Sandbox, _chance: random.Random) -> None:
+    """Let a second pass between two strikes."""
+    time.sleep(1.0)
+
+
+def send(process: psutil.Process | None, number: int) -> None:
+    """Send a signal to a process, if it is still there."""
+    if process is not None:
+        with contextlib.suppress(psutil.Error):
+            process.send_signal(number)

@@ -1,0 +1,197 @@
+"""What strangers do, in a process of their own: `stranger.py [--nobody] DEED ADDRESS…`.
+
+A deed runs until the process is killed. Addresses are Zenoh's; `caller` takes a folder of a run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import signal
+import socket
+import ssl
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+# What a Zenoh session sends first: InitSyn, recorded from version 1.
+INIT_SYN = bytes.fromhex("2000c109f19bd490256d0464411587a3824e9687cd0ac8ffc205efe897b90a852701")
+NOBODY = 65534
+KEYS = ("trigger", "stop", "start", "ready/plant", "fault/plant", "log/plant", "out/plant", "join")
+
+
+def configured(addresses: list[str], **further: object) -> Any:
+    """Return the configuration of a session that connects to these addresses."""
+    config = zenoh.Config()
+    settings = {
+        "mode": "peer", "connect/endpoints": addresses, "listen/endpoints": [],
+        "connect/timeout_ms": 3000, "connect/exit_on_failure": False,
+        "scouting/multicast/enabled": False, "scouting/gossip/enabled": False,
+        "transport/unicast/qos/enabled": False, "transport/unicast/lowlatency": True, **further,
+    }  # fmt: skip
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def subscribe(addresses: list[str], **further: object) -> None:
+    """Subscribe to everything, then stop reading."""
+    session = zenoh.open(configured(addresses, **further))
+    _subscriber = session.declare_subscriber("**", lambda _sample: None)
+    time.sleep(0.3)
+    ready()
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def subscribe_with_qos(addresses: list[str]) -> None:
+    """Do the same by the other transport."""
+    unicast = "transport/unicast"
+    subscribe(addresses, **{f"{unicast}/qos/enabled": True, f"{unicast}/lowlatency": False})
+
+
+def subscribe_stolen(tickets: list[str]) -> None:
+    """Do the same with the credentials of a participant."""
+    endpoint = json.loads(Path(random.choice(tickets)).read_bytes())["endpoint"]
+    auth = "transport/auth/usrpwd"
+    stolen = {f"{auth}/user": endpoint["user"], f"{auth}/password": endpoint["password"]}
+    further = {key: value for key, value in endpoint["settings"].items() if "tls" in key}
+    subscribe(endpoint["connect"] + endpoint["listen"], **stolen, **further)
+
+
+def intrude(addresses: list[str]) -> None:
+    """Publish on every key of the run, without its secrets."""
+    by_tls = [address.replace("tcp/", "tls/") for address in addresses if "tcp/" in address]
+    session = zenoh.open(configured(addresses + by_tls))
+    ready()
+    while True:
+        for key in KEYS:
+            session.put(key, b"\x81\xa5token\xa1x")
+            session.put("stepbus/" + key, b"garbage")
+            session.put(f"stepbus/{random.randbytes(8).hex()}/{key}", random.randbytes(50))
+        time.sleep(0.005)
+
+
+def idle(addresses: list[str]) -> None:
+    """Connect, and say nothing."""
+    hold([link for address in addresses for link in connected(address, random.randrange(1, 8))])
+
+
+def flood(addresses: list[str]) -> None:
+    """Connect some hundred times, and say nothing."""
+    hold([link for address in addresses for link in connected(address, 120)])
+
+
+def babble(addresses: list[str]) -> None:
+    """Connect and send nonsense, again and again."""
+    ready()
+    while True:
+        for address in addresses:
+            for link in connected(address, 1):
+                with contextlib.suppress(OSError):
+                    link.sendall(random.randbytes(random.choice((1, 2, 100, 70_000))))
+                link.close()
+        time.sleep(0.01)
+
+
+def half_handshake(addresses: list[str]) -> None:
+    """Begin what a session begins, and break off in the middle."""
+    held = []
+    for address in addresses:
+        start = client_hello() if address.startswith("tcp/") else INIT_SYN
+        for link in connected(address, 5):
+            with contextlib.suppress(OSError):
+                link.sendall(start[: random.randrange(1, len(start) + 1)])
+            held.append(link)
+    hold(held)
+
+
+def client_hello() -> bytes:
+    """Return how a TLS session begins."""
+    sent = ssl.MemoryBIO()
+    link = ssl.create_default_context().wrap_bio(ssl.MemoryBIO(), sent, server_hostname="x")
+    with contextlib.suppress(ssl.SSLError):
+        link.do_handshake()
+    return sent.read()
+
+
+def hang_up(addresses: list[str]) -> None:
+    """Connect and hang up again and again."""
+    ready()
+    while True:
+        for address in addresses:
+            for link in connected(address, 3):
+                link.close()
+        time.sleep(0.002)
+
+
+def call(folders: list[str]) -> None:
+    """Call a run as its user may, with nonsense, then stop reading."""
+    live = json.loads((Path(folders[0]) / ".live.json").read_bytes())
+    endpoint = live["endpoint"]
+    auth = "transport/auth/usrpwd"
+    own = {f"{auth}/user": endpoint["user"], f"{auth}/password": endpoint["password"]}
+    session = zenoh.open(configured(endpoint["connect"], **own, **endpoint["settings"]))
+    key = f"stepbus/{live['run']}/call"
+    for _ in range(50):
+        session.get(key, payload=random.randbytes(random.choice((0, 3, 900))), timeout=0.2)
+    _subscriber = session.declare_subscriber("**", lambda _sample: None)
+    ready()
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def connected(address: str, count: int) -> list[socket.socket]:
+    """Return so many plain connections; fewer where they are refused."""
+    scheme, _, place = address.partition("/")
+    links = []
+    for _ in range(count):
+        with contextlib.suppress(OSError):
+            is_tcp = scheme == "tcp"
+            link = socket.socket(socket.AF_INET if is_tcp else socket.AF_UNIX)
+            link.settimeout(0.5)
+            host, _, port = place.rpartition(":")
+            link.connect((host, int(port)) if is_tcp else place)
+            links.append(link)
+    return links
+
+
+def hold(links: list[socket.socket]) -> None:
+    """Keep connections open until the end."""
+    ready()
+    while links:
+        time.sleep(60)
+
+
+def ready() -> None:
+    """Tell who started this that the deed is under way."""
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+
+
+DEEDS = {
+    deed.__name__: deed
+    for deed in (
+        subscribe, subscribe_with_qos, subscribe_stolen, intrude, idle, flood, babble,
+        half_handshake, hang_up, call,
+    )
+}  # fmt: skip
+
+
+def main() -> None:
+    """Do one deed, as nobody where that is asked for."""
+    words = sys.argv[1:]
+    if words[0] == "--nobody":
+        words.pop(0)
+        with contextlib.suppress(PermissionError):
+            os.setgroups([])
+            os.setgid(NOBODY)
+            os.setuid(NOBODY)
+    DEEDS[words[0]](words[1:])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""Judges what the readers of a recording answered, by what is in its bytes."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Iterator, Mapping
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message
+from mcap.stream_reader import breakup_chunk
+
+from .mutations import CHAIN, DAMAGE, FORGED, HEAD, Mutation, records
+from .readers import Answer
+
+_ERRORS = (
+    EOFError, KeyError, McapError, MemoryError, OverflowError, ValueError, struct.error,
+    zstandard.ZstdError,
+)  # fmt: skip
+Row = tuple[str, int, bytes]
+
+
+def messages(data: bytes) -> list[Row]:
+    """Return (topic, step, content) of the messages up to the first damage, without the chain.
+
+    Damage of what holds no messages ends nothing.
+    """
+    found: list[Row] = []
+    channels: dict[int, str] = {}
+    try:
+        for record in _records(data):
+            if isinstance(record, Channel):
+                channels.setdefault(record.id, record.topic)
+            elif isinstance(record, Message) and channels[record.channel_id] != CHAIN:
+                found.append((channels[record.channel_id], record.sequence, record.data))
+    except _ERRORS:
+        pass
+    return found
+
+
+def _records(data: bytes) -> Iterator[object]:
+    for opcode, start, end in records(data):
+        if opcode == Opcode.DATA_END or end > len(data):
+            return
+        content = data[start + HEAD.size : end]
+        stream = ReadDataStream(io.BytesIO(content))
+        if opcode == Opcode.CHUNK:
+            yield from breakup_chunk(Chunk.read(stream), validate_crc=True)
+        elif opcode == Opcode.CHANNEL:
+            yield Channel.read(stream)
+        elif opcode == Opcode.MESSAGE:
+            yield Message.read(stream, len(content))
+
+
+class Judge:
+    """Judges the answers about one mutated recording.
+
+    original, data: bytes before and after the mutation.
+    """
+
+    def __init__(self, mutation: Mutation, original: bytes, data: bytes, participant: str) -> None:
+        self._is_changed = original != data
+        before, after = messages(original), messages(data)
+        self._is_damaged = self._is_changed and mutation in DAMAGE
+        self._is_forged = mutation in FORGED and _by_port(before) != _by_port(after)
+        self._differs = _by_port(before) != _by_port(after)
+        own = participant + "/"
+        self._replays_differ = _of(before, own) != _of(after, own)
+
+    def judge(self, reader: str, answer: Answer) -> Iterator[str]:
+        """Yield what is wrong with an answer."""
+        said = answer.text
+        if "Traceback" in said or "Exception ignored" in said:
+            yield f"{reader}: traceback: {said.strip()[-200:]!r}"
+        if answer.code < 0 or answer.code == 1:
+            yield f"{reader}: exit code {answer.code}: {said.strip()[-200:]!r}"
+        if reader.startswith("recover") and ": undamaged" in said:
+            if self._is_damaged:
+                yield f"{reader}: wrong undamaged"
+            if self._is_forged:
+                yield f"{reader}: wrong undamaged, though the hash chain breaks"
+        if reader.startswith("diff") and answer.code == 0 and self._differs:
+            yield f"{reader}: wrong equal: {said[:100]!r}"
+        is_warned = "damaged" in said or "hole" in said
+        if reader == "replay" and answer.code == 0 and self._replays_differ and not is_warned:
+            yield f"{reader}: wrong equal: {said[:200]!r}"
+        if reader == "rerun" and "byte for byte as recorded" in said and self._is_changed:
+            yield f"{reader}: wrong equal: {said[:200]!r}"
+
+
+def _by_port(rows: list[Row]) -> Mapping[str, list[tuple[int, bytes]]]:
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    for topic, step, content in rows:
+        found.setdefault(topic, []).append((step, content))
+    return found
+
+
+def _of(rows: list[Row], own: str) -> list[Row]:
+    return sorted(row for row in rows if row[0].startswith(own))

@@ -1,0 +1,108 @@
+"""The first part: runs that are struck from outside."""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .faults import FAULTS
+from .faults.streams import open_stream
+from .judge import Verdict, judge
+from .log_reader import result
+from .sandbox import Sandbox, sandbox
+from .scenarios import SCENARIOS, Reference, reference
+
+MARGIN_S = 2.0
+"""How much later than its deadline a run may end [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One run, and what strikes it when."""
+
+    number: int
+    fault: str
+    scenario: str
+    moment: str
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return f"#{self.number} {self.fault}, {self.scenario}, {self.moment}"
+
+
+def cases(count: int, seed: int) -> list[Case]:
+    """Return the cases, every type of fault in turn."""
+    chance = random.Random(seed)
+    names, rows = list(FAULTS), []
+    weights = [scenario.weight for scenario in SCENARIOS.values()]
+    for number in range(count):
+        if number % len(names) == 0:
+            # A sample shorter than the list takes other faults with another seed.
+            chance.shuffle(names)
+        name = names[number % len(names)]
+        (scenario,) = chance.choices(list(SCENARIOS), weights)
+        moment = chance.choice(FAULTS[name].when)
+        rows.append(Case(number=number, fault=name, scenario=scenario, moment=moment))
+    return rows
+
+
+def strike(rows: list[Case], seed: int) -> Iterator[tuple[Case, Verdict]]:
+    """Run every case and yield what came of it."""
+    for case in rows:
+        yield case, run_case(case, seed)
+
+
+def run_case(case: Case, seed: int) -> Verdict:
+    """Run one scenario, strike, and judge."""
+    undisturbed = None if FAULTS[case.fault].endless else reference(case.scenario)
+    fault, chance = FAULTS[case.fault], random.Random(f"{seed} {case.number} {case.fault}")
+    scenario = SCENARIOS[case.scenario]
+    with sandbox() as box:
+        box.notes["participants"] = scenario.participants
+        box.notes["reference"] = None if undisturbed is None else undisturbed.sha256
+        before = fault.prepare(box, chance) if fault.prepare else None
+        words = scenario.arguments(
+            case.scenario, scenario.endless if fault.endless else scenario.duration
+        )
+        # A report takes as long as the run was, which would hide how long the end took.
+        words += [*fault.arguments, *([] if case.moment == "end" else ["--no-report"])]
+        output, opened = open_stream(fault.stdout)
+        errors, opened_too = open_stream(fault.stderr)
+        # The reader's end of stdout comes last: a fault may close it.
+        box.notes["opened"] = opened_too + opened
+        box.start(words, stdout=output, stderr=errors, before=before, environment=fault.environment)
+        _await_moment(box, case.moment, chance)
+        box.faulted_at = time.monotonic()
+        fault.strike(box, chance)
+        verdict = judge(box, fault, _limit_s(case, undisturbed))
+        for descriptor in box.notes["opened"]:
+            os.close(descriptor)
+    return verdict
+
+
+def _await_moment(box: Sandbox, moment: str, chance: random.Random) -> None:
+    if moment == "start":
+        time.sleep(chance.uniform(0.0, 2.0))
+        return
+    box.notes["stepped"] = box.wait_for(box.is_stepping, 60.0)
+    if moment == "middle":
+        time.sleep(chance.uniform(0.0, 0.3))
+    else:
+        box.wait_for(lambda: result(box.out) is not None, 60.0)
+        time.sleep(chance.uniform(0.0, 0.6))
+
+
+def _limit_s(case: Case, undisturbed: Reference | None) -> float:
+    """Return how long after the fault a run may take [s]: its deadlines and 2 s.
+
+    A run that ends by itself has its own time besides, thrice: others may be at work.
+    """
+    fault, scenario = FAULTS[case.fault], SCENARIOS[case.scenario]
+    working = 0.0 if undisturbed is None else 15.0 + 3.0 * undisturbed.seconds
+    # A participant may spawn in time, and then not join.
+    start = 2.0 * scenario.start_s if case.moment == "start" else 0.0
+    # Who is stopped misses its deadline, and then that of the end.
+    return 2.0 * scenario.step_s + MARGIN_S + start + working + fault.takes_s

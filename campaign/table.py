@@ -1,0 +1,102 @@
+"""The tables that the campaign prints, in Markdown."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from .faults.catalogue import GROUPS
+from .judge import Verdict
+from .recordings import Outcome
+from .runs import Case
+
+
+@dataclass
+class RunTable:
+    """What the runs came to: for each type of fault the cases, broken promises, codes, times."""
+
+    cases: Counter[str] = field(default_factory=Counter)
+    broken: Counter[str] = field(default_factory=Counter)
+    codes: defaultdict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
+    slowest: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def add(self, case: Case, verdict: Verdict) -> None:
+        """Count one case."""
+        name = case.fault
+        self.cases[name] += 1
+        self.broken[name] += bool(verdict.broken)
+        self.slowest[name] = max(self.slowest[name], verdict.seconds)
+        if verdict.code is not None:
+            self.codes[name].add(verdict.code)
+
+    def lines(self) -> list[str]:
+        """Return the table."""
+        lines = [
+            "| Strikes | Fault from outside | Cases | Exit codes | Slowest end [s] | Broken |",
+            "|---|---|---|---|---|---|",
+        ]
+        for group, faults in GROUPS.items():
+            for name in faults:
+                if self.cases[name]:
+                    codes = ", ".join(map(str, sorted(self.codes[name])))
+                    lines.append(
+                        f"| {group} | {name} | {self.cases[name]} | {codes} "
+                        f"| {self.slowest[name]:.1f} | {self.broken[name]} |"
+                    )
+        total, broken = self.cases.total(), self.broken.total()
+        return [*lines, f"| **all** | | {total} | | | {broken} |"] if total else []
+
+
+@dataclass
+class RecordingTable:
+    """What the mutated recordings came to: for each mutation the files, calls, broken promises."""
+
+    files: Counter[str] = field(default_factory=Counter)
+    calls: Counter[str] = field(default_factory=Counter)
+    refused: Counter[str] = field(default_factory=Counter)
+    broken: Counter[str] = field(default_factory=Counter)
+
+    def add(self, outcome: Outcome) -> None:
+        """Count one file."""
+        self.files[outcome.mutation] += 1
+        self.calls[outcome.mutation] += outcome.calls
+        self.refused[outcome.mutation] += outcome.reported
+        self.broken[outcome.mutation] += len(outcome.broken)
+
+    def lines(self) -> list[str]:
+        """Return the table."""
+        lines = [
+            "| Mutation | Recordings | Calls | Damage reported | Broken |",
+            "|---|---|---|---|---|",
+        ]
+        for name in self.files:
+            counts = (self.files[name], self.calls[name], self.refused[name], self.broken[name])
+            lines.append(f"| {name} | {' | '.join(map(str, counts))} |")
+        totals = (self.files, self.calls, self.refused, self.broken)
+        total = " | ".join(str(count.total()) for count in totals)
+        return [*lines, f"| **all** | {total} |"] if self.files else []
+
+
+def heading(arguments: list[str], seconds: float, versions: Mapping[str, str]) -> str:
+    """Return how, when and on what a campaign ran."""
+    command = " ".join(["python -m campaign", *arguments])
+    named = [f"{name} {number}" for name, number in versions.items()]
+    return (
+        f"`{command}`: {datetime.now(UTC):%Y-%m-%d}, {seconds / 60:.0f} min on {_machine()}, "
+        f"{sys.platform}, Python {platform.python_version()}, {', '.join(named)}"
+    )
+
+
+def _machine() -> str:
+    """Return the processors, as far as the system names them."""
+    names: list[str] = []
+    with contextlib.suppress(OSError):
+        rows = Path("/proc/cpuinfo").read_text().splitlines()
+        names = [row.partition(":")[2].strip() for row in rows if row.startswith("model name")]
+    return f"{len(names) or 'several'} × {names[0] if names else platform.processor()}"

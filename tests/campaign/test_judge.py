@@ -1,0 +1,179 @@
+"""The judge of the campaign finds each promise that is broken, on cases made by hand."""
+
+import json
+import os
+import random
+import subprocess
+import sys
+import time
+
+import pytest
+from campaign import judge as judging
+from campaign.faults import FAULTS, Fault
+from campaign.faults.fault import wait
+from campaign.judge import judge
+from campaign.log_reader import read
+from campaign.recordings.mutations import message_changed, message_dropped
+from campaign.runs import cases
+from campaign.sandbox import MARK, sandbox
+from campaign.scenarios import SCENARIOS
+
+CODES = frozenset({0, 5, 6, 130})
+GOOD = {"exit_code": 0, "participant": None, "reason": "finished", "at_step": 61, "steps": 61}
+
+
+@pytest.fixture
+def box(monkeypatch, two_link_recording):
+    """Return the sandbox of a run that broke no promise."""
+    monkeypatch.setattr(judging, "ORPHAN_GRACE_S", 0.2)
+    with sandbox() as made:
+        made.out.mkdir()
+        (made.out / "run.mcap").write_bytes(two_link_recording.read_bytes())
+        made.notes |= {"participants": ("plant", "controller", "mission"), "stepped": True}
+        yield made
+
+
+def end(box, code=0, program="", **fields):
+    """Let a process end with a code, and write what it reports."""
+    program = program or f"raise SystemExit({code})"
+    box.process = subprocess.Popen([sys.executable, "-c", program])
+    if fields.get("exit_code", code) is not None:
+        result = {**GOOD, "sha256": read(box.out / "run.mcap").sha256, "exit_code": code, **fields}
+        (box.out / "result.json").write_text(json.dumps(result))
+
+
+def broken(box, limit_s=20.0, **fault):
+    row = {"strike": wait, "codes": CODES, "when": ("middle",), **fault}
+    box.faulted_at = time.monotonic()
+    return judge(box, Fault(**row), limit_s).broken
+
+
+def test_a_run_that_keeps_all_promises_breaks_none(box):
+    end(box)
+    assert broken(box) == []
+
+
+def test_a_hang(box):
+    end(box, program="import time; time.sleep(60)")
+    assert broken(box, limit_s=0.2)[0].startswith("hang: still running after 0.2")
+    box.process.kill()
+
+
+def test_a_false_exit_code(box):
+    end(box, 0)
+    assert broken(box, codes=frozenset({8})) == ["false exit code 0, not one of [8]"]
+
+
+def test_an_exit_code_that_result_json_does_not_say(box):
+    end(box, 0, exit_code=5)
+    assert "result.json says 5, the exit code is 0" in broken(box)
+
+
+def test_no_result(box):
+    end(box, exit_code=None)
+    assert broken(box) == ["no result.json"]
+
+
+def test_an_orphan(box):
+    end(box)
+    orphan = subprocess.Popen(
+        [sys.executable, "-c", "import time; time.sleep(60)"],
+        env={**os.environ, MARK: box.mark},
+    )
+    assert [line.split(":")[0] for line in broken(box)] == ["orphan"]
+    orphan.kill()
+    orphan.wait()
+
+
+def test_a_file_that_is_left(box):
+    end(box)
+    (box.temporary / "stepbus-x").mkdir()
+    assert broken(box) == ["left behind: stepbus-x"]
+
+
+@pytest.mark.parametrize(
+    "sign", ["Traceback (most recent call last):\n  x", "Exception ignored in: <function>"]
+)
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_traceback(box, sign, stream):
+    end(box)
+    (box.home / stream).write_text(f"all is well\n{sign}\nKeyboardInterrupt\n")
+    assert [line.split(":")[0] for line in broken(box)] == ["traceback"]
+
+
+def test_what_python_itself_prints_is_no_traceback_of_ours(box):
+    end(box)
+    text = "Error processing line 1 of /x.pth:\nTraceback (most recent call last):\n"
+    (box.home / "stderr").write_text(f"{text}  y\nRemainder of file ignored\n")
+    assert broken(box) == []
+
+
+def test_another_one_is_blamed_than_was_hit(box):
+    end(box, 5, participant="plant")
+    box.notes["hit"] = "mission"
+    assert broken(box, blames="hit") == ["wrong blame: not mission but plant: finished"]
+
+
+def test_nobody_is_blamed_though_one_was_hit(box):
+    end(box, 5)
+    box.notes["hit"] = "mission"
+    assert broken(box, blames="hit") == ["wrong blame: not mission but None: finished"]
+
+
+def test_somebody_is_blamed_though_nobody_was_hit(box):
+    end(box, 5, participant="plant")
+    assert broken(box) == ["wrong blame: nobody was hit, but it says plant: finished"]
+
+
+def test_somebody_is_blamed_who_does_not_exist(box):
+    end(box, 5, participant="gripper")
+    assert broken(box, blames="any") == ["wrong blame: there is no participant gripper: finished"]
+
+
+def test_somebody_is_blamed_whose_step_is_in_the_log(box):
+    end(box, 6, participant="plant", at_step=30)
+    box.notes["hit"] = "plant"
+    assert broken(box, blames="hit") == ["wrong blame: the log has step 60 of plant: finished"]
+
+
+def test_a_hash_that_is_not_that_of_the_recording(box):
+    end(box, sha256="0")
+    assert broken(box) == ["result.json gives another SHA-256 than the recording has"]
+
+
+def test_more_steps_than_the_log_has(box):
+    end(box, steps=100)
+    assert broken(box) == ["finished 100 steps; the log ends at 60"]
+
+
+def test_another_recording_than_undisturbed(box):
+    end(box)
+    box.notes["reference"] = "0"
+    assert broken(box) == ["another recording than that of an undisturbed run"]
+
+
+@pytest.mark.parametrize("mutation", [message_dropped, message_changed])
+def test_a_hole_is_found_by_the_hash_chain(two_link_recording, tmp_path, mutation):
+    other = tmp_path / "run.mcap"
+    other.write_bytes(mutation(random.Random(1), two_link_recording.read_bytes()))
+    assert read(two_link_recording).holes == []
+    assert read(other).holes != []
+
+
+@pytest.mark.parametrize("reports", [True, False])
+def test_a_hole_is_wrong_only_where_it_is_not_reported(box, monkeypatch, reports):
+    path = box.out / "run.mcap"
+    path.write_bytes(message_dropped(random.Random(1), path.read_bytes()))
+    end(box, 130)
+    if not reports:
+        monkeypatch.setattr(judging, "_is_reported", lambda _box: False)
+    found = [line for line in broken(box) if "hole" in line]
+    assert len(found) == (0 if reports else 1)
+
+
+def test_every_fault_comes_in_turn_and_every_scenario_comes():
+    rows = cases(5 * len(FAULTS), 1)
+    assert {row.fault for row in rows[: len(FAULTS)]} == set(FAULTS)
+    assert {row.scenario for row in rows} == set(SCENARIOS)
+    assert {row.moment for row in rows} == {"start", "middle", "end"}
+    assert rows == cases(5 * len(FAULTS), 1)
