@@ -1,7 +1,5 @@
 """Delays participants at random, to bring races to light."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

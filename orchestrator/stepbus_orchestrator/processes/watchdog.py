@@ -4,8 +4,6 @@ Publishers block rather than drop (P2.5). A frozen process reads nothing; when t
 link are full, which takes some 250 messages however small, a put to it never returns.
 """
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -1,7 +1,5 @@
 """A file that a full disk cannot corrupt."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

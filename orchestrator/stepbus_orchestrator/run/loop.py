@@ -1,7 +1,5 @@
 """What all phases of a run share: one wait, one check of deadlines and processes, one release."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

@@ -1,7 +1,5 @@
 """The parameters of perception."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from stepbus_participant import ModelFile, Names, Positive, Settings, Share, Text, needed_when

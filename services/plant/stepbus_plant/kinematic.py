@@ -1,7 +1,5 @@
 """A world without dynamics: joints and bases follow their commands at once, nothing falls."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The plant's parameters in a scenario."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from typing import Literal

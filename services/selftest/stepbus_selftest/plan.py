@@ -1,7 +1,5 @@
 """What the self-test commands: its trials, the same for tester and judge."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Injected faults from outside: processes frozen, slowed down, killed or crashed at a step."""
 
-from __future__ import annotations
-
 import contextlib
 import resource
 import signal

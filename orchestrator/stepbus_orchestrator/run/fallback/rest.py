@@ -1,7 +1,5 @@
 """Whether everything stands at the end of a safe stop, by what the plants measured last."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Messages that bring the readers of a failed participant to rest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@ A participant that does not come back keeps the thread, and with it the orchestr
 that from outside: it names the line of code, and interrupts it there.
 """
 
-from __future__ import annotations
-
 import ctypes
 import faulthandler
 import signal

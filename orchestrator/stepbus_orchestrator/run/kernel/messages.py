@@ -1,7 +1,5 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from typing import Any
 

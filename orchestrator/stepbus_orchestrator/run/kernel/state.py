@@ -1,7 +1,5 @@
 """The state of a run: how far it is, when it ends, who takes part."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

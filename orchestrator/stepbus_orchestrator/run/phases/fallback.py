@@ -1,7 +1,5 @@
 """Fallback: the run continues without a participant that has failed, to a safe stop."""
 
-from __future__ import annotations
-
 import signal
 
 from stepbus_orchestrator.errors import RunFailure

@@ -1,7 +1,5 @@
 """The parameters of the round trip of an arm."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from stepbus_participant import Count, Finite, ModelFile, Positive, Settings, Text, suggest

@@ -4,8 +4,6 @@ Run as `python -m stepbus_mission.store`. `states.py` has the table of states, `
 of each state, `checks.py` and `detection.py` decide when a state ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

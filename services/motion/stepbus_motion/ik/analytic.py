@@ -1,7 +1,5 @@
 """Analytic inverse kinematics of six revolute joints."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

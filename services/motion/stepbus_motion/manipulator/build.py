@@ -1,7 +1,5 @@
 """Arms of two types, put together."""
 
-from __future__ import annotations
-
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.ik.branches import BranchSettings, BranchSolver
 from stepbus_motion.ik.search import IkSettings, InverseKinematics

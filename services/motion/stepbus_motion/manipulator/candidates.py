@@ -1,7 +1,5 @@
 """Where the joints may go for a goal: one solution after the other."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Parameters of every arm that carries out goals."""
 
-from __future__ import annotations
-
 from stepbus_participant import Count, ModelFile, Names, Positive, PositivePerJoint, Settings
 
 

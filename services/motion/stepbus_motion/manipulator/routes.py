@@ -1,7 +1,5 @@
 """From candidates to a motion, without a planner."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

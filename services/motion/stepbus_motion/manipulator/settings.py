@@ -1,7 +1,5 @@
 """From the parameters of an arm to its robot, limits and settling."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The parameters of a controller that carries out goals of a mobile manipulator."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from stepbus_motion.manipulator.params import JointParams

@@ -1,7 +1,5 @@
 """From the parameters of a mobile manipulator to what its parts work with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from stepbus_kinematics import RobotModel, SelfCollisions

@@ -1,7 +1,5 @@
 """Stop as fast as the motors can."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stepbus_kinematics import RobotModel

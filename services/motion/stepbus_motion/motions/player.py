@@ -1,7 +1,5 @@
 """Plays the motion of an arm: starts it, slows it down, stops it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trajectories: joints over time, from rest or from a motion, to rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

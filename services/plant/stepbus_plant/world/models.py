@@ -1,7 +1,5 @@
 """Prepares model files for PyBullet: xacro, massless links and SRDF."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
