@@ -26,7 +26,10 @@ class TrackingError:
             error = piece.error(joint)[chosen]
             total, count = self._sums.get(joint, (0.0, 0))
             known = int(np.count_nonzero(~np.isnan(error)))
-            self._sums[joint] = (total + float(np.nansum(error**2)), count + known)
+            # A simulation that diverges leaves numbers whose squares are too large for any.
+            with np.errstate(over="ignore"):
+                squares = float(np.nansum(error**2))
+            self._sums[joint] = (total + squares, count + known)
 
     def rmse(self) -> dict[str, float]:
         """Return joint → root mean square [rad]; none for a joint without a reference."""
