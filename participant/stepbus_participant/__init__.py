@@ -1,34 +1,11 @@
 """What a process imports to take part in a run."""
 
-from .bus import (
-    ONE_THREAD,
-    Bus,
-    BusError,
-    FaultyPublisher,
-    LoopbackBus,
-    Queue,
-    Request,
-    ZenohBus,
-)
-from .bus.ticket import (
-    TICKET_VARIABLE,
-    Endpoint,
-    MessageFault,
-    Ticket,
-    load_ticket,
-    scratch_folder,
-)
+from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, LoopbackBus, Queue, Request, ZenohBus
+from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket, scratch_folder
 from .config import Config, Ports
 from .config.plugins import make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
-from .files import (
-    find_file,
-    last_error,
-    package_path,
-    parse_urdf,
-    read_urdf_text,
-    urdf_warnings,
-)
+from .files import find_file, last_error, package_path, parse_urdf, read_urdf_text, urdf_warnings
 from .hosting import HOST, Host
 from .main import main, take_part
 from .methods import CallError, Method

@@ -75,11 +75,7 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         # Retry a peer that is not up yet after 20, 40 … 200 ms.
-        "connect/retry": {
-            "period_init_ms": 20,
-            "period_max_ms": 200,
-            "period_increase_factor": 2,
-        },
+        "connect/retry": {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2},
         "scouting/multicast/enabled": False,
         # Gossip with the low-latency transport lost links for good in 6 to 9 of 30 starts.
         "scouting/gossip/enabled": False,

@@ -20,17 +20,7 @@ from stepbus_participant.suggestions import suggest
 
 from .durations import parse_duration
 from .fields import Fields, not_text, without
-from .nodes import (
-    empty,
-    is_plugin,
-    listed,
-    mark,
-    noun,
-    options_of,
-    plain,
-    takes,
-    words_of,
-)
+from .nodes import empty, is_plugin, listed, mark, noun, options_of, plain, takes, words_of
 from .problems import Keys, Problems, show
 from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings
 
@@ -109,12 +99,7 @@ class _Reader:
         before = len(self.problems)
         given = {key: item for key, item in data.items() if item is not None}
         fields = Fields(
-            read=self.value,
-            problems=self.problems,
-            node=node,
-            data=given,
-            keys=keys,
-            short=short,
+            read=self.value, problems=self.problems, node=node, data=given, keys=keys, short=short
         )
         found = cls(**fields.values())
         if len(self.problems) == before:

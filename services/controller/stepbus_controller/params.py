@@ -59,10 +59,7 @@ class Params(SmoothingParams):
         if self.model is not None:
             return
         if self.joints is None:
-            yield (
-                ("model",),
-                "is missing; give a URDF, or 'joints' for a law that needs no model",
-            )
+            yield (("model",), "is missing; give a URDF, or 'joints' for a law that needs no model")
         elif self.law in ("computed_torque", "pd_gravity"):
             yield ("model",), "is missing; this law needs the robot's URDF"
         elif self.effort_limit is None:
