@@ -6,8 +6,6 @@ mission runs ahead by up to a window, as it does in stepbus. `python bare.py zen
 prints steps per second.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import sys

@@ -5,8 +5,6 @@ round, one after the other, so that a noisy machine hurts all alike. Shown is th
 rounds of each round's p50. `python benchmarks/bridge.py [ROUNDS]`.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import statistics

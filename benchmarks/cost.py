@@ -7,8 +7,6 @@ time (user and system) per step of all processes, the orchestrator's included. A
 is subtracted from the latter, for the start-up.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -5,8 +5,6 @@ table shows the median over the rounds and its ratio to the bare Zenoh chain. Re
 every stepbus figure. `python benchmarks/lockstep.py [ROUNDS]`.
 """
 
-from __future__ import annotations
-
 import statistics
 import subprocess
 import sys

@@ -8,8 +8,6 @@ recording, made by a process of its own, takes less than 20 s and 300 MB.
 What a process shares with others (PSS, USS) changes when other runs on the machine start and end.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -5,8 +5,6 @@ is. The type that is ordered changes with the seed as well. Printed is a table f
 `python benchmarks/store.py [--seeds 20] [--first 0] [--set KEY=VALUE …]`.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

@@ -4,8 +4,6 @@ Compared are the files here and those where this branch left the main one; on th
 without one, those of the last commit. It needs no remote: in a fresh clone nothing differs.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -7,8 +7,6 @@
 changed and the drawing has not. Needs Chromium.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import re

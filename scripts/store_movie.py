@@ -6,8 +6,6 @@ Nothing is simulated again: TinyRenderer draws the world of the recording with t
 item where they stood. Needs the extra `robots`.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -7,8 +7,6 @@ recording with the robot and every item where they stood at that step. The recor
 camera saw and what was detected. Needs the extra `robots`.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

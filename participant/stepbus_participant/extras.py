@@ -1,7 +1,5 @@
 """Optional packages: which extra of stepbus installs a module, and how to install it."""
 
-from __future__ import annotations
-
 import json
 import re
 from importlib import import_module

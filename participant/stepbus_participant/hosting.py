@@ -1,7 +1,5 @@
 """A participant without a process of its own: what its `main` needs to know."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass

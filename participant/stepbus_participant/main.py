@@ -1,7 +1,5 @@
 """The process of a participant: from its ticket to its exit code."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """What a participant offers to be called between two steps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The base class of your participants, which know nothing of the bus."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar
 

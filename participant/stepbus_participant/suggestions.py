@@ -1,7 +1,5 @@
 """The nearest name to one that nobody knows."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """The formats that the bridge speaks to a program (docs/guide/bridge.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal, get_args
 

@@ -1,7 +1,5 @@
 """Typed values to MessagePack bytes and back, with errors that say where."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Generic, TypeVar
 

@@ -6,8 +6,6 @@ StepbusError
 └─ RunError (RuntimeError)         something that went wrong during a run
 """
 
-from __future__ import annotations
-
 
 class StepbusError(Exception):
     """Root of all errors raised by stepbus."""

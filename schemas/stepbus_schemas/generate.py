@@ -4,8 +4,6 @@ That is the JSON Schemas, the byte vectors and `docs/reference/messages.md`. Wit
 writes nothing and exits with 1 when a file is out of date.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -4,8 +4,6 @@ SI units throughout. Every vector is in the order of `names` in the port's descr
 be added with a default; any other change is a new major version and a new row in `MESSAGE_TYPES`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 import msgspec

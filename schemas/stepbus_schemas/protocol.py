@@ -4,8 +4,6 @@ Each envelope is a MessagePack map. Unknown fields are ignored; missing or misty
 malformed. `token` is the run's secret: an envelope without it changes nothing.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 import msgspec

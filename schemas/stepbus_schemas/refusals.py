@@ -1,7 +1,5 @@
 """Messages that must be refused, each wrong in one thing, made from what the types say."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

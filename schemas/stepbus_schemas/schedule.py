@@ -1,7 +1,5 @@
 """Which message an input takes at a step (docs/protocol.md, P6.1)."""
 
-from __future__ import annotations
-
 
 def due_step(step: int, delay: int = 0, every: int = 1) -> int:
     """Return the step whose message an input takes at `step`; negative: none is due yet.

@@ -1,7 +1,5 @@
 """JSON Schema of every message type, from the types themselves."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 from functools import cache

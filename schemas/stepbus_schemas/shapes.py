@@ -1,7 +1,5 @@
 """Collision shapes, as the detail `shape` of a description of Poses/1 writes them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Markdown tables of the message types, for people."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

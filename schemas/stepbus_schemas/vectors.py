@@ -7,8 +7,6 @@ names and values of the exact vectors, which you write: `minimal`, with the requ
 `full`, with all of them, none empty, and what else is worth a vector.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterator, Mapping

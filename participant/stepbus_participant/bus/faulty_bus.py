@@ -1,7 +1,5 @@
 """Injected faults, between a participant and its consumers (docs/faults.md)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The interface between stepbus and the transport that carries its messages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 

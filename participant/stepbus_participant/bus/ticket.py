@@ -1,7 +1,5 @@
 """The ticket: what a process needs to find its run (P1)."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The bus over Zenoh: explicit peer links, no discovery, no router."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import importlib

@@ -1,7 +1,5 @@
 """Classes that a scenario chooses: built-in ones by a word, a user's own as `module:Class`."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The ports of one participant, found by their message types."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from stepbus_schemas import InputConfig, OutputConfig

@@ -1,7 +1,5 @@
 """The cause in the last output of a program that has ended, whatever language it is written in."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files by the names that a scenario gives them."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Models of robots: URDF as it is, and xacro, expanded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError

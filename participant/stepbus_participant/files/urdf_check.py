@@ -5,8 +5,6 @@ with an inertia of zero where it is that of no body, and turns crossed limits in
 drops such an <inertial>. What both handle alike, such as a massless link that stands still, passes.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@ for each a list of problems, `[keys, message]`. The orchestrator starts it, in t
 folder, so that no code of the user's runs in the orchestrator itself.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import importlib.util

@@ -1,7 +1,5 @@
 """Durations such as `5ms`: exact, never through a float."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """The fields of a map: which keys it may have, which it must have, and what they may be."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

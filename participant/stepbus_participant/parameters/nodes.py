@@ -1,7 +1,5 @@
 """Questions about the types of fields, as `msgspec.inspect` describes them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ One function for each type of a field. Each returns a value of that type, also f
 wrong, so that reading continues and the rest is checked too; the caller refuses in the end.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -12,8 +12,6 @@ From it come the reading with all problems at once (`read.py`), the tables of th
 and the JSON Schema for editors (`describe.py`). docs/reference/parameters.md is the guide.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, dataclass_transform

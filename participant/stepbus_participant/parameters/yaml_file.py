@@ -1,7 +1,5 @@
 """YAML 1.2 as plain data, with the line of each value: the one place where YAML is read."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Admission to a run: `Hello`, and the orchestrator's answer."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Answers the calls of one participant (P15)."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping
 from typing import Any

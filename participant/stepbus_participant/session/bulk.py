@@ -1,7 +1,5 @@
 """The attachment of a bulk sample: the step and run it belongs to (P7.5)."""
 
-from __future__ import annotations
-
 
 def stamp(step: int, token: str) -> bytes:
     """Return the attachment: the step as int64 little-endian, then the token."""

@@ -1,7 +1,5 @@
 """What the orchestrator sends to a participant: start, trigger, stop and calls."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from queue import Empty

@@ -1,7 +1,5 @@
 """From the admission to the start: handshakes in both directions, then `Ready`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from stepbus_participant.bus import Bus

@@ -1,7 +1,5 @@
 """The inputs of a participant: which message is due at a step, and which one is held."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import msgspec

@@ -1,7 +1,5 @@
 """One participant's part in a run, from its `Welcome` to its last log."""
 
-from __future__ import annotations
-
 import sys
 import traceback
 from collections import Counter

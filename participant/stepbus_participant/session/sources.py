@@ -1,7 +1,5 @@
 """The participants that one participant reads from: which of their messages are accepted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 

@@ -1,7 +1,5 @@
 """The step loop of a participant."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from queue import Empty

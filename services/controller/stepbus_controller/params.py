@@ -1,7 +1,5 @@
 """The parameters of a controller that commands torques."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """The parameters of the planner."""
 
-from __future__ import annotations
-
 from stepbus_participant import (
     Count,
     Duration,

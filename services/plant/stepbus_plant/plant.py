@@ -1,7 +1,5 @@
 """The plant: a world that can be sensed, commanded and advanced, independent of the bus."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

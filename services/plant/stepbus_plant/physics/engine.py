@@ -1,7 +1,5 @@
 """The physics engine: headless PyBullet with a world loaded."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
