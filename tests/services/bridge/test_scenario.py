@@ -17,7 +17,7 @@ LONG = "{format: json, describe: {command: {like: reference}}}"
 def test_one_word_is_all_a_user_writes(tmp_path):
     spec = load_text(tmp_path, BRIDGED).participant("controller")
     assert spec.bridge == BridgeSpec(format="json")
-    words = (sys.executable, "-m", "stepbus_bridge", "--format", "json", "--")
+    words = (sys.executable, "-P", "-m", "stepbus_bridge", "--format", "json", "--")
     assert start_command(spec, tmp_path) == (*words, sys.executable, "-c", "pass")
 
 
@@ -69,7 +69,7 @@ def test_what_a_script_in_javascript_imports_is_attached(tmp_path):
 
 def test_the_bridge_by_hand_does_not_load_the_other_commands(tmp_path):
     words = command(("stepbus", "bridge", "--", "python", "x.py"), tmp_path)
-    assert words == (sys.executable, "-m", "stepbus_bridge", "--", sys.executable, "x.py")
+    assert words == (sys.executable, "-P", "-m", "stepbus_bridge", "--", sys.executable, "x.py")
 
 
 def test_a_program_behind_the_bridge_that_does_not_exist_is_named(tmp_path):
