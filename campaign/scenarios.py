@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from .log_reader import result
 from .sandbox import STEPBUS
 
+_ATTEMPTS = 3
 ARM = ("plant", "controller", "mission")
 STORE = ("plant", "perception", "mission", "controller", "planner")
 
@@ -75,7 +77,11 @@ class Reference:
 @cache
 def reference(name: str) -> Reference:
     """Run a scenario undisturbed, once; raises CalledProcessError where that fails."""
-    row = replace(SCENARIOS[name], start_s=300.0, step_s=60.0)
+    row = SCENARIOS[name]
+    # The deadlines are in the recording, so they must be the same, also on a machine that is busy.
+    for _ in range(_ATTEMPTS - 1):
+        with contextlib.suppress(subprocess.CalledProcessError):
+            return _reference(row.arguments(name, row.duration))
     return _reference(row.arguments(name, row.duration))
 
 

@@ -27,6 +27,8 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 """
 
 
+_OPEN_S = 10.0
+_LIMITS = "may this user start enough threads (ulimit -u) and open enough files (ulimit -n)?"
 _LEASE_MS = 3_600_000
 _UNIX = "unixsock-stream/"
 _ACCEPT_MS = 1000
@@ -105,6 +107,35 @@ def _private_folder(endpoint: Endpoint) -> str | None:
     return str(sockets[0].parent) if sockets else None
 
 
+def _opened(zenoh: Any, config: Any) -> Any:
+    """Open a session; raises BusError where it does not open, ZError where it may not.
+
+    Zenoh waits for ever for a thread of its own that could not start (`ulimit -u`), or panics.
+    """
+    found: list[Any] = []
+
+    def work() -> None:
+        try:
+            found.append(zenoh.open(config))
+        except BaseException as exc:  # noqa: BLE001  (a panic of Rust is no Exception)
+            found.append(exc)
+
+    thread = threading.Thread(target=work, name="zenoh open", daemon=True)
+    try:
+        thread.start()
+    except RuntimeError as exc:
+        raise BusError(f"no session opens: {exc}; {_LIMITS}") from exc
+    thread.join(_OPEN_S)
+    if not found:
+        raise BusError(f"no session has opened for {_OPEN_S:g} s; {_LIMITS}")
+    (session,) = found
+    if isinstance(session, zenoh.ZError):
+        raise session
+    if isinstance(session, BaseException):
+        raise BusError(f"no session opens: {session}; {_LIMITS}") from session
+    return session
+
+
 class _ZenohRequest:
     """A Zenoh query that waits for its reply."""
 
@@ -136,7 +167,7 @@ class ZenohBus:
             for path, value in zenoh_settings(endpoint, users_file).items():
                 config.insert_json5(path, json.dumps(value))
             with _one_thread():
-                self._session: Any = zenoh.open(config)
+                self._session: Any = _opened(zenoh, config)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             raise BusError(

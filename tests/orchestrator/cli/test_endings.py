@@ -186,3 +186,15 @@ def test_what_runs_nothing_waits_for_its_reader_as_long_as_it_takes():
     writer.join(30)
     os.close(write)
     assert (len(content), outlet.is_incomplete, outlet.failure) == (200_000, False, 0)
+
+
+def test_output_is_written_though_no_thread_can_start(monkeypatch):
+    def refuse(_thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    read, write = os.pipe()
+    Outlet(write).write(b"why the run failed")
+    os.close(write)
+    with os.fdopen(read, "rb") as stream:
+        assert stream.read() == b"why the run failed"

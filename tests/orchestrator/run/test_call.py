@@ -20,7 +20,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.control.live_file import LIVE_FILE, Live
+from stepbus_orchestrator.run.control.live_file import LIVE_FILE, Live, forget
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
@@ -123,6 +123,12 @@ def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_
         live.save(tmp_path)
         assert (tmp_path / "victim").read_text() == "kept"
         assert (tmp_path / LIVE_FILE).lstat().st_mode == stat.S_IFREG | 0o600
+
+
+def test_a_folder_in_the_place_of_the_file_does_not_hold_up_the_end(tmp_path):
+    (tmp_path / LIVE_FILE).mkdir()
+    forget(tmp_path)
+    assert (tmp_path / LIVE_FILE).is_dir()
 
 
 def test_the_calls_of_all_participants_can_be_listed(tmp_path):

@@ -84,9 +84,20 @@ class Outlet(io.BufferedIOBase):
 
     def _wake(self) -> None:
         if self._thread is None:
-            self._thread = threading.Thread(target=self._work, name="outlet", daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._work, name="outlet", daemon=True)
+            try:
+                thread.start()
+            except RuntimeError:
+                # This user may start no more threads (`ulimit -u`).
+                self._write_here()
+                return
+            self._thread = thread
         self._changed.notify_all()
+
+    def _write_here(self) -> None:
+        while self._waiting and not self.failure:
+            written, self.failure = self._write(bytes(self._waiting[:_CHUNK_BYTES]))
+            del self._waiting[: None if self.failure else written]
 
     def _work(self) -> None:
         while not self.failure:

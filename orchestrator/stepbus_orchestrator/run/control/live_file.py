@@ -40,8 +40,9 @@ class Live(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def forget(folder: Path) -> None:
-    """Remove the file of a run that has ended."""
-    (folder / LIVE_FILE).unlink(missing_ok=True)
+    """Remove the file of a run that has ended, unless somebody has put something else there."""
+    with contextlib.suppress(OSError):
+        (folder / LIVE_FILE).unlink(missing_ok=True)
 
 
 def call(

@@ -1,0 +1,57 @@
+"""A session that does not open is an error in time."""
+
+import socket
+import tempfile
+import time
+
+import pytest
+import zenoh
+
+from stepbus_participant import BusError, Endpoint, ZenohBus
+from stepbus_participant.bus import zenoh_bus
+
+
+class Panic(BaseException):
+    """As a panic of Rust comes to Python: no Exception."""
+
+
+@pytest.fixture
+def endpoint(own_temp):
+    with tempfile.TemporaryDirectory() as folder:
+        yield Endpoint(
+            listen=[f"unixsock-stream/{folder}/0.sock"],
+            connect=[],
+            user="a",
+            password="x",
+            users={"a": "x"},
+        )
+
+
+def test_a_session_that_never_opens_is_an_error(monkeypatch, endpoint):
+    monkeypatch.setattr(zenoh_bus, "_OPEN_S", 0.1)
+    monkeypatch.setattr(zenoh, "open", lambda _config: time.sleep(20))
+    with pytest.raises(BusError, match=r"no session has opened for 0.1 s; may this user start"):
+        ZenohBus(endpoint, "run")
+
+
+def test_a_panic_while_a_session_opens_is_an_error(monkeypatch, endpoint):
+    def fail(_config):
+        raise Panic("OS can't spawn worker thread")
+
+    monkeypatch.setattr(zenoh, "open", fail)
+    with pytest.raises(BusError, match=r"no session opens: OS can't spawn worker thread; may"):
+        ZenohBus(endpoint, "run")
+
+
+def test_connections_that_say_nothing_do_not_hold_up_the_end(endpoint):
+    bus = ZenohBus(endpoint, "run")
+    links = [socket.socket(socket.AF_UNIX) for _ in range(5)]
+    for link in links:
+        link.connect(endpoint.listen[0].partition("/")[2])
+    time.sleep(0.1)
+    began = time.monotonic()
+    bus.close()
+    # Zenoh's own 10 s, the stop deadline of a participant is 5.
+    assert time.monotonic() - began < 5.0
+    for link in links:
+        link.close()
