@@ -37,7 +37,7 @@ _MESSAGE_INDEX = struct.Struct("<HQ")
 _TAIL_BYTES = HEAD.size + _FOOTER.size + len(MAGIC)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Block:
     """A chunk, or a message outside of one: offset and length [bytes], channels in it."""
 
