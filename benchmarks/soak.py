@@ -2,7 +2,7 @@
 
 `python benchmarks/soak.py [--steps N] [--out FOLDER]` runs two_link with recording on and samples
 the memory of every process. It passes if the resident memory of each, and what is no file in it,
-are at the end within 1 MB of what they were at a tenth of the run, and if the report of the
+are at the end within 1 MB of what they were at a tenth of the run (means over a twentieth), and if the report of the
 recording, made by a process of its own, takes less than 20 s and 300 MB.
 
 What a process shares with others (PSS, USS) changes when other runs on the machine start and end.
@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,8 +27,8 @@ from stepbus_orchestrator import run_scenario as run
 
 STEPS = 1_000_000
 STEP_MS = 5
-SETTLED = 0.1
-"""Part of the run after which sizes are compared with those at the end."""
+SETTLED, END = (0.1, 0.15), (0.95, 1.0)
+"""Parts of the run whose mean sizes are compared: between two samples a heap moves by MBs."""
 MOST_GROWTH_MB = 1.0
 MOST_REPORT_S = 20.0
 MOST_REPORT_MB = 300.0
@@ -57,6 +56,25 @@ class Size:
     own: float
 
 
+class Mean:
+    """The mean of sizes; it holds no samples, since this process is the orchestrator."""
+
+    def __init__(self) -> None:
+        self._sums = (0.0, 0.0, 0.0)
+        self._count = 0
+
+    def take(self, size: Size) -> None:
+        """Add a sample."""
+        rss, pss, own = self._sums
+        self._sums = (rss + size.rss, pss + size.pss, own + size.own)
+        self._count += 1
+
+    def size(self) -> Size:
+        """Return the mean."""
+        rss, pss, own = (total / self._count for total in self._sums)
+        return Size(rss=rss, pss=pss, own=own)
+
+
 def size_of(pid: int) -> Size:
     """Return the memory of a process; raises OSError when it has ended."""
     text = Path(f"/proc/{pid}/smaps_rollup").read_text()
@@ -77,12 +95,12 @@ def processes() -> dict[str, int]:
 class Sampler:
     """An observer of a run that samples the memory of its processes.
 
-    settled, newest: name → size, after a tenth of the run and at its end.
+    settled, end: name → mean size, after a tenth of the run and at its end.
     """
 
     def __init__(self, steps: int) -> None:
-        self.settled: Mapping[str, Size] = {}
-        self.newest: Mapping[str, Size] = {}
+        self.settled: dict[str, Mean] = {}
+        self.end: dict[str, Mean] = {}
         self._steps = steps
         self._sampled_at = self._shown_at = 0.0
 
@@ -92,12 +110,14 @@ class Sampler:
         if progress.phase != "stepping" or now - self._sampled_at < _SAMPLE_S:
             return
         self._sampled_at = now
-        self.newest = {name: size_of(pid) for name, pid in processes().items()}
-        if not self.settled and progress.step >= SETTLED * self._steps:
-            self.settled = self.newest
+        sizes = {name: size_of(pid) for name, pid in processes().items()}
+        for (begin, end), means in ((SETTLED, self.settled), (END, self.end)):
+            if begin <= progress.step / self._steps <= end:
+                for name, size in sizes.items():
+                    means.setdefault(name, Mean()).take(size)
         if now - self._shown_at > _SHOW_S:
             self._shown_at = now
-            shown = ", ".join(f"{name} {size.rss:.2f}" for name, size in self.newest.items())
+            shown = ", ".join(f"{name} {size.rss:.2f}" for name, size in sizes.items())
             sys.stderr.write(f"step {progress.step}: resident [MB]: {shown}\n")
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
@@ -141,8 +161,8 @@ def show(sampler: Sampler, result: Result) -> bool:
     for head in (*heads, "RSS grown", "own grown"):
         table.add_column(head, justify="right")
     is_flat = True
-    for name, last in sampler.newest.items():
-        first = sampler.settled[name]
+    for name, mean in sampler.end.items():
+        first, last = sampler.settled[name].size(), mean.size()
         grown = (last.rss - first.rss, last.own - first.own)
         cells = (first.rss, first.pss, first.own, last.rss, last.pss, last.own)
         texts = [*(f"{cell:.1f}" for cell in cells), *(f"{growth:+.2f}" for growth in grown)]
@@ -157,7 +177,7 @@ def soak(steps: int, folder: Path) -> int:
     sampler = Sampler(steps)
     scenario = load("two_link", [f"duration={steps * STEP_MS}ms"])
     result = run(scenario, Options(out=folder), sampler)
-    if result.exit_code or not sampler.settled:
+    if result.exit_code or not sampler.settled or not sampler.end:
         print(result.reason if result.exit_code else "the run was too short to be sampled")
         return 1
     is_flat = show(sampler, result)
