@@ -2,8 +2,8 @@
 
 `python benchmarks/soak.py [--steps N] [--out FOLDER]` runs two_link with recording on and samples
 the memory of every process. It passes if the resident memory of each, and what is no file in it,
-are at the end within 1 MB of what they were at a tenth of the run (means over a twentieth), and if the report of the
-recording, made by a process of its own, takes less than 20 s and 300 MB.
+are at the end within 1 MB of what they were at a tenth of the run (means over a twentieth), and if
+the report of the recording, made by a process of its own, takes less than 20 s and 300 MB.
 
 What a process shares with others (PSS, USS) changes when other runs on the machine start and end.
 """
