@@ -1,0 +1,113 @@
+"""Asks a planner for the route of a base, and for another one where that is blocked."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from stepbus_motion.outcome import Outcome, Refused
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest
+
+from .motion import BaseMotion
+
+
+@dataclass(kw_only=True)
+class _Trip:
+    """A goal that needs a route; asked_at: when the newest request was made, None: not yet [s]."""
+
+    goal: Goal
+    held: str
+    number: int = -1
+    asked_at: float | None = None
+    drives: bool = False
+    replans: int = 0
+
+
+class Navigator:
+    """Lets a base drive to a pose along a planner's route; one goal at a time.
+
+    next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
+    replans: how often a goal may get another route.
+    """
+
+    def __init__(
+        self, base: BaseMotion, next_id: Callable[[], int], timeout: float, replans: int
+    ) -> None:
+        self._base = base
+        self._next_id = next_id
+        self._timeout = timeout
+        self._most = replans
+        self._trip: _Trip | None = None
+        self._unsent: PlanRequest | None = None
+        self._verdict: Outcome | None = None
+
+    def begin(self, goal: Goal, held: str, t: float, state: BaseState) -> str:
+        """Start a goal of type go_to at a time [s]; raises Refused for one without sense."""
+        text = self._base.check_goal(goal, state)
+        self.cancel()
+        self._base.stop()
+        self._trip = _Trip(goal=goal, held=held)
+        self._ask(self._trip, t)
+        return text
+
+    def cancel(self) -> None:
+        """Forget the goal."""
+        self._trip, self._unsent, self._verdict = None, None, None
+
+    def pop(self) -> PlanRequest | None:
+        """Return what to ask the planner, once."""
+        request, self._unsent = self._unsent, None
+        return request
+
+    def take_plan(self, plan: Plan) -> None:
+        """Follow a route, or fail the goal that has none; other answers are ignored."""
+        trip = self._trip
+        if trip is None or trip.drives or plan.id != trip.number:
+            return
+        if plan.cause:
+            self._verdict = Outcome(state="failed", cause="no_path", text=plan.text)
+            return
+        via = [(x, y) for x, y, _ in plan.route[:-1]]
+        try:
+            self._base.begin(trip.goal, self._base.state, via)
+        except Refused as exc:
+            self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
+            return
+        trip.drives = True
+
+    def replan(self, why: str) -> str:
+        """Ask for another route once the base stands; return a sentence, or nothing: no more."""
+        trip = self._trip
+        if trip is None or trip.replans >= self._most:
+            return ""
+        trip.replans += 1
+        trip.drives, trip.asked_at = False, None
+        return f"{why}; asked for another route ({trip.replans} of {self._most})"
+
+    def check(self, end: Outcome | None, t: float) -> Outcome | None:
+        """Return how the goal ended at a time [s]; end: of the base's motion."""
+        trip = self._trip
+        if trip is None or trip.drives:
+            return end
+        if self._verdict is not None:
+            verdict, self._verdict = self._verdict, None
+            return verdict
+        if trip.asked_at is None:
+            if not self._base.is_moving:
+                self._ask(trip, t)
+        elif t - trip.asked_at > self._timeout:
+            text = f"the planner has not answered for {self._timeout:g} s; is it running?"
+            return Outcome(state="failed", cause="no_plan", text=text)
+        return None
+
+    def _ask(self, trip: _Trip, t: float) -> None:
+        now, goal = self._base.state, trip.goal
+        if self._base.is_moving or goal.base is None:
+            return
+        trip.number, trip.asked_at = self._next_id(), t
+        self._unsent = PlanRequest(
+            id=trip.number,
+            start=[],
+            goal=[],
+            held=trip.held,
+            touches=list(goal.touches),
+            base=((now.x, now.y, now.yaw), goal.base),
+        )
