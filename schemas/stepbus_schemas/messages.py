@@ -264,6 +264,13 @@ class PlanRequest(Message, frozen=True):
         ),
     ] = []
     load: Annotated[float, _meta("mass of what the gripper holds, ≥ 0", "kg")] = 0.0
+    base: Annotated[
+        tuple[Point, Point] | None,
+        _meta(
+            "instead of joints: start and goal of the base, each x, y, yaw in the odometry frame",
+            "m, m, rad",
+        ),
+    ] = None
 
 
 class Plan(Message, frozen=True):
@@ -280,6 +287,14 @@ class Plan(Message, frozen=True):
     position: Annotated[list[list[float]], _meta("joint positions at each time", "rad", "k n")] = []
     velocity: Annotated[
         list[list[float]], _meta("joint velocities at each time", "rad/s", "k n")
+    ] = []
+    route: Annotated[
+        list[Point],
+        _meta(
+            "of a base: x, y, yaw at the end of each straight segment, in the frame of the request",
+            "m, m, rad",
+            "k 3",
+        ),
     ] = []
 
 

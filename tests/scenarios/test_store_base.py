@@ -50,6 +50,17 @@ def assert_stands(recording):
     assert np.abs(last(recording, "plant/joint_state").velocity).max() < 0.01
 
 
+@pytest.mark.parametrize("seconds", [0, 2.4])
+def test_the_base_drives_around_a_crate_that_stands_or_appears_on_its_line(tmp_path, seconds):
+    crate = f"at: {seconds}s, body: crate, position: [0.95, 0.15, 0]"
+    result = store(tmp_path, script(crate), "duration=36s")
+    recording = Recording(result.recording)
+    goals = [m.type for _, m in recording.messages("mission/goal")]
+    assert "grip" in goals, result.reason  # it arrived in front of the shelf
+    assert touches(recording, "crate_box") == []
+    assert moved(recording, "crate_box", seconds + 0.1) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("overrides", "link", "since"),
     [

@@ -41,15 +41,16 @@ class _Outline:
 class BasePlanner:
     """Plans for a disc around the base's origin, within which it may turn anywhere.
 
-    radius: of the disc [m]. Straight where that is free; else by A* on a grid (Hart, Nilsson,
-    Raphael 1968), whose corners are then cut.
+    radius: of the disc [m]. half_width: to both sides of a straight segment [m]. Straight where
+    that is free; else by A* on a grid (Hart, Nilsson, Raphael 1968), whose corners are then cut.
     """
 
-    def __init__(self, obstacles: Obstacles, radius: float) -> None:
+    def __init__(self, obstacles: Obstacles, radius: float, half_width: float) -> None:
         self._obstacles = obstacles
         self._radius = radius
+        self._half_width = half_width
 
-    def plan(self, request: PlanRequest, poses: Poses) -> Plan:
+    def plan(self, request: PlanRequest, poses: Poses) -> Plan | None:
         """Return the corners of a path in the frame of the request, or why there is none."""
         if request.base is None:
             raise ValueError("no request of a base")
@@ -92,7 +93,7 @@ class BasePlanner:
                 corners = np.array([place.act(np.array(row)) for row in rows])
                 if corners[:, 2].max() > _FLOOR and corners[:, 2].min() < _TOP:
                     found.append(_Outline(link=name, corners=_hull(corners[:, :2])))
-        return found
+        return _outermost(found)
 
     def _escape(self, start: Point, outlines: Sequence[_Outline]) -> Vector | None:
         """Return the nearest point straight ahead or behind at which the base may turn."""
@@ -118,16 +119,18 @@ class BasePlanner:
         return None if corners is None else self._cut(corners, outlines)
 
     def _is_free(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> bool:
-        return all(_segment_distance(a, b, row.corners) >= self._radius for row in outlines)
+        return all(
+            _segment_distance(a, b, row.corners) >= self._half_width
+            and _distance(b, row) >= self._radius
+            for row in outlines
+        )
 
     def _cut(self, points: list[Vector], outlines: Sequence[_Outline]) -> list[Vector]:
         """Leave out what can be left out."""
         kept, at = [points[0]], 0
         while at < len(points) - 1:
             ahead = range(len(points) - 1, at, -1)
-            at = next(
-                (n for n in ahead if self._is_free(points[at], points[n], outlines)), at + 1
-            )
+            at = next((n for n in ahead if self._is_free(points[at], points[n], outlines)), at + 1)
             kept.append(points[at])
         return kept
 
@@ -138,7 +141,7 @@ class BasePlanner:
         cells = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
         free = np.full(len(cells), True)
         for row in outlines:
-            free &= _distances(cells, row.corners) >= self._radius + _CELL / 2
+            free &= _distances(cells, row.corners) >= self._radius
         grid = free.reshape(size)
         first, last = (tuple(np.rint((p - low) / _CELL).astype(int).tolist()) for p in (a, b))
         grid[first] = grid[last] = True
@@ -151,7 +154,8 @@ class BasePlanner:
 def _a_star(grid: Any, first: Any, last: Any) -> list[tuple[int, int]] | None:
     """Return the cells of a shortest path between eight neighbours; ties go to the lower cell."""
     queue: list[tuple[float, tuple[int, int]]] = [(0.0, first)]
-    cost, before = {first: 0.0}, {}
+    cost = {first: 0.0}
+    before: dict[tuple[int, int], tuple[int, int]] = {}
     while queue:
         _, cell = heapq.heappop(queue)
         if cell == last:
@@ -168,6 +172,16 @@ def _a_star(grid: Any, first: Any, last: Any) -> list[tuple[int, int]] | None:
                 cost[x, y], before[x, y] = new, cell
                 heapq.heappush(queue, (new + math.dist((x, y), last), (x, y)))
     return None
+
+
+def _outermost(outlines: Sequence[_Outline]) -> list[_Outline]:
+    """Return the outlines without those inside of others, as items on a shelf."""
+    largest = sorted(outlines, key=lambda row: -float(np.prod(np.ptp(row.corners, axis=0))))
+    kept: list[_Outline] = []
+    for row in largest:
+        if not any((_distances(row.corners, other.corners) == 0.0).all() for other in kept):
+            kept.append(row)
+    return kept
 
 
 def _nearest(outlines: Sequence[_Outline], point: Vector) -> tuple[str, float]:

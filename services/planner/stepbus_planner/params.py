@@ -8,6 +8,7 @@ from stepbus_participant import (
     ModelFile,
     Names,
     NonNegative,
+    Positive,
     PositivePerJoint,
     Settings,
     Text,
@@ -37,6 +38,10 @@ class Params(Settings):
     """Minimum distance of a held object to everything else [m]."""
     path_margin: NonNegative = 0.003
     """Minimum distance of the robot on a path that is only checked, such as a straight line [m]."""
+    base_radius: Positive = 0.385
+    """Distance of the base's origin to everything on its route: it can turn anywhere [m]."""
+    base_half_width: Positive = 0.36
+    """The same to both sides of a straight segment [m]."""
     velocity_limit: PositivePerJoint = each(1.5)
     """Largest velocity of each joint, never above the URDF's [rad/s]."""
     acceleration_limit: PositivePerJoint = each(3.0)

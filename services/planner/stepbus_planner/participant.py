@@ -11,6 +11,7 @@ from stepbus_participant import Config, Participant, Ports, Step, need
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
 
 from . import search, timing
+from .base_path import BasePlanner
 from .obstacles import Obstacles
 from .path_monitor import PathMonitor, PlannedPath, last_step
 from .planning import PathPlanner, is_check
@@ -99,6 +100,7 @@ class PlannerParticipant(Participant):
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
         self.planner = PathPlanner(setup.robot, obstacles, setup.planning, self.config.seed)
+        self._base_planner = BasePlanner(obstacles, setup.base_radius, setup.base_half_width)
         self._obstacles = obstacles
         self._unknown = obstacles.unknown
 
@@ -126,9 +128,14 @@ class PlannerParticipant(Participant):
         self._request_id = request.id
         cancelled = threading.Event()
         poses = step.get(self._poses_port, Poses)
-        answer = self._worker.submit(self.planner.plan, request, poses, cancelled.is_set)
+        is_quick = request.base is not None or is_check(request)
+        answer: Future[Plan | None]
+        if request.base is not None and poses is not None:
+            answer = self._worker.submit(self._base_planner.plan, request, poses)
+        else:
+            answer = self._worker.submit(self.planner.plan, request, poses, cancelled.is_set)
         self._pending = _Pending(
-            due=step.index + (self._check_latency if is_check(request) else self._latency),
+            due=step.index + (self._check_latency if is_quick else self._latency),
             cancelled=cancelled,
             answer=answer,
             request=request,
@@ -140,7 +147,7 @@ class PlannerParticipant(Participant):
         self._pending = None
         if plan is not None:
             self._publish(messages, plan)
-            if not plan.cause and pending.poses is not None:
+            if not plan.cause and not plan.route and pending.poses is not None:
                 last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
                 path = PlannedPath(
                     request=pending.request, plan=plan, poses=pending.poses, last_step=last

@@ -25,7 +25,8 @@ class Setup:
     """What the parameters describe.
 
     frame: link that identifies the robot among the poses. latency_ns: of an answer [ns];
-    check_latency_ns: where a path is only checked.
+    check_latency_ns: where a path is only checked. base_radius: that a base needs to turn,
+    base_half_width: that it needs to drive straight [m].
     """
 
     robot: PlannedRobot
@@ -33,6 +34,8 @@ class Setup:
     frame: str
     latency_ns: int
     check_latency_ns: int
+    base_radius: float
+    base_half_width: float
 
 
 def read_setup(config: Config, problems: Problems) -> Setup:
@@ -61,6 +64,8 @@ def read_setup(config: Config, problems: Problems) -> Setup:
         frame=params.frame,
         latency_ns=params.latency_ns,
         check_latency_ns=params.check_latency_ns,
+        base_radius=params.base_radius,
+        base_half_width=params.base_half_width,
     )
 
 

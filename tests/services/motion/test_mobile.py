@@ -615,3 +615,64 @@ def test_a_duration_that_the_limits_do_not_allow_is_reported(robot):
 def test_a_duration_that_was_kept_is_not_worth_a_word(robot):
     end = robot.go(0, "move_joints", joints=["pan"], values=[0.5], duration=4.0)
     assert (end.cause, "instead of" in end.text) == ("", False)
+
+
+def go_and_meet_a_post(robot):
+    """Drive along a planned route until a post is 5 mm ahead; return where it stood then."""
+    robot.start(0, "go_to", base=(2.0, 0.0, 0.0))
+    robot.step(plan=Plan(id=robot.requests[-1].id, route=[(2.0, 0.0, 0.0)]))
+    robot.run(1.5)
+    post = robot.x + 0.4
+    while len(robot.requests) < 2 and robot.k < 2000:
+        gap = post - robot.x
+        robot.touching = [("chassis", "post", 0.0, gap)] if gap < 0.08 else []
+        robot.step()
+    return robot.x
+
+
+def test_a_pose_is_gone_to_along_the_planners_route(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "go_to", base=(1.0, 0.0, 0.0), touches=["can"])
+    request = robot.requests[-1]
+    assert (request.base, request.touches) == (((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), ["can"])
+    assert robot.x == 0.0
+    robot.step(plan=Plan(id=request.id, route=[(0.5, 0.3, 0.0), (1.0, 0.0, 0.0)]))
+    ys = []
+    for _ in range(2000):
+        robot.step()
+        ys.append(robot.y)
+    assert robot.news[-1].state == "succeeded"
+    assert max(ys) == pytest.approx(0.3, abs=5e-3)
+    assert (robot.x, robot.y) == pytest.approx((1.0, 0.0), abs=3e-3)
+
+
+def test_where_there_is_no_route_the_base_stays_and_says_why(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "go_to", base=(1.0, 0.0, 0.0))
+    robot.step(plan=Plan(id=robot.requests[-1].id, cause="no_path", text="a wall"))
+    robot.run(0.1)
+    end = robot.news[-1]
+    assert (end.state, end.cause, end.text, robot.x) == ("failed", "no_path", "a wall", 0.0)
+
+
+def test_before_something_on_its_route_the_base_stops_and_asks_for_another(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    stood = go_and_meet_a_post(robot)
+    assert [news.state for news in robot.news] == ["accepted", "running", "running"]
+    assert "stopped before it touches; asked for another route (1 of 3)" in robot.news[-1].text
+    assert robot.requests[-1].base[0][0] == pytest.approx(stood, abs=1e-3)
+    robot.touching = []
+    robot.step(plan=Plan(id=robot.requests[-1].id, route=[(stood, 0.5, 0.0), (2.0, 0.0, 0.0)]))
+    robot.run(20.0)
+    assert robot.news[-1].state == "succeeded"
+    assert robot.x == pytest.approx(2.0, abs=3e-3)
+
+
+def test_a_stop_ends_a_route_and_what_waits_for_one(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    go_and_meet_a_post(robot)
+    assert robot.go(1, "stop").state == "succeeded"
+    stood = robot.x
+    robot.step(plan=Plan(id=robot.requests[-1].id, route=[(2.0, 0.0, 0.0)]))
+    robot.run(1.0)
+    assert robot.x == pytest.approx(stood, abs=1e-3)

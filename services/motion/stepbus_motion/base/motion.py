@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,13 +97,18 @@ class BaseMotion:
         self._state = state
         self._pose = Reference.standing(state.x, state.y, state.yaw)
 
-    def begin(self, goal: Goal, state: BaseState) -> str:
-        """Start a goal and return a sentence for its status.
+    def check_goal(self, goal: Goal, state: BaseState) -> str:
+        """Return a sentence for the status of a goal; raises Refused for one without sense."""
+        self._state = state
+        return base_route(goal, state, self._settings.position).text
+
+    def begin(self, goal: Goal, state: BaseState, via: Sequence[tuple[float, float]] = ()) -> str:
+        """Start a goal and return a sentence for its status; via: points on the way [m].
 
         Raises Refused for a goal that makes no sense; then nothing has changed.
         """
         self._state = state
-        route = base_route(goal, state, self._settings.position)
+        route = base_route(goal, state, self._settings.position, via)
         self._behind = None
         self._target = route.target
         if self._drive is not None and not self._drive.is_over:
@@ -209,7 +215,8 @@ class BaseMotion:
         if halt.steps >= self._settings.steps:
             self._halt, self._scale = None, 1.0
             self._pose = Reference.standing(state.x, state.y, state.yaw)
-            self._next_segment()
+            if self._waiting:
+                self._next_segment()
 
     def _stands(self, state: BaseState) -> bool:
         settings = self._settings

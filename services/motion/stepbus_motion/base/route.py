@@ -2,7 +2,10 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from stepbus_motion.outcome import FARTHEST, Refused
 from stepbus_schemas import BaseState, Goal
@@ -22,11 +25,13 @@ class BaseRoute:
     target: tuple[float, float, float] | None = None
 
 
-def base_route(goal: Goal, state: BaseState, position: float) -> BaseRoute:
+def base_route(
+    goal: Goal, state: BaseState, position: float, via: Sequence[tuple[float, float]] = ()
+) -> BaseRoute:
     """Return the segments that a goal needs from the base's state.
 
-    position: closer to its target than twice that, the base only turns [m]. Raises Refused for a
-    goal that makes no sense.
+    via: points on the way to the pose of a go_to [m]. position: closer to its target than twice
+    that, the base only turns [m]. Raises Refused for a goal that makes no sense.
     """
     if goal.type == "drive":
         _refuse_odd("by", goal.by)
@@ -39,7 +44,29 @@ def base_route(goal: Goal, state: BaseState, position: float) -> BaseRoute:
         raise Refused("invalid", f"type {goal.type} needs base: x, y, yaw")
     for name, value in zip(("x", "y", "yaw"), goal.base, strict=True):
         _refuse_odd(name, value)
-    return _route_to(goal.base, state, position)
+    return _route_by(via, goal.base, state, position)
+
+
+def _route_by(
+    via: Sequence[tuple[float, float]],
+    target: tuple[float, float, float],
+    state: BaseState,
+    position: float,
+) -> BaseRoute:
+    segments: deque[PlannedSegment] = deque()
+    now = state
+    for n, (x, y) in enumerate(via):
+        after = via[n + 1] if n + 1 < len(via) else target[:2]
+        ahead = math.atan2(y - now.y, x - now.x)
+        following = math.atan2(after[1] - y, after[0] - x)
+        back = min(_turning(now, following + flip, ahead + math.pi) for flip in (0, math.pi)) < (
+            min(_turning(now, following + flip, ahead) for flip in (0, math.pi)) - 1e-9
+        )
+        heading = ahead + math.pi if back else ahead
+        segments += [turn_to(heading), straight_to(x, y, back=back)]
+        now = replace(now, x=x, y=y, yaw=heading)
+    rest = _route_to(target, now, position)
+    return BaseRoute(segments=segments + rest.segments, text=rest.text, target=target)
 
 
 def _route_to(target: tuple[float, float, float], state: BaseState, position: float) -> BaseRoute:

@@ -161,7 +161,7 @@ class Avoidance:
             return self.replan(goal, part, back_off.failure.text, t)
         return back_off.failure
 
-    def approach(self, part: Part) -> Outcome | None:
+    def approach(self, goal: Goal, part: Part) -> Outcome | None:
         """Halt a base that comes too close to something; return the end of its goal."""
         base, monitor = self._parts.base, self._monitor
         if part != "base" or base is None or monitor is None:
@@ -174,6 +174,12 @@ class Avoidance:
         if base.is_halting:
             return None
         text = f"{monitor.measured(self._near)}; stopped before it touches"
+        self._near = None
+        navigator = self._parts.navigator
+        if navigator is not None and (asked := navigator.replan(text)):
+            self._reports.status(goal.id, "running", text=asked)
+            self._reports.warn(asked)
+            return None
         return Outcome(state="failed", cause="blocked", text=text)
 
     def hindrance(self, part: Part) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stepbus_motion.base.motion import BaseMotion
+from stepbus_motion.base.navigator import Navigator
 from stepbus_motion.collisions.monitor import Moves
 from stepbus_motion.gripper.gripper import Gripper
 from stepbus_motion.manipulator.manipulator import Manipulator
@@ -37,11 +38,13 @@ MOVES: Mapping[Part, Moves] = {"arm": "arm", "gripper": "arm", "base": "base", "
 class Parts:
     """The parts of a robot; None: it has none.
 
-    stow: how the arm must be stowed before the base moves; None: any way.
+    navigator: plans routes of the base; None: it drives straight. stow: how the arm must be stowed
+    before the base moves; None: any way.
     """
 
     arm: Manipulator
     base: BaseMotion | None = None
+    navigator: Navigator | None = None
     gripper: Gripper | None = None
     stow: StowCondition | None = None
 
@@ -61,11 +64,16 @@ class Parts:
             case "base" if self.base is not None:
                 if self.stow is not None:
                     self.stow.check(now.q)
+                if self.navigator is not None and goal.type == "go_to":
+                    return self.navigator.begin(goal, held, t, now.base)
+                if self.navigator is not None:
+                    self.navigator.cancel()
                 return self.base.begin(goal, now.base)
             case "gripper" if self.gripper is not None:
                 return self.gripper.begin(goal, t)
             case "all":
                 self.arm.stop(t)
+                self.rest("base", t)
                 return "stop"
         raise Refused("invalid", f"this robot has no {part} for goals of type {goal.type}")
 
@@ -82,7 +90,8 @@ class Parts:
         """Return how the goal of each part ended at a time [s], once it has."""
         ends: dict[Part, Outcome | None] = {"arm": self.arm.check(now.q, now.v, t)}
         if self.base is not None:
-            ends["base"] = self.base.check(now.base)
+            end = self.base.check(now.base)
+            ends["base"] = end if self.navigator is None else self.navigator.check(end, t)
         if self.gripper is not None and now.gripper is not None:
             ends["gripper"] = self.gripper.check(now.gripper, t)
         return ends
@@ -96,6 +105,8 @@ class Parts:
         if part == "arm":
             self.arm.stop(t)
         elif part == "base" and self.base is not None:
+            if self.navigator is not None:
+                self.navigator.cancel()
             self.base.stop()
         elif part == "gripper" and self.gripper is not None:
             self.gripper.stop()

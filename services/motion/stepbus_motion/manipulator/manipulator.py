@@ -134,6 +134,10 @@ class Manipulator:
                 raise
             raise Refused("invalid", str(exc)) from exc
 
+    def next_request_id(self) -> int:
+        """Return the id of a request to the planner that somebody else makes."""
+        return self._queries.next_id()
+
     def request(self) -> PlanRequest | None:
         """Return what to ask the planner, once."""
         return self._queries.pop()

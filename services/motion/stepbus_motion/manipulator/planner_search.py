@@ -73,6 +73,12 @@ class PlannerQueries:
         """Send the request of a search."""
         self.search, self._unsent = search, search.request
 
+    def next_id(self) -> int:
+        """Return the id of a new request."""
+        number = self._next_id
+        self._next_id += 1
+        return number
+
     def pop(self) -> PlanRequest | None:
         """Return what to send to the planner, once."""
         request, self._unsent = self._unsent, None
@@ -111,10 +117,8 @@ class PlannerQueries:
 
     def _request(self, goal: Goal, held: str, rest: Vector, candidate: Candidate) -> PlanRequest:
         """Return a request for a way to a candidate, and for the check of the paths from there."""
-        number = self._next_id
-        self._next_id += 1
         return PlanRequest(
-            id=number,
+            id=self.next_id(),
             start=rest.tolist(),
             goal=candidate.target.tolist(),
             held=held,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 
 from stepbus_motion.base.motion import BaseMotion
+from stepbus_motion.base.navigator import Navigator
 from stepbus_motion.collisions.monitor import CollisionMonitor
 from stepbus_motion.goals.executor import GoalExecutor
 from stepbus_motion.goals.joint_sensor import JointReading, JointSensor
@@ -80,8 +81,22 @@ class MobileController(Participant):
             collisions=settings.collisions,
         )
         self._base, self._gripper = BaseMotion(settings.base), Gripper(settings.gripper)
+        self._navigator: Navigator | None = None
+        if self._ports.plan is not None:
+            self._navigator = Navigator(
+                self._base,
+                self._arm.next_request_id,
+                settings.arm.plan_timeout,
+                settings.avoidance.replans,
+            )
         self._executor = GoalExecutor(
-            Parts(arm=self._arm, base=self._base, gripper=self._gripper, stow=settings.stow),
+            Parts(
+                arm=self._arm,
+                base=self._base,
+                navigator=self._navigator,
+                gripper=self._gripper,
+                stow=settings.stow,
+            ),
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
             avoidance=settings.avoidance,
         )
@@ -126,6 +141,8 @@ class MobileController(Participant):
             self._executor.lose_planner(plan.text, step.t)
         else:
             self._arm.take_plan(plan, step.t)
+            if self._navigator is not None:
+                self._navigator.take_plan(plan)
 
     def _messages(self, step: Step, reading: JointReading) -> dict[str, Message]:
         ports, target = self._ports, self._arm.at(step.t)
@@ -138,6 +155,8 @@ class MobileController(Participant):
         if status is not None:
             messages[ports.goal_status] = status
         request = self._arm.request()
+        if request is None and self._navigator is not None:
+            request = self._navigator.pop()
         if request is not None and ports.plan_request is not None:
             messages[ports.plan_request] = request
         if ports.status is not None:
