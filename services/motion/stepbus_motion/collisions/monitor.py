@@ -177,14 +177,14 @@ class CollisionMonitor:
     def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
         """Return the closest pair that has come closer in this step and is about to touch.
 
-        besides: a pair that does not count. None: there is no such pair.
+        besides: a pair whose second link does not count. None: there is no such pair.
         """
         close = [
             row
             for row in self._closing
             if row.distance < _CLOSE
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
-            and (row.ours, row.other) != besides
+            and (besides is None or row.other != besides[1])
         ]
         if not close:
             return None
