@@ -287,7 +287,7 @@ STRANGERS = {
     # Zenoh accepts ten refused connections a second: links may not get through (security.md).
     "another user's nonsense on TCP at the start": Fault(
         strike=strangers.deed("babble", "hang_up", "intrude", "half_handshake", nobody=True),
-        codes=frozenset({0, 3}), endless=False, when=START, arguments=TCP, blames="any",
+        codes=frozenset({0, 7}), endless=False, when=START, arguments=TCP, blames="nobody",
     ),
     "another user at the sockets": Fault(
         strike=strangers.deed("subscribe", "intrude", "flood", nobody=True),

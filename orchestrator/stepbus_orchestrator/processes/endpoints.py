@@ -149,6 +149,12 @@ def _ports(base: int | None, count: int) -> list[int]:
             probe.close()
 
 
+def tcp_ports(endpoint: Endpoint) -> list[int]:
+    """Return the ports that an endpoint connects to, where it does so over TCP."""
+    addresses = [address for address in endpoint.connect if address.startswith("tls/")]
+    return [int(address.rpartition(":")[2]) for address in addresses]
+
+
 def new_token() -> str:
     """Return a run's secret: 64 random bits, in hexadecimal."""
     return secrets.token_hex(8)

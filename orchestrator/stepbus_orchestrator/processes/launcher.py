@@ -10,6 +10,7 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, Endpoint, MessageFault, Ticket
 
 from .child import Child
+from .endpoints import tcp_ports
 from .reaping import Reaper
 
 
@@ -68,6 +69,7 @@ class Launcher:
             log=self._logs / f"{spec.name}.log",
             environment=_environment(path),
             has_terminal=has_terminal,
+            ports=tcp_ports(endpoint),
         )
         self._reaper.watch(child.pid)
         self.children[spec.name] = child
