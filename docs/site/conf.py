@@ -12,9 +12,12 @@ import inspect
 import re
 import sys
 import textwrap
+from functools import reduce
 from importlib import import_module
+from operator import or_
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 from docutils import nodes
@@ -23,6 +26,7 @@ from sphinx.application import Sphinx
 from sphinx.errors import PycodeError
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import SphinxDirective
+from sphinx.util.typing import stringify_annotation
 
 import stepbus
 
@@ -209,10 +213,48 @@ class Mermaid(SphinxDirective):
         return [nodes.image(uri=f"/docs/pictures/{drawing.name}", alt=f"diagram of {page}")]
 
 
+def _sign(
+    _app: Sphinx, what: str, _name: str, value: Any, _options: Any, signature: str, returned: str
+) -> tuple[str, str]:
+    """Show the fields of a message with their plain types; the table below has the rest."""
+    if what != "class" or not issubclass(value, msgspec.Struct):
+        return signature, returned
+    shown = [
+        f"{field.name}: {stringify_annotation(_plain(field.type), 'smart')}{_default(field)}"
+        for field in msgspec.structs.fields(value)
+    ]
+    kinds = [item.kind for item in inspect.signature(value).parameters.values()]
+    if inspect.Parameter.KEYWORD_ONLY in kinds:
+        shown.insert(kinds.index(inspect.Parameter.KEYWORD_ONLY), "*")
+    return f"({', '.join(shown)})", returned
+
+
+def _plain(annotation: Any) -> Any:
+    """Return a type without what `Annotated` adds to it, at any depth."""
+    if get_origin(annotation) is Annotated:
+        return _plain(get_args(annotation)[0])
+    arguments = get_args(annotation)
+    if get_origin(annotation) is Literal or not arguments:
+        return annotation
+    plain = tuple(_plain(argument) for argument in arguments)
+    if isinstance(annotation, UnionType):
+        return reduce(or_, plain)
+    return get_origin(annotation)[plain]
+
+
+def _default(field: Any) -> str:
+    if field.default is not msgspec.NODEFAULT:
+        return f" = {field.default!r}"
+    return (
+        f" = {field.default_factory()!r}" if field.default_factory is not msgspec.NODEFAULT else ""
+    )
+
+
 def setup(app: Sphinx) -> None:
     """Add what follows the code by itself."""
     app.add_directive("mermaid", Mermaid)
     app.add_lexer("hex", TextLexer)
     app.connect("source-read", _add_reference)
     app.connect("autodoc-process-docstring", _format)
+    app.connect("autodoc-process-signature", _sign)
     app.connect("autodoc-process-docstring", _add_fields)
