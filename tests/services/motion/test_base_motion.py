@@ -58,7 +58,7 @@ class DiffDrive:
 
     def go(self, seconds=30.0, **goal):
         """Return how a goal has ended; None: not in time."""
-        self.motion.begin(Goal(id=0, **goal), self.state())
+        self.motion.start(Goal(id=0, **goal), self.state())
         return self.wait(seconds)
 
     def wait(self, seconds=30.0, gap=lambda base: math.inf):
@@ -107,7 +107,7 @@ def test_a_place_behind_is_backed_up_to_without_turning_round():
 
 def test_a_base_that_is_pushed_aside_comes_back_to_its_line():
     base = DiffDrive()
-    base.motion.begin(Goal(id=0, type="drive", by=1.5), base.state())
+    base.motion.start(Goal(id=0, type="drive", by=1.5), base.state())
     base.wait(seconds=1.5)
     base.y += 0.02
     assert base.wait().state == "succeeded"
@@ -139,7 +139,7 @@ def test_a_base_that_does_not_start_is_jammed():
 
 def test_the_base_stops_before_what_it_drives_towards():
     base = DiffDrive()
-    base.motion.begin(Goal(id=0, type="drive", by=2.0), base.state())
+    base.motion.start(Goal(id=0, type="drive", by=2.0), base.state())
     base.wait(seconds=8.0, gap=lambda base: min(1.0 - base.x, 0.08))
     assert max(base.speeds) == pytest.approx(0.5, rel=0.02)
     # It creeps from its clearance on; a monitor halts it then.
@@ -151,7 +151,7 @@ def test_the_base_stops_before_what_it_drives_towards():
 
 def test_a_turn_is_slow_where_its_farthest_point_comes_near_something():
     base = DiffDrive()
-    base.motion.begin(Goal(id=0, type="turn", by=3.0), base.state())
+    base.motion.start(Goal(id=0, type="turn", by=3.0), base.state())
     base.wait(seconds=10.0, gap=lambda base: min(0.9 * (1.5 - base.yaw), 0.08))
     assert max(base.turns) == pytest.approx(0.8, rel=0.02)
     slow = next(
@@ -162,7 +162,7 @@ def test_a_turn_is_slow_where_its_farthest_point_comes_near_something():
 
 def test_near_things_speed_grows_no_faster_than_the_acceleration_limit():
     base = DiffDrive(lag=0.001)
-    base.motion.begin(Goal(id=0, type="drive", by=2.5), base.state())
+    base.motion.start(Goal(id=0, type="drive", by=2.5), base.state())
     base.wait(seconds=1.6, gap=lambda base: 0.0)
     assert base.speeds[-1] == pytest.approx(0.03, rel=0.1)
     # The limit of the profile and that of the slow motion may add up, each 0.4 m/s².

@@ -23,7 +23,7 @@ def states(runner):
 
 def test_a_goal_is_accepted_then_running_then_succeeds(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 1.0, -1.0, 0.5), 0.0)
+    runner.start(joints(1, 1.0, -1.0, 0.5), 0.0)
     runner.carry_on(0.0)
     assert states(runner) == [(1, "accepted"), (1, "running"), (1, "succeeded")]
     assert runner.at(9.0).position == pytest.approx([1.0, -1.0, 0.5])
@@ -39,7 +39,7 @@ def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
     half = (q.sum() - 0.5) / 2
     goal = Goal(id=2, type="move_to_pose", tip="hand", frame="link_0", position=(x, y, z),
                 orientation=(0.0, float(np.sin(half)), 0.0, float(np.cos(half))))  # fmt: skip
-    runner.begin(goal, 0.0)
+    runner.start(goal, 0.0)
     runner.carry_on(0.0)
     assert states(runner)[-1] == (2, "succeeded")
     assert robot.frame_pose(runner.at(9.0).position, "hand").isApprox(
@@ -49,7 +49,7 @@ def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
 
 def test_the_motion_keeps_its_limits_and_is_smooth(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, -1.5, 1.5, 2.0), 0.0)
+    runner.start(joints(1, -1.5, 1.5, 2.0), 0.0)
     rows = [runner.at(t) for t in np.arange(0, 4, 0.01)]
     assert max(np.abs(row.velocity).max() for row in rows) <= 2 + 1e-9
     assert max(np.abs(row.acceleration).max() for row in rows) <= 4 + 1e-9
@@ -59,33 +59,33 @@ def test_the_motion_keeps_its_limits_and_is_smooth(robot):
 
 def test_a_duration_is_kept_where_the_limits_allow_it(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=5.0), 0.0)
+    runner.start(joints(1, 0.6, 0.6, 0.6, duration=5.0), 0.0)
     assert "5.00 s of motion" in runner.statuses()[0].text
 
 
 def test_an_hour_long_motion_is_planned_like_any(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=3600.0), 0.0)
+    runner.start(joints(1, 0.6, 0.6, 0.6, duration=3600.0), 0.0)
     assert runner.at(1800.0).position == pytest.approx([0.55] * 3, abs=1e-3)
 
 
 def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 0.6, 0.6, 0.6, duration=86400.0), 0.0)
+    runner.start(joints(1, 0.6, 0.6, 0.6, duration=86400.0), 0.0)
     assert [(n.state, n.cause) for n in runner.statuses()] == [("failed", "no_path")]
 
 
 def test_stop_at_rest_succeeds_where_the_joints_are(robot):
     runner = Runner(robot)
-    runner.begin(Goal(id=0, type="stop"), 0.0)
+    runner.start(Goal(id=0, type="stop"), 0.0)
     runner.carry_on(0.0, seconds=1.0)
     assert states(runner) == [(0, "accepted"), (0, "running"), (0, "succeeded")]
 
 
 def test_a_goal_that_is_refused_stops_the_one_before(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
-    runner.begin(joints(2, 9.0, 0.0, 0.0), 0.5)
+    runner.start(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.start(joints(2, 9.0, 0.0, 0.0), 0.5)
     runner.carry_on(0.5)
     assert states(runner) == [(1, "accepted"), (1, "cancelled"), (2, "failed")]
     assert runner.at(9.0).position.max() < 1.9
@@ -93,9 +93,9 @@ def test_a_goal_that_is_refused_stops_the_one_before(robot):
 
 def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.start(joints(1, 2.0, 2.0, 2.0), 0.0)
     before = runner.at(0.5)
-    runner.begin(joints(2, -1.0, 0.0, 0.0), 0.5)
+    runner.start(joints(2, -1.0, 0.0, 0.0), 0.5)
     assert (1, "cancelled") in states(runner)
     assert runner.at(0.5).position == pytest.approx(before.position)
     assert runner.at(0.5).velocity == pytest.approx(before.velocity)
@@ -103,8 +103,8 @@ def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
 
 def test_stop_brings_the_joints_to_rest(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 2.0, 2.0, 2.0), 0.0)
-    runner.begin(Goal(id=2, type="stop"), 0.5)
+    runner.start(joints(1, 2.0, 2.0, 2.0), 0.0)
+    runner.start(Goal(id=2, type="stop"), 0.5)
     runner.carry_on(0.5)
     assert states(runner)[-1] == (2, "succeeded")
     assert not runner.at(9.0).velocity.any()
@@ -113,7 +113,7 @@ def test_stop_brings_the_joints_to_rest(robot):
 
 def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
     runner = Runner(robot)
-    runner.begin(joints(1, 0.5, 0.5, 1.5), 0.0)
+    runner.start(joints(1, 0.5, 0.5, 1.5), 0.0)
     runner.carry_on(0.0, stuck=True)
     last = runner.statuses()[-1]
     assert (last.state, last.cause) == ("failed", "not_settled")
@@ -137,7 +137,7 @@ def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):
 )  # fmt: skip
 def test_a_goal_that_makes_no_sense_fails_and_says_why(robot, goal, text):
     runner = Runner(robot)
-    runner.begin(goal, 0.0)
+    runner.start(goal, 0.0)
     (news,) = runner.statuses()
     assert (news.state, news.cause) == ("failed", "invalid")
     assert text in news.text
@@ -149,6 +149,6 @@ def test_a_pose_that_cannot_be_held_is_refused_or_tried_as_one_likes(tmp_path):
     out = joints(1, 0.0, 0.3, 0.3)
     refuses, tries = Runner(robot), Runner(robot, tries_unholdable=True)
     for runner in (refuses, tries):
-        runner.begin(out, 0.0)
+        runner.start(out, 0.0)
     assert [(n.state, n.cause) for n in refuses.statuses()] == [("failed", "not_holdable")]
     assert [(n.state, n.cause) for n in tries.statuses()] == [("accepted", "not_holdable")]

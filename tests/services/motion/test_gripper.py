@@ -32,7 +32,7 @@ class Hand:
 
     def go(self, width, force=15.0, seconds=3.0):
         """Return the outcome of a goal; None: there was none in time."""
-        self.grip.begin(Goal(id=0, type="grip", width=width, force=force), self.t)
+        self.grip.start(Goal(id=0, type="grip", width=width, force=force), self.t)
         for _ in range(round(seconds / DT)):
             outcome, _ = self.step()
             if outcome is not None:

@@ -71,7 +71,7 @@ def tips(robot, rows):
 
 def refusal(stage, goal, **begin):
     with pytest.raises(Refused) as refused:
-        stage.begin(goal, **begin)
+        stage.start(goal, **begin)
     return refused.value
 
 
@@ -93,7 +93,7 @@ def test_the_commanded_velocity_takes_each_position_to_the_next(robot):
 def test_a_pose_is_reached_by_the_nearest_branch(robot):
     target = [0.5, 0.2, 0.35]
     stage = Stage(make_arm(robot))
-    text = stage.begin(pose_goal("move_to_pose", target))
+    text = stage.start(pose_goal("move_to_pose", target))
     log = stage.run()
     assert text.startswith("solution 1 of ")
     assert np.abs(tips(robot, log.q[-1:])[0] - target).max() < 1e-6
@@ -195,7 +195,7 @@ def test_torques_on_the_way_stay_within_their_share_of_the_limits(robot):
 
 def test_the_spiral_narrows_around_the_vertical_then_goes_straight_to_the_end(robot):
     stage = Stage(make_arm(robot))
-    text = stage.begin(SPIRAL)
+    text = stage.start(SPIRAL)
     way = tips(robot, stage.run().q)
     radius = np.hypot(way[:, 0] - 0.45, way[:, 1])
     first = int(np.argmin(np.abs(radius - 0.3) + np.abs(way[:, 2] - 0.3)))
@@ -212,7 +212,7 @@ def test_the_spiral_narrows_around_the_vertical_then_goes_straight_to_the_end(ro
 def test_points_of_a_spiral_out_of_reach_are_raised_and_counted(robot):
     low = Spiral(centre=(0.45, 0.0, -0.55), radius=(0.3, 0.1), turns=2.0, rise=0.2)
     stage = Stage(make_arm(robot))
-    text = stage.begin(pose_goal("spiral", [0.5, 0.0, 0.0], spiral=low))
+    text = stage.start(pose_goal("spiral", [0.5, 0.0, 0.0], spiral=low))
     way = tips(robot, stage.run().q)
     count = int(text.split(" of its 49 points raised")[0].split()[-1])
     assert 0 < count < 49
@@ -236,7 +236,7 @@ def test_the_plant_follows_within_a_millimetre(robot, goal, tmp_path):
 
 def test_a_pause_holds_the_arm_on_its_way_within_the_acceleration_limits(robot):
     stage, log = Stage(make_arm(robot)), Log()
-    stage.begin(joints_goal())
+    stage.start(joints_goal())
     for step in range(600):
         stage.step(log, scale=0.0 if 40 <= step < 240 else 1.0)
     free = Stage(make_arm(robot)).run(joints_goal())
@@ -251,7 +251,7 @@ def test_a_pause_holds_the_arm_on_its_way_within_the_acceleration_limits(robot):
 def test_at_half_the_scale_it_takes_twice_as_long(robot):
     def steps(scale):
         stage, log = Stage(make_arm(robot)), Log()
-        stage.begin(SPIRAL)
+        stage.start(SPIRAL)
         while log.outcome is None:
             stage.step(log, scale)
         return log.steps
@@ -261,7 +261,7 @@ def test_at_half_the_scale_it_takes_twice_as_long(robot):
 
 def test_a_stop_brakes_hard_even_while_paused(robot):
     stage, log = Stage(make_arm(robot)), Log()
-    stage.begin(joints_goal())
+    stage.start(joints_goal())
     for _ in range(40):
         stage.step(log)
     stage.arm.stop(stage.t)
@@ -277,10 +277,10 @@ def test_a_stop_brakes_hard_even_while_paused(robot):
 def test_a_new_goal_in_full_motion_makes_no_jump(robot):
     for goal in (joints_goal(HOME), pose_goal("move_linear", [0.4, 0.4, 0.3]), SPIRAL):
         stage, log = Stage(make_arm(robot)), Log()
-        stage.begin(joints_goal())
+        stage.start(joints_goal())
         for _ in range(40):
             stage.step(log)
-        stage.begin(goal)
+        stage.start(goal)
         while log.outcome is None:
             stage.step(log)
         assert log.outcome.state == "succeeded"
@@ -289,7 +289,7 @@ def test_a_new_goal_in_full_motion_makes_no_jump(robot):
 
 def test_a_refused_goal_in_full_motion_brings_the_arm_to_rest(robot):
     stage, log = Stage(make_arm(robot)), Log()
-    stage.begin(joints_goal())
+    stage.start(joints_goal())
     for _ in range(40):
         stage.step(log)
     refusal(stage, pose_goal("move_to_pose", [2.0, 0, 0]))
@@ -302,7 +302,7 @@ def test_a_refused_goal_in_full_motion_brings_the_arm_to_rest(robot):
 
 def test_backing_off_goes_back_the_same_way_by_that_distance(robot):
     stage, log = Stage(make_arm(robot)), Log()
-    stage.begin(pose_goal("move_linear", [0.5, 0.4, 0.35]))
+    stage.start(pose_goal("move_linear", [0.5, 0.4, 0.35]))
     for _ in range(150):
         stage.step(log)
     length = stage.arm.back_off(stage.t, 0.05)
@@ -320,7 +320,7 @@ def test_backing_off_goes_back_the_same_way_by_that_distance(robot):
 def test_backing_off_again_goes_further_until_no_path_is_left(robot):
     stage, log = Stage(make_arm(robot)), Log()
     start = tips(robot, [HOME])[0]
-    stage.begin(pose_goal("move_linear", [0.5, 0.2, 0.25]))
+    stage.start(pose_goal("move_linear", [0.5, 0.2, 0.25]))
     for _ in range(90):
         stage.step(log)
     lengths, last = [], stage.q
@@ -403,9 +403,9 @@ def test_a_planner_that_does_not_answer_ends_the_goal(robot):
 
 def test_an_answer_to_an_older_request_is_ignored(robot):
     stage = Stage(planned_arm(robot))
-    stage.begin(joints_goal())
+    stage.start(joints_goal())
     old = stage.arm.request()
-    stage.begin(joints_goal(HOME + 0.1))
+    stage.start(joints_goal(HOME + 0.1))
     stage.arm.take_plan(good_planner(robot)(old), stage.t)
     log = Log()
     stage.step(log)
@@ -430,10 +430,10 @@ def test_a_plan_that_starts_elsewhere_is_a_bad_plan(robot):
 
 def test_a_goal_in_full_motion_is_planned_from_where_the_arm_comes_to_rest(robot):
     stage, log = Stage(planned_arm(robot), answer=good_planner(robot)), Log()
-    stage.begin(joints_goal())
+    stage.start(joints_goal())
     for _ in range(60):
         stage.step(log)
-    stage.begin(joints_goal(HOME))
+    stage.start(joints_goal(HOME))
     log.outcome = None
     while log.outcome is None:
         stage.step(log)
@@ -494,7 +494,7 @@ def test_a_line_that_is_blocked_does_not_start(robot):
 def test_what_comes_onto_a_line_under_way_is_reported(robot):
     arm = planned_arm(robot)
     stage, log = Stage(arm, answer=good_planner(robot)), Log()
-    stage.begin(line_down(robot))
+    stage.start(line_down(robot))
     for _ in range(40):
         stage.step(log)
     assert arm.blocked == ""

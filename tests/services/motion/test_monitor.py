@@ -36,9 +36,9 @@ class Stand:
 
     def take_can(self, *others):
         """Close the pads around a can; others: more contacts."""
-        self.monitor.begin(["can"], grips=True)
+        self.monitor.start(["can"], grips=True)
         self.look(FLOOR, *PADS_AT_CAN, *others, holding=True)
-        self.monitor.begin()
+        self.monitor.start()
 
 
 def test_a_robot_that_stands_on_its_wheels_touches_nothing():
@@ -70,7 +70,7 @@ def test_a_touch_of_two_links_of_the_robot_is_a_collision():
 
 def test_only_pads_may_touch_what_the_goal_allows():
     stand = Stand()
-    stand.monitor.begin(["can"])
+    stand.monitor.start(["can"])
     assert stand.look(("can", "left_pad", 5.0, 0.0)).collision is None
     assert stand.look(("can", "hand", 5.0, 0.0)).collision.ours == "hand"
     assert stand.look(("bottle", "left_pad", 5.0, 0.0)).collision.other == "bottle"
@@ -78,7 +78,7 @@ def test_only_pads_may_touch_what_the_goal_allows():
 
 def test_pads_that_grip_may_touch_anything():
     stand = Stand()
-    stand.monitor.begin(grips=True)
+    stand.monitor.start(grips=True)
     assert (
         stand.look(("bottle", "left_pad", 5.0, 0.0), ("left_pad", "right_pad", 9.0, 0.0)).collision
         is None
@@ -119,7 +119,7 @@ def test_what_is_held_must_not_be_pressed_on_the_robot_itself():
 def test_what_is_held_may_be_put_where_the_goal_allows_it():
     stand = Stand()
     stand.take_can()
-    stand.monitor.begin(["table"])
+    stand.monitor.start(["table"])
     assert stand.look(*PADS_AT_CAN, ("can", "table", 3.0, 0.0), holding=True).collision is None
 
 
@@ -135,7 +135,7 @@ def test_what_the_pads_let_go_may_be_touched_until_they_are_away():
 def test_a_touch_from_before_the_goal_counts_only_when_it_becomes_harder():
     stand = Stand()
     stand.look(("elbow", "pillar", 10.0, 0.0))
-    stand.monitor.begin()
+    stand.monitor.start()
     assert stand.look(("elbow", "pillar", 12.0, 0.0)).collision is None
     assert stand.look(("elbow", "pillar", 16.0, 0.0)).collision is not None
 
@@ -155,7 +155,7 @@ def test_the_scale_changes_no_faster_than_its_rate():
 
 def test_pads_near_what_they_may_touch_do_not_slow_down():
     stand = Stand()
-    stand.monitor.begin(["can"])
+    stand.monitor.start(["can"])
     assert stand.look(("can", "left_pad", 0.0, 0.01)).scale == 1.0
     assert stand.look(("bottle", "left_pad", 0.0, 0.01)).scale < 1.0
 
@@ -163,15 +163,15 @@ def test_pads_near_what_they_may_touch_do_not_slow_down():
 def test_what_is_near_a_base_that_stands_slows_no_arm_down():
     stand = Stand(base_links=frozenset({"chassis", "left_wheel"}))
     near = ("chassis", "pillar", 0.0, 0.02)
-    stand.monitor.begin(moves="arm")
+    stand.monitor.start(moves="arm")
     assert stand.look(near).scale == 1.0
     assert stand.look(near, ("chassis", "elbow", 0.0, 0.04)).scale == pytest.approx(0.6)
-    stand.monitor.begin()
+    stand.monitor.start()
     assert stand.look(near).scale == pytest.approx(0.4)
 
 
 def test_links_of_the_robot_that_are_near_each_other_do_not_slow_the_base_down():
     stand = Stand()
-    stand.monitor.begin(moves="base")
+    stand.monitor.start(moves="base")
     assert stand.look(("chassis", "elbow", 0.0, 0.02)).scale == 1.0
     assert stand.look(("elbow", "pillar", 0.0, 0.04)).scale == pytest.approx(0.6)

@@ -103,14 +103,14 @@ def test_a_spiral_through_the_chassis_is_refused_with_the_links(robot, collision
 def test_a_line_into_the_chassis_is_refused_with_the_links(stage):
     goal = pose_goal("move_linear", (0.28, 0.1, 0.45), DOWN, tip="grasp")
     with pytest.raises(Refused, match=r"would touch"):
-        stage.begin(goal)
+        stage.start(goal)
 
 
 @pytest.mark.parametrize("stage", [False], indirect=True, ids=["no planner"])
 def test_a_motion_without_a_planner_does_not_pass_through_the_robot(stage):
     into = [*TUCK[:3], -0.9, *TUCK[4:]]
     with pytest.raises(Refused, match=r"would touch"):
-        stage.begin(Goal(id=0, type="move_joints", joints=list(JOINTS), values=into))
+        stage.start(Goal(id=0, type="move_joints", joints=list(JOINTS), values=into))
 
 
 class OffThePath:

@@ -65,8 +65,8 @@ class Runner:
         rest = np.array([0.5, 0.5, 0.5])
         self._executor.hold(Measured(q=rest, v=0 * rest))
 
-    def begin(self, goal: Goal, t: float) -> None:
-        self._executor.begin(goal, t)
+    def start(self, goal: Goal, t: float) -> None:
+        self._executor.start(goal, t)
 
     def at(self, t: float) -> JointMotion:
         return self.arm.at(t)

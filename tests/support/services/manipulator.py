@@ -108,8 +108,8 @@ class Stage:
         self._plan: Plan | None = None
         self.requests: list[PlanRequest] = []
 
-    def begin(self, goal: Goal, base: BaseState = STANDING, held: str = "") -> str:
-        return self.arm.begin(goal, self.q, base, self.t, held=held)
+    def start(self, goal: Goal, base: BaseState = STANDING, held: str = "") -> str:
+        return self.arm.start(goal, self.q, base, self.t, held=held)
 
     def step(self, log: Log, scale: float = 1.0) -> None:
         if self._plan is not None:
@@ -131,7 +131,7 @@ class Stage:
     def run(self, goal: Goal | None = None, *, steps: int = 5000, **begin: Any) -> Log:
         """Return what happens until the goal ends, or for so many steps."""
         if goal is not None:
-            self.begin(goal, **begin)
+            self.start(goal, **begin)
         log = Log()
         while log.outcome is None and log.steps < steps:
             self.step(log)

@@ -99,7 +99,7 @@ class ArmController(Participant):
         goal = step.get(self._goal_port, Goal)
         if goal is not None and goal.id != self._goal_id:
             self._goal_id = goal.id
-            self._executor.begin(goal, step.t)
+            self._executor.start(goal, step.t)
         target = self._manipulator.at(step.t)
         messages: dict[str, Message] = {self._command_port: target.command()}
         status = self._executor.reports.next_status()

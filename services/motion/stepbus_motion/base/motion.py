@@ -102,7 +102,7 @@ class BaseMotion:
         self._state = state
         return base_route(goal, state, self._settings.position).text
 
-    def begin(self, goal: Goal, state: BaseState, via: Sequence[tuple[float, float]] = ()) -> str:
+    def start(self, goal: Goal, state: BaseState, via: Sequence[tuple[float, float]] = ()) -> str:
         """Start a goal and return a sentence for its status; via: points on the way [m].
 
         Raises Refused for a goal that makes no sense; then nothing has changed.

@@ -39,7 +39,7 @@ class Navigator:
         self._unsent: PlanRequest | None = None
         self._verdict: Outcome | None = None
 
-    def begin(self, goal: Goal, held: str, t: float, state: BaseState) -> str:
+    def start(self, goal: Goal, held: str, t: float, state: BaseState) -> str:
         """Start a goal of type go_to at a time [s]; raises Refused for one without sense."""
         text = self._base.check_goal(goal, state)
         self.cancel()
@@ -67,7 +67,7 @@ class Navigator:
             return
         via = [(x, y) for x, y, _ in plan.route[:-1]]
         try:
-            self._base.begin(trip.goal, self._base.state, via)
+            self._base.start(trip.goal, self._base.state, via)
         except Refused as exc:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return

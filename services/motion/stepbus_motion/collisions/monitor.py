@@ -135,7 +135,7 @@ class CollisionMonitor:
         """Return the link of the world between the pads; empty: none."""
         return self._held
 
-    def begin(
+    def start(
         self, touches: Collection[str] = (), *, grips: bool = False, moves: Moves = "all"
     ) -> None:
         """Start to monitor a goal; touches: links of the world that it may touch.

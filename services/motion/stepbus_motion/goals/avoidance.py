@@ -71,7 +71,7 @@ class Avoidance:
         """Return the link of the world in the gripper; empty: none."""
         return self._monitor.held if self._monitor is not None else ""
 
-    def begin(self, goal: Goal, part: Part) -> None:
+    def start(self, goal: Goal, part: Part) -> None:
         """Watch a new goal."""
         self._touched, self._is_slow = None, False
         self._back_off, self._replans, self._close = None, 0, None
@@ -81,7 +81,7 @@ class Avoidance:
 
     def _monitor_goal(self, goal: Goal, part: Part, *, grips: bool = False) -> None:
         if self._monitor is not None:
-            self._monitor.begin(goal.touches, grips=grips, moves=MOVES[part])
+            self._monitor.start(goal.touches, grips=grips, moves=MOVES[part])
 
     def scale(self, now: Measured, dt: float, *, has_goal: bool) -> float | None:
         """Return the share of its full speed for the robot; None: nothing is monitored.

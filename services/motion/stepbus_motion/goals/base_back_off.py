@@ -38,7 +38,7 @@ class BaseBackOff:
             return None
         if self._start is None:
             self._start = self._base.state
-            self._monitor.begin(self._goal.touches, moves="base")
+            self._monitor.start(self._goal.touches, moves="base")
         elif not self._obstacle:
             self._look_back(collision)
         if self._base.is_moving:

@@ -28,7 +28,7 @@ class _Active:
 class GoalExecutor:
     """Carries out one goal at a time; a new one cancels the one before.
 
-    monitor: None: contacts are not checked. In each step: `check`, then `begin` where there is a
+    monitor: None: contacts are not checked. In each step: `check`, then `start` where there is a
     new goal, then the commands of the parts, then what `reports` has to publish.
     """
 
@@ -52,7 +52,7 @@ class GoalExecutor:
         self._measured = now
         self._parts.hold(now)
 
-    def begin(self, goal: Goal, t: float) -> None:
+    def start(self, goal: Goal, t: float) -> None:
         """Start a goal at a time [s]; its status reports what is wrong with it."""
         if self._active is not None:
             text = f"goal {goal.id} came before it was done"
@@ -60,7 +60,7 @@ class GoalExecutor:
         part = PART_OF[goal.type]
         if self._active is not None and self._active.part != part:
             self._rest(t)
-        self._avoidance.begin(goal, part)
+        self._avoidance.start(goal, part)
         try:
             text = self._begin(goal, part, t)
         except RunError as exc:
@@ -78,7 +78,7 @@ class GoalExecutor:
             raise RunError("nothing has been measured yet")
         if self._lost_planner and part != "all":
             raise Refused("no_plan", self._lost_planner)
-        return self._parts.begin(part, goal, self._measured, t, self._avoidance.held)
+        return self._parts.start(part, goal, self._measured, t, self._avoidance.held)
 
     def lose_planner(self, text: str, t: float) -> None:
         """Stop, and fail all goals but `stop`, now and from now on: there are no plans any more."""

@@ -56,21 +56,21 @@ class Parts:
         if self.gripper is not None and now.gripper is not None:
             self.gripper.hold(now.gripper)
 
-    def begin(self, part: Part, goal: Goal, now: Measured, t: float, held: str) -> str:
+    def start(self, part: Part, goal: Goal, now: Measured, t: float, held: str) -> str:
         """Start a goal at a time [s] and return a sentence; raises Refused."""
         match part:
             case "arm":
-                return self.arm.begin(goal, now.q, now.base, t, held=held)
+                return self.arm.start(goal, now.q, now.base, t, held=held)
             case "base" if self.base is not None:
                 if self.stow is not None:
                     self.stow.check(now.q)
                 if self.navigator is not None and goal.type == "go_to":
-                    return self.navigator.begin(goal, held, t, now.base)
+                    return self.navigator.start(goal, held, t, now.base)
                 if self.navigator is not None:
                     self.navigator.cancel()
-                return self.base.begin(goal, now.base)
+                return self.base.start(goal, now.base)
             case "gripper" if self.gripper is not None:
-                return self.gripper.begin(goal, t)
+                return self.gripper.start(goal, t)
             case "all":
                 self.arm.stop(t)
                 self.rest("base", t)

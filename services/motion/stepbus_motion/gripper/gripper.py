@@ -57,7 +57,7 @@ class Gripper:
         width = min(max(state.width, 0.0), self._settings.widest)
         return GripperCommand(width=width, force=self._settings.hold_force)
 
-    def begin(self, goal: Goal, t: float) -> str:
+    def start(self, goal: Goal, t: float) -> str:
         """Start a goal at a time [s] and return a sentence for its status.
 
         Raises Refused for a width or force out of range.

@@ -34,7 +34,7 @@ class Manipulator:
     """Carries out the goals of an arm, one at a time; it knows nothing of the bus.
 
     In every step, in this order: `advance` the clock where motions may be slowed down, `check` what
-    was measured, `take_plan`, `begin`, publish `request()`, command `at(t)`.
+    was measured, `take_plan`, `start`, publish `request()`, command `at(t)`.
 
     limits: of the joints. router: finds motions to candidates; None: a planner does, which is
     asked with `request()`. collisions: of the robot with itself when it stops; None: not checked.
@@ -113,7 +113,7 @@ class Manipulator:
         """Return what to command at a time [s]."""
         return self._player.command(t)
 
-    def begin(self, goal: Goal, q: Vector, base: BaseState, t: float, *, held: str = "") -> str:
+    def start(self, goal: Goal, q: Vector, base: BaseState, t: float, *, held: str = "") -> str:
         """Start a goal and return a sentence for its status; the one before is forgotten.
 
         q: measured. base: odometry. held: link of the world in the gripper. Raises Refused for

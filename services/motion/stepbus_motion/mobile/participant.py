@@ -116,7 +116,7 @@ class MobileController(Participant):
         goal = step.get(self._ports.goal, Goal)
         if goal is not None and goal.id != self._goal_id:
             self._goal_id = goal.id
-            self._executor.begin(goal, step.t)
+            self._executor.start(goal, step.t)
         return self._messages(step, self._reading)
 
     def _sense(self, step: Step) -> Measured | None:
