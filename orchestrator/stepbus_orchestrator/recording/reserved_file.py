@@ -7,6 +7,7 @@ import struct
 from pathlib import Path
 
 _RESERVE_BYTES = 512 * 1024
+_END_BYTES = 256 * 1024
 """For the end of a file beside the index of its chunks: channels, schemas, statistics."""
 _MORE_BYTES = 256 * 1024
 _HEAD = struct.Struct("<BQ")
@@ -17,7 +18,7 @@ _PRIVATE_OPCODE = 0x80
 class ReservedFile:
     """An append-only file of complete writes: one that fails leaves nothing behind.
 
-    A reserve of 512 KiB and what `keep_room` asks for, given back by `release`, leaves room to
+    A reserve of 512 KiB, and more where `keep_room` asks for it, given back by `release`, leaves room to
     close the file properly: a recording on a full disk still ends with its index. The reserve is a
     file without a name, so that it goes with the process, however that ends.
 
@@ -56,7 +57,7 @@ class ReservedFile:
 
     def keep_room(self, size: int) -> None:
         """Keep room for an index of so many bytes; raises OSError when there is none."""
-        needed = _RESERVE_BYTES + size
+        needed = _END_BYTES + size
         if needed > self._reserved and self._reserve >= 0:
             self._set_aside(needed + _MORE_BYTES)
 
