@@ -18,8 +18,8 @@ _PRIVATE_OPCODE = 0x80
 class ReservedFile:
     """An append-only file of complete writes: one that fails leaves nothing behind.
 
-    A reserve of 512 KiB, and more where `keep_room` asks for it, given back by `release`, leaves room to
-    close the file properly: a recording on a full disk still ends with its index. The reserve is a
+    A reserve of 512 KiB, or more where `keep_room` asks for it, is given back by `release`: room to
+    close the file properly, so that a recording on a full disk ends with its index. The reserve is a
     file without a name, so that it goes with the process, however that ends.
 
     sha256: of all that has been written.
