@@ -19,7 +19,7 @@ class ReservedFile:
     """An append-only file of complete writes: one that fails leaves nothing behind.
 
     A reserve of 512 KiB, or more where `keep_room` asks for it, is given back by `release`: room to
-    close the file properly, so that a recording on a full disk ends with its index. The reserve is a
+    close the file properly, so that a recording on a full disk ends with its index. It is a
     file without a name, so that it goes with the process, however that ends.
 
     sha256: of all that has been written.
