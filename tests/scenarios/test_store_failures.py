@@ -191,11 +191,17 @@ def assert_nothing_was_touched(recording, link):
     assert not hit
 
 
+def arm_plans(recording):
+    """Return what the planner says of the arm's plans, without their numbers."""
+    plans = [text.split(": ", 1)[1] for text in texts(recording, "planner/events")]
+    return [plan for plan in plans if not plan.startswith("base: ")]
+
+
 def test_around_what_blocks_the_first_way_another_one_is_taken(tmp_path):
     result = store(tmp_path, script(f"at: 3s, {POST_ASIDE}", POST_AWAY))
     recording = Recording(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
-    assert texts(recording, "planner/events")[0].startswith("plan 1: detour of ")
+    assert arm_plans(recording)[0].startswith("detour of ")
     assert_nothing_was_touched(recording, "pillar_post")
 
 
@@ -203,10 +209,10 @@ def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
     result = store(tmp_path, script(f"at: 8.6s, {POST_ASIDE}", POST_AWAY))
     recording = Recording(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
-    plans = texts(recording, "planner/events")
-    assert plans[0].startswith("plan 1: straight path of ")
-    assert plans[1].startswith("plan 1: pillar_post blocks the path ")
-    assert plans[2].startswith("plan 2: detour of ")
+    plans = arm_plans(recording)
+    assert plans[0].startswith("straight path of ")
+    assert plans[1].startswith("pillar_post blocks the path ")
+    assert plans[2].startswith("detour of ")
     (said,) = [text for text in texts(recording, "mission/events") if "another" in text]
     assert said.startswith(f"sale 1 ({ITEM}): pillar_post blocks the path ")
     assert said.endswith("; stopped, asked for another path (1 of 3)")
