@@ -14,6 +14,9 @@ from .failures import (
 from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
 from .state import RunState
 
+LAST_WORDS_S = 1.0
+"""How long the last messages of a process may still be on their way after its end [s]."""
+
 
 def check_start(participants: Participants, elapsed_s: float) -> None:
     """Advance the clock of all who are not ready; raises StartFailed for one who is late."""
@@ -71,6 +74,9 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
             continue
         participant = state.participants[name]
         if participant.process.exit_code() is not None:
+            participant.ended_s += elapsed_s
+            if participant.ended_s < LAST_WORDS_S:
+                continue
             raise death(participant, state.participants, state.barrier, step_ns)
         participant.hold(end, elapsed_s)
         if participant.holds_s > seconds(participant.spec, "stop"):

@@ -85,7 +85,8 @@ def _unknown() -> int:
 class ParticipantState:
     """How far one participant is, as the orchestrator sees it.
 
-    in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. waiting: what
+    in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. ended_s: how long
+    its process has ended while closing outputs are awaited [s]. waiting: what
     it waited for when it last sent its log. newest: returns the newest step it was seen to
     publish, with an observer; −1 elsewhere.
     """
@@ -97,6 +98,7 @@ class ParticipantState:
     in_phase_s: float = 0.0
     holds_s: float = 0.0
     held_step: int = -1
+    ended_s: float = 0.0
     waiting: Waiting | None = None
     ready: Ready | None = None
     language: str = ""

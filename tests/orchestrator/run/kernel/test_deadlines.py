@@ -5,6 +5,7 @@ from support.runs.kernel import participant, scenario, states
 
 from stepbus_orchestrator.errors import ParticipantDied, StartFailed, StepTimeout
 from stepbus_orchestrator.run.kernel.deadlines import (
+    LAST_WORDS_S,
     check_bulk,
     check_closing,
     check_start,
@@ -109,7 +110,16 @@ def test_one_that_dies_while_closing_is_reported_as_dead():
     state = started(steps=0)
     state.participants["plant"].process.code = 3
     with pytest.raises(ParticipantDied, match="exited with code 3"):
-        check_closing(state, ["plant"], 0.0)
+        check_closing(state, ["plant"], LAST_WORDS_S)
+
+
+def test_the_last_outputs_of_one_that_has_ended_may_still_be_on_their_way():
+    state = started(steps=0)
+    state.participants["plant"].process.code = 0
+    for _ in range(3):
+        check_closing(state, ["plant"], 0.25)
+    state.barrier.report("plant", 0)
+    check_closing(state, ["plant"], 0.25)
 
 
 def test_announced_bulk_content_has_the_longest_stop_deadline():
