@@ -31,7 +31,9 @@ def links_of(folder):
     tickets = [
         load_ticket({"STEPBUS_TICKET": str(path)}) for path in folder.glob("stepbus-*/*.ticket")
     ]
-    return {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
+    links = {link for ticket in tickets for link in (*ticket.endpoint.listen, *ticket.endpoint.connect)}  # fmt: skip
+    # The controller is frozen: a session that waits for it closes 10 s late.
+    return links - {link for ticket in tickets if ticket.name == "controller" for link in ticket.endpoint.listen}  # fmt: skip
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
