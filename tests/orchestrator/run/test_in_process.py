@@ -176,6 +176,36 @@ def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+ARGUMENTS = """
+import sys
+from stepbus import Event, Participant, main
+
+class Speaker(Participant):
+    def update(self, step):
+        return {"event": Event(level="info", text=sys.argv[1])}
+
+raise SystemExit(main(Speaker))
+"""
+
+
+def test_each_participant_keeps_its_own_arguments(tmp_path):
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "speaker.py").write_text(ARGUMENTS)
+    rows = "".join(
+        f"\n  {name}: {{exec: [python, speaker.py, {name}], outputs: {{event: Event/1}}}}"
+        for name in ("one", "two")
+    )
+    (source / "scenario.yaml").write_text(
+        f"name: c\nstep: 10ms\nduration: 30ms\nparticipants:{rows}\n"
+    )
+    result = stepbus.run(source / "scenario.yaml", out=tmp_path / "out", in_process=True)
+    assert result.exit_code == 0, result.reason
+    recording = stepbus.Recording(result.recording)
+    for name in ("one", "two"):
+        assert {message.text for _, message in recording[f"{name}.event"].messages()} == {name}
+
+
 COUNTER = """
 from stepbus import Event, Participant, main
 import counting

@@ -50,7 +50,8 @@ class Program:
         self._others: dict[str, ModuleType | None] = {}
         self._known = 0
         launch, name = python_target(command)
-        self._arguments = self._command[self._command.index(name) + 1 :]
+        self._argv = ["-m", *self._command[self._command.index(name) + 1 :]]
+        self._argv_before = sys.argv
         self._module = name if launch == "module" else ""
         self._script = folder / name
         # `python -m` puts the working directory first, `python script` the folder of the script.
@@ -62,7 +63,7 @@ class Program:
         """Execute it to its end; raises what it raises, SystemExit included."""
         main = self._own[_MAIN]
         code = self._module_code(main) if self._module else self._script_code(main)
-        sys.argv = [str(main.__file__), *self._arguments]
+        self._argv[0] = str(main.__file__)
         exec(code, main.__dict__)  # noqa: S102  (it is what the user asks to run)
 
     def _script_code(self, main: ModuleType) -> CodeType:
@@ -82,8 +83,9 @@ class Program:
         return code
 
     def enter(self) -> None:
-        """Put its own modules in place."""
+        """Put its own arguments and modules in place."""
         modules = sys.modules
+        self._argv_before, sys.argv = sys.argv, self._argv
         if self._is_searched:
             sys.path.insert(0, self._path)
         if len(self._own) > 1:
@@ -95,8 +97,9 @@ class Program:
         self._known = len(modules)
 
     def leave(self) -> None:
-        """Take its own modules away, those it has loaded meanwhile included."""
+        """Take its own arguments and modules away, with those it has loaded meanwhile."""
         modules = sys.modules
+        sys.argv = self._argv_before
         if self._is_searched and self._path in sys.path:
             sys.path.remove(self._path)
         if len(modules) != self._known:
