@@ -24,6 +24,7 @@ NEED_ROBOTS = [
     "services/perception/test_participant.py",
     "services/planner/test_participant.py",
     "services/planner/test_run.py",
+    "services/motion/test_self_collision.py",
     "services/planner/test_paths.py",
     "scenarios/test_store_scene.py",
 ]
