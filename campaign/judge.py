@@ -8,17 +8,16 @@ import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from . import log_reader
 from .faults import Fault
 from .log_reader import Log
-from .sandbox import MARK, STEPBUS, Sandbox
+from .sandbox import MARK, SHARED_MEMORY, STEPBUS, Sandbox
 
 ORPHAN_GRACE_S = 3.0
 _STEP_TIMEOUT, _INTERRUPTED = 6, 130
-_SHARED_MEMORY = Path("/dev/shm")  # noqa: S108
+
 # Python itself, before any program of ours runs.
 _NOT_OURS = re.compile(r"Error processing line \d+ of .*?Remainder of file ignored", re.DOTALL)
 
@@ -89,7 +88,7 @@ def _check_left(box: Sandbox, fault: Fault, say: Say) -> None:
     if kept:
         say(f"left behind: {', '.join(path.name for path in kept)}")
     if shared := box.new_shared_memory():
-        say(f"left in {_SHARED_MEMORY}: {', '.join(sorted(shared))}")
+        say(f"left in {SHARED_MEMORY}: {', '.join(sorted(shared))}")
 
 
 def _check_output(text: str, say: Say) -> None:

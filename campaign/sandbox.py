@@ -20,14 +20,14 @@ from typing import Any
 import psutil
 
 MARK = "STEPBUS_CAMPAIGN"
+SHARED_MEMORY = Path("/dev/shm")  # noqa: S108  (it is read only)
 _STEPPING_BYTES = 4_000
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
 
 def _shared_memory() -> frozenset[str]:
     """Return the shared memory of Zenoh and of Python."""
-    folder = Path("/dev/shm")  # noqa: S108
-    names = (path.name for path in (folder.iterdir() if folder.exists() else ()))
+    names = (path.name for path in (SHARED_MEMORY.iterdir() if SHARED_MEMORY.exists() else ()))
     return frozenset(name for name in names if name.endswith(".zenoh") or name.startswith("psm_"))
 
 

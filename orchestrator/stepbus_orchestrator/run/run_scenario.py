@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.errors import RunFailure, StartFailed
 from stepbus_orchestrator.processes import (
     Launcher,
     Mesh,
@@ -153,7 +153,15 @@ class _Run:
             interrupt=self._interrupt,
         )
         native_log = logs / "native.log" if self._options.owns_descriptors else None
-        with surroundings(self._scenario.folder, local.hub, native_log), local.watched():
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(surroundings(self._scenario.folder, local.hub, native_log))
+            except OSError as exc:
+                raise StartFailed(
+                    f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
+                    "works in the scenario's folder, and logs to the run's"
+                ) from exc
+            stack.enter_context(local.watched())
             return self._run_phases(local.bus, local)
 
     def _with_processes(self) -> str:

@@ -15,7 +15,7 @@ from .model import (
     ParticipantSpec,
     Scenario,
 )
-from .program import command, python_target, start_command
+from .program import OURS, command, python_target, start_command
 from .reading.locate import builtin_names
 from .resolve import files, resolved
 from .schedule import Schedule
@@ -23,6 +23,7 @@ from .schedule import Schedule
 __all__ = [
     "FAULT_TYPES",
     "MESSAGE_FAULTS",
+    "OURS",
     "PROCESS_FAULTS",
     "BridgeSpec",
     "BusSpec",

@@ -53,9 +53,16 @@ def unread(pair):
     """Yield a pipe or terminal that is full and that nobody reads."""
     read, write = pair()
     os.set_blocking(write, False)
-    with contextlib.suppress(BlockingIOError):
-        while os.write(write, bytes(1024)):
-            pass
+    # The kernel moves what a terminal was given from one buffer to the next a moment later, and
+    # has room again: it is full once it takes nothing for a while.
+    refused = 0
+    while refused < 3:
+        try:
+            os.write(write, bytes(1024))
+            refused = 0
+        except BlockingIOError:
+            refused += 1
+            time.sleep(0.2)
     os.set_blocking(write, True)
     yield write
     os.close(write)

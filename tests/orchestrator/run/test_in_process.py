@@ -1,5 +1,6 @@
 """A run in one process: the same bytes, the same failures, and nothing left behind."""
 
+import dataclasses
 import json
 import os
 import re
@@ -9,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from support.runs.bridge import processes_in, run_bridged
@@ -17,6 +19,7 @@ from support.runs.joints import fault, run_joints, write_scenario
 import stepbus
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.inprocess.program import Program
 from stepbus_orchestrator.run.run_scenario import run
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
@@ -171,9 +174,62 @@ def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
         run(scenario, Options(out=tmp_path / "out", in_process=True))
     assert "participants.controller: `sleep` is a program of its own" in str(caught.value)
     assert "participants.mission: the interpreter's option -O" in str(caught.value)
+    for words, why in (("python", "names neither a module nor a script"), ("stepbus, validate, two_link", "`stepbus` is a program of its own")):  # fmt: skip
+        with pytest.raises(stepbus.WiringError, match=why):
+            run(load(path, [f"mission.exec=[{words}]"]), Options(out=tmp_path / "out", in_process=True))  # fmt: skip
     with pytest.raises(stepbus.WiringError, match="'kill plant at 3': a fault of a process needs"):
         run(load(path, (), ["kill plant at 3"]), Options(out=tmp_path / "out", in_process=True))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_entered_is_one_sentence(tmp_path):
+    scenario = load(write_scenario(tmp_path / "source"))
+    gone = dataclasses.replace(scenario, folder=tmp_path / "gone")
+    result = run(gone, Options(out=tmp_path / "out", in_process=True))
+    assert (result.exit_code, result.participant) == (ExitCode.START, None)
+    assert f"{tmp_path}/gone: No such file or directory" in result.reason
+
+
+STUBBORN = """
+import stepbus
+
+class Stubborn(stepbus.Participant):
+    def update(self, step):
+        if step.index == 8:
+            raise ValueError("no")
+
+while True:
+    try:
+        stepbus.main(Stubborn)
+    except BaseException:
+        pass
+    try:
+        stepbus.HOST.get().bus.queue().get(timeout=1000)
+    except BaseException:
+        pass
+"""
+
+
+def test_one_that_does_not_let_itself_be_ended_is_given_up(tmp_path):
+    write_scenario(tmp_path / "source")
+    text = STUBBORN.replace("stepbus.HOST", "__import__('stepbus_participant').HOST")
+    (tmp_path / "source" / "stubborn.py").write_text(text)
+    overrides = ["mission.exec=[python, stubborn.py]", "mission.stop_timeout=500ms"]
+    scenario = load(tmp_path / "source" / "scenario.yaml", overrides)
+    result = run(scenario, Options(out=tmp_path / "out", in_process=True))
+    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission")
+    assert "ValueError: no" in result.reason
+
+
+def test_a_scenario_above_the_packages_of_stepbus_does_not_load_them_again(tmp_path):
+    program = Program(["worker.py"], Path(stepbus.__file__).parents[1])
+    before = sys.modules["stepbus"]
+    program.enter()
+    sys.modules["stepbus.extra_for_a_test"] = module = ModuleType("extra")
+    module.__file__ = stepbus.__file__
+    program.leave()
+    assert sys.modules.pop("stepbus.extra_for_a_test") is module
+    assert sys.modules["stepbus"] is before
 
 
 ARGUMENTS = """

@@ -103,9 +103,13 @@ class HostedParticipant:
         self.output.write(f"{value}\n")
         return 1
 
-    def is_at_work(self) -> bool:
-        """Return whether it has the thread."""
+    def has_thread(self) -> bool:
+        """Return whether it has the thread, as another thread sees it."""
         return self._hub.current is self._turn
+
+    def is_running(self) -> bool:
+        """Return whether its own code called this, on the thread that it shares."""
+        return self._turn.is_running
 
     def _keep(self, program: int) -> None:
         self._programs.append(program)
@@ -143,19 +147,18 @@ class HostedParticipant:
         """Return nothing known: it is this process."""
         return Activity()
 
-    def is_stopped(self) -> bool:
-        """Return False: who reads this is not stopped."""
-        return False
-
     def signal(self, number: int) -> None:
         """End it by a signal that would end its process; others do nothing."""
         if number in {signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV} and self._code is None:
             try:
                 self._hub.end(self._turn, _Ended(number))
             except _Ended:
-                # It had not begun.
-                self._code = -number
-                self._place.bus.close()
+                # It had not started.
+                self._give_up(number)
+
+    def _give_up(self, number: int) -> None:
+        self._code = -number
+        self._place.bus.close()
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""
@@ -167,5 +170,8 @@ class HostedParticipant:
         if self._code is None:
             self.kill_programs()
         self.signal(signal.SIGTERM)
+        if self._code is None:
+            # It has caught what should have ended it, and waits again. Nobody will wake it.
+            self._give_up(signal.SIGKILL)
         if self.output is not sys.stdout:
             self.output.close()

@@ -35,6 +35,11 @@ class Turn:
         self._greenlet = greenlet(work)
 
     @property
+    def is_running(self) -> bool:
+        """Return whether its own code has the thread, not what gives it the thread."""
+        return getcurrent() is self._greenlet
+
+    @property
     def is_over(self) -> bool:
         """Return whether it has come to its end."""
         return bool(self._greenlet.dead)
@@ -69,7 +74,7 @@ class Hub:
         self._turns: list[Turn] = []
 
     def add(self, work: Callable[[], None]) -> Turn:
-        """Let a participant begin at the root's next wait."""
+        """Let a participant start at the root's next wait."""
         turn = Turn(self, work)
         self._turns.append(turn)
         self.let_go_on(turn)

@@ -93,7 +93,7 @@ class LocalRun:
 
     def _current(self) -> tuple[HostedParticipant, int] | None:
         for hosted in self.hosted.values():
-            if hosted.is_at_work():
+            if hosted.has_thread():
                 return hosted, hosted.bus.published
         return None
 

@@ -2,12 +2,13 @@
 
 import importlib
 import importlib.util
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import CodeType, ModuleType
 
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, python_target
+from stepbus_orchestrator.scenario import OURS, ParticipantSpec, Scenario, python_target
 from stepbus_schemas import WiringError
 
 _MAIN = "__main__"
@@ -26,14 +27,17 @@ def check_programs(scenario: Scenario) -> None:
 
 
 def _why_not(spec: ParticipantSpec) -> str | None:
-    if spec.bridge is not None or spec.exec[0] == "stepbus":
+    if spec.bridge is not None or spec.exec[:2] == ("stepbus", "bridge"):
         return None
-    if spec.exec[0] != "python":
-        return f"`{spec.exec[0]}` is a program of its own; only `python` runs in one process"
-    launch, _ = python_target(spec.exec[1:])
-    if spec.exec[1].startswith("-") and spec.exec[1] != "-m":
-        return f"the interpreter's option {spec.exec[1]} needs an interpreter of its own"
-    return None if launch else f"`{' '.join(spec.exec)}` names neither a module nor a script"
+    program, *arguments = spec.exec
+    if program != "python":
+        return f"`{program}` is a program of its own; only `python` runs in one process"
+    launch, _ = python_target(arguments)
+    if not launch:
+        return f"`{' '.join(spec.exec)}` names neither a module nor a script"
+    if arguments[0].startswith("-") and arguments[0] != "-m":
+        return f"the interpreter's option {arguments[0]} needs an interpreter of its own"
+    return None
 
 
 class Program:
@@ -104,7 +108,7 @@ class Program:
             sys.path.remove(self._path)
         if len(modules) != self._known:
             for name, module in tuple(modules.items()):
-                if name not in self._own and self._is_own(module):
+                if name not in self._own and self._is_own(name, module):
                     self._own[name], self._others[name] = module, None
         for name, other in self._others.items():
             if other is None:
@@ -112,6 +116,9 @@ class Program:
             else:
                 modules[name] = other
 
-    def _is_own(self, module: ModuleType) -> bool:
+    def _is_own(self, name: str, module: ModuleType) -> bool:
+        """Return whether a module is of the participant's folder, and of no package installed."""
         file = getattr(module, "__file__", None) or ""
-        return file.startswith(self._path) and "site-packages" not in file
+        is_below = file.startswith(self._path + os.sep) and "site-packages" not in file
+        # A scenario may lie in a checkout of stepbus, or above it.
+        return is_below and name.partition(".")[0] not in OURS

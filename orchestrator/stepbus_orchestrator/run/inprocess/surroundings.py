@@ -16,24 +16,35 @@ def surroundings(folder: Path, hub: Hub, native_log: Path | None) -> Iterator[No
     """Let participants work as in processes of their own; leave everything as it was.
 
     folder: of the scenario; becomes the working directory. native_log: where libraries in C print;
-    None: they print on descriptors 1 and 2, which are somebody else's.
+    None: they print on descriptors 1 and 2, which are somebody else's. Raises OSError where the
+    folder or the log cannot be opened.
     """
-    before = Path.cwd(), list(sys.path), list(sys.argv), os._exit
+    end_process, path, argv = os._exit, list(sys.path), list(sys.argv)
 
     def leave(status: int) -> NoReturn:
         if hub.current is None:
-            before[3](status)
+            end_process(status)
         raise SystemExit(status)
 
-    os.chdir(folder)
-    os._exit = leave
-    try:
-        with _native_prints(native_log):
+    with _working_in(folder), _native_prints(native_log):
+        os._exit = leave
+        try:
             yield
+        finally:
+            os._exit = end_process
+            sys.path[:], sys.argv[:] = path, argv
+
+
+@contextlib.contextmanager
+def _working_in(folder: Path) -> Iterator[None]:
+    """Work in a folder, and go back to where we were, which may have no name any more."""
+    before = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.chdir(folder)
+        yield
     finally:
-        os.chdir(before[0])
-        sys.path[:], sys.argv[:] = before[1:3]
-        os._exit = before[3]
+        os.fchdir(before)
+        os.close(before)
 
 
 @contextlib.contextmanager

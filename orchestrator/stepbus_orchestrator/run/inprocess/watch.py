@@ -101,7 +101,7 @@ class Watch:
         """Raise in the midst of the participant, unless it has come back meanwhile."""
         late, self._late = self._late, None
         holder = self._current()
-        if late is not None and holder is not None:
+        if late is not None and holder is not None and holder[0].is_running():
             holder[0].late = late
             raise Late(f"interrupted after {late.held_s:.1f} s at {late.where}")
 
