@@ -109,8 +109,10 @@ def test_what_is_refused_breaks_the_json_schema_too(type_name: str) -> None:
     validator = jsonschema.Draft202012Validator(json_schema(type_name))
     rows = [row for row in VECTORS[type_name]["refused"] if row["path"] != "$"]
     rows = [row for row in rows if not row["name"].endswith(("no UTF-8", "string for binary"))]
-    # Binary is no string, but where it stands for binary.
-    read = _json_of if "contentEncoding" in str(json_schema(type_name)) else _unpacked
+    # Binary is no string, but where it stands for binary; in JSON, both are strings.
+    has_binary = "contentEncoding" in str(json_schema(type_name))
+    read = _json_of if has_binary else _unpacked
+    rows = [row for row in rows if not (has_binary and row["name"].endswith("binary for a string"))]
     accepted = [row["name"] for row in rows if validator.is_valid(read(row))]
     assert accepted == []
 

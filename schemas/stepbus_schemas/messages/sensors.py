@@ -50,8 +50,9 @@ class PointCloud(Message, frozen=True):
     count: Annotated[int, meta("number of points", ge=0)]
     points: Annotated[bytes, meta("x, y, z of each point, float32 LE", "m", "count 3")]
     colours: Annotated[
-        bytes, meta("bytes red, green, blue of each point; empty: not sensed", "", "count 3")
-    ] = b""
+        bytes | None,
+        meta("bytes red, green, blue of each point; absent: not sensed", "", "count 3"),
+    ] = None
 
 
 class Transforms(Message, frozen=True):
