@@ -168,6 +168,8 @@ class Recorder:
                 self._add(self._channels[name, port], step, data)
                 if self._on_event is not None and isinstance(message, Event):
                     self._on_event(name, port, step, message)
+            if published.fault is not None:
+                raise published.fault
         finally:
             self._chains[name].extend(step, valid)
 

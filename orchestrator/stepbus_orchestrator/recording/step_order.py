@@ -10,11 +10,15 @@ from stepbus_schemas import Outputs
 
 
 class Published(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """What one participant published at one step: (port, bytes) in the order of the scenario."""
+    """What one participant published at one step: (port, bytes) in the order of the scenario.
+
+    fault: of the port behind the last one, whose bulk content has another length than announced.
+    """
 
     participant: str
     step: int
     content: list[tuple[str, bytes]]
+    fault: ParticipantFault | None = None
 
 
 class _Buffer:
@@ -36,9 +40,15 @@ class _Buffer:
 
     def take(self) -> Published:
         outputs = self.waiting.popleft()
-        found = ((port, self._content(outputs, port)) for port in self.ports)
-        content = [(port, data) for port, data in found if data is not None]
-        return Published(participant=self.name, step=outputs.step, content=content)
+        published = Published(participant=self.name, step=outputs.step, content=[])
+        for port in self.ports:
+            try:
+                data = self._content(outputs, port)
+            except ParticipantFault as exc:
+                return msgspec.structs.replace(published, fault=exc)
+            if data is not None:
+                published.content.append((port, data))
+        return published
 
     def _content(self, outputs: Outputs, port: str) -> bytes | None:
         raw = outputs.ports.get(port)
@@ -88,10 +98,7 @@ class StepOrder:
             self._next += 1
 
     def take(self, step: int) -> Iterator[Published]:
-        """Yield the outputs of one step, participant by participant.
-
-        Raises ParticipantFault when bulk content has another length than announced.
-        """
+        """Yield the outputs of one step, participant by participant."""
         for buffer in self._buffers.values():
             while buffer.waiting and buffer.waiting[0].step == step:
                 yield buffer.take()

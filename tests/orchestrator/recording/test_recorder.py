@@ -5,7 +5,7 @@ import pytest
 from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed
-from stepbus_orchestrator.recording import McapFile, Recorder
+from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_schemas import Event, JointCommand, Outputs, encode
@@ -13,9 +13,9 @@ from stepbus_schemas import Event, JointCommand, Outputs, encode
 STEP_NS = 1_000_000
 
 
-def outputs(step, **ports):
+def outputs(step, bulk=None, **ports):
     raw = {port: msgspec.Raw(data) for port, data in ports.items()}
-    return Outputs(token="", step=step, t_ns=step * STEP_NS, ports=raw)
+    return Outputs(token="", step=step, t_ns=step * STEP_NS, ports=raw, bulk=bulk or {})
 
 
 def command(value=1.0):
@@ -109,6 +109,29 @@ def test_an_aborted_run_keeps_what_is_valid_around_broken_messages(recorder, pat
     written = schedule(path)
     assert "plant/events@1" not in written
     assert "controller/command@1 plant/events@2 controller/command@2" in written
+
+
+def test_bulk_content_of_another_length_leaves_no_hole(path):
+    ports = {
+        "state": OutputSpec(type="Event/1"), "image": OutputSpec(type="Image/1", bulk=True)
+    }  # fmt: skip
+    spec = ParticipantSpec(name="plant", exec=("x",), outputs=ports)
+    file = McapFile(path)
+    file.attach("scenario.yaml", "text/yaml", b"participants: {plant: {}}")
+    recorder = Recorder(file, [spec], STEP_NS, None)
+    recorder.open_channels({}, {})
+    for step in range(30):
+        recorder.offer(
+            "plant", outputs(step, bulk={"image": 5} if step == 3 else {}, state=WARNING)
+        )
+    recorder.offer_bulk("plant", "image", 3, b"four")
+    with pytest.raises(
+        ParticipantFault, match=r"announced 5 bytes on bulk port 'image' and sent 4"
+    ):
+        recorder.write_below(30)
+    recorder.abort()
+    assert schedule(path).count("plant/state") == 30
+    assert Recording(path).holes() == []
 
 
 def test_a_broken_closing_message_fails_and_leaves_a_complete_recording(recorder, path):
