@@ -47,6 +47,11 @@ class Log:
     sha256: str = ""
 
     @property
+    def last_chain(self) -> int:
+        """Return the newest step that a hash chain covers; −1 where there is none."""
+        return max(self.steps.get(CHAIN, []), default=-1)
+
+    @property
     def last_step(self) -> int:
         """Return the newest step of any topic; −1 where there is none."""
         return max((steps[-1] for steps in self.steps.values() if steps), default=-1)
@@ -60,7 +65,7 @@ class Log:
 def read(path: Path) -> Log:
     """Return what a recording holds, as far as it can be read."""
     log = Log()
-    if not path.exists():
+    if not path.is_file():
         return log
     log.sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     chains = _Chains({})
@@ -75,7 +80,7 @@ def read(path: Path) -> Log:
                 chains.add(channel, record)
     for topic, steps in log.steps.items():
         if topic not in {CHAIN, CALLS}:
-            log.holes += _holes(topic, steps)
+            log.holes += _holes(topic, steps, log.last_chain)
     return log
 
 
@@ -98,12 +103,12 @@ def _every(scenario: bytes) -> dict[str, int]:
     return {name: row.get("every", 1) for name, row in rows.items()}
 
 
-def _holes(topic: str, steps: list[int]) -> list[str]:
-    """Return where steps are missing.
+def _holes(topic: str, steps: list[int], chained: int) -> list[str]:
+    """Return where steps are missing that no hash chain covers.
 
     A participant fires at multiples of its `every`; a port that speaks only when it has news
-    (events, goals, plans) may leave any step out, which shows in its very first gaps: those are
-    judged by the chain.
+    (events, goals, plans) may leave any step out, which shows in its very first gaps: there, only
+    the chain can judge.
     """
     gaps = [b - a for a, b in pairwise(steps)]
     regular = min(gaps, default=0)
@@ -111,7 +116,8 @@ def _holes(topic: str, steps: list[int]) -> list[str]:
         return [f"{topic}: step {steps[0]} twice or backwards"] if gaps else []
     odd = [(a, a + gap) for a, gap in zip(steps, gaps, strict=False) if gap != regular]
     dense = len(odd) < 0.05 * len(gaps)
-    return [f"{topic}: nothing between steps {a} and {b}" for a, b in odd] if dense else []
+    found = [f"{topic}: nothing between steps {a} and {b}" for a, b in odd if b > chained]
+    return found if dense else []
 
 
 class _Chains:

@@ -12,11 +12,12 @@ from campaign import judge as judging
 from campaign.faults import FAULTS, Fault
 from campaign.faults.fault import wait
 from campaign.judge import judge
-from campaign.log_reader import read
+from campaign.log_reader import CHAIN, read
 from campaign.recordings.mutations import message_changed, message_dropped
 from campaign.runs import cases
 from campaign.sandbox import MARK, sandbox
 from campaign.scenarios import SCENARIOS
+from support.messages.recordings import rewrite
 
 CODES = frozenset({0, 5, 6, 130})
 GOOD = {"exit_code": 0, "participant": None, "reason": "finished", "at_step": 61, "steps": 61}
@@ -158,6 +159,22 @@ def test_a_hole_is_found_by_the_hash_chain(two_link_recording, tmp_path, mutatio
     other.write_bytes(mutation(random.Random(1), two_link_recording.read_bytes()))
     assert read(two_link_recording).holes == []
     assert read(other).holes != []
+
+
+@pytest.mark.parametrize(("unchained", "count"), [(0, 4), (61, 3)])
+def test_a_pause_that_the_hash_chain_has_judged_is_not_judged_again(
+    two_link_recording, tmp_path, unchained, count
+):
+    def lacks(topic, step):
+        return step == 30 or (topic == CHAIN and step >= unchained)
+
+    holes = read(rewrite(two_link_recording, tmp_path / "run.mcap", 4096, lacks)).holes
+    assert len(holes) == count
+    assert ["hash chain" in hole for hole in holes] == [unchained > 0] * count
+
+
+def test_a_folder_in_place_of_the_recording_is_no_recording(tmp_path):
+    assert read(tmp_path).last_step == -1
 
 
 @pytest.mark.parametrize("reports", [True, False])

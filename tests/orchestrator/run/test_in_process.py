@@ -19,8 +19,12 @@ from support.runs.joints import fault, run_joints, write_scenario
 import stepbus
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.inprocess.bus import HostedBus
+from stepbus_orchestrator.run.inprocess.host import HostedParticipant
+from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.program import Program
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_participant import Endpoint, LoopbackBus, Ticket
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator"]
@@ -375,3 +379,20 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
     assert json.loads(done.stdout)["steps"] == 20
     assert done.stderr == ""
     assert "pybullet" in (tmp_path / "out/logs/native.log").read_text()
+
+
+def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
+    (tmp_path / "worker.py").write_text("raise SystemExit('no room for this')\n")
+    hub = Hub()
+    bus = LoopbackBus(make_queue=hub.queue)
+    ticket = Ticket(
+        run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
+        join_timeout_s=1.0, faults=[],
+    )  # fmt: skip
+    hosted = HostedParticipant(
+        ticket, HostedBus(bus, "worker", []), Program(["worker.py"], tmp_path),
+        hub=hub, log=Path("/dev/full"), take_program=lambda _group: None, shown=False,
+    )  # fmt: skip
+    assert hosted.wait(5)
+    hosted.end()
+    assert hosted.exit_code() == 1

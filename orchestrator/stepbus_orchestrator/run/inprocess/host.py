@@ -88,10 +88,10 @@ class HostedParticipant:
         except _Ended as exc:
             code = -exc.number
         except Late:
-            traceback.print_exc(file=self.output)
+            self._print(traceback.format_exc())
             code = -signal.SIGKILL
         except BaseException:  # noqa: BLE001  (whatever ends a program ends its process only)
-            traceback.print_exc(file=self.output)
+            self._print(traceback.format_exc())
             code = 1
         finally:
             self._place.bus.close()
@@ -100,8 +100,13 @@ class HostedParticipant:
     def _code_of(self, value: Any) -> int:
         if value is None or isinstance(value, int):
             return value or 0
-        self.output.write(f"{value}\n")
+        self._print(f"{value}\n")
         return 1
+
+    def _print(self, text: str) -> None:
+        # On a full disk its log lacks its last words, as `log_problem` says.
+        with contextlib.suppress(OSError):
+            self.output.write(text)
 
     def has_thread(self) -> bool:
         """Return whether it has the thread, as another thread sees it."""
@@ -174,4 +179,5 @@ class HostedParticipant:
             # It has caught what should have ended it, and waits again. Nobody will wake it.
             self._give_up(signal.SIGKILL)
         if self.output is not sys.stdout:
-            self.output.close()
+            with contextlib.suppress(OSError):
+                self.output.close()
