@@ -1,5 +1,6 @@
 """Fixtures that several test files share."""
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -65,6 +66,17 @@ def no_processes(request):
         patch.setattr(subprocess.Popen, "__init__", refuse)
         patch.setattr(subprocess.Popen, "__del__", lambda _self: None)
         yield
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    """Skip what fails for want of the extra `robots`, as the sentence says that a user gets."""
+    try:
+        return (yield)
+    except Exception as exc:
+        if collect_ignore and re.search(r"pip install .*\[robots\]'", str(exc)):
+            pytest.skip("needs the extra robots")
+        raise
 
 
 def pytest_terminal_summary(terminalreporter):
