@@ -1,9 +1,9 @@
 """Without the extra `robots`, every test file is collected or left out: `make test` works."""
 
-import json
 import subprocess
 import sys
 
+import pytest
 from support.paths import CHECKOUT
 
 # What the extra installs is not found: neither its modules, nor the models of its packages.
@@ -14,24 +14,32 @@ for name in ("cv2", "eaik", "ompl", "toppra", "xacro"):
 import stepbus_participant.files.paths as paths
 def missing(url):
     if "example-robot-data" in url or "baxter" in url:
-        raise paths.WiringError(url + ": not installed here")
+        raise paths.WiringError(url + ": not installed here; pip install 'stepbus[robots]'")
     return package_path(url)
 package_path, paths.package_path = paths.package_path, missing
 import stepbus_participant
 stepbus_participant.package_path = missing
 import pytest
-raise SystemExit(pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider", "tests"]))
+raise SystemExit(pytest.main(["-q", "-rs", "-p", "no:cacheprovider", *sys.argv[1:]]))
 """
 
 
-def test_all_tests_are_collected_without_the_extra():
+def run_without(*words):
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT],
-        check=False,
-        cwd=CHECKOUT,
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
-    assert done.returncode == 0, json.dumps(done.stdout[-3000:])
-    assert "files of tests that need the extra robots" in done.stdout
+        [sys.executable, "-c", WITHOUT, *words],
+        check=False, cwd=CHECKOUT, capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-3000:]
+    return done.stdout
+
+
+def test_all_tests_are_collected_without_the_extra():
+    output = run_without("--collect-only", "tests")
+    assert "files of tests that need the extra robots" in output
+
+
+@pytest.mark.parametrize(
+    "file", ["docs/test_scenario.py", "orchestrator/scenario/test_describe.py"]
+)
+def test_scenarios_that_need_the_extra_are_skipped_without_it(file):
+    assert "needs the extra robots" in run_without(f"tests/{file}")
