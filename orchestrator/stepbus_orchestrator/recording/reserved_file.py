@@ -37,7 +37,7 @@ class ReservedFile:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
         self._file = os.open(path, flags, 0o644)
         status = os.fstat(self._file)
-        self._identity = (status.st_dev, status.st_ino)
+        self._identity = self._identity_of(status)
         try:
             self._make_reserve()
         except OSError:
@@ -108,20 +108,25 @@ class ReservedFile:
     def flush(self) -> None:
         """Nothing is held back."""
 
+    @staticmethod
+    def _identity_of(status: os.stat_result) -> tuple[int, int]:
+        return status.st_dev, status.st_ino
+
     def changed(self) -> str:
         """Return what somebody else did to the file; empty when it holds all that was written.
 
         It reads the whole file. Raises OSError when it cannot be read.
         """
         try:
+            # Before it is opened: whoever opens a pipe waits for its other end.
+            if self._identity_of(self._path.stat()) != self._identity:
+                return "was replaced by another file"
             with self._path.open("rb") as file:
                 status = os.fstat(file.fileno())
-                if (status.st_dev, status.st_ino) != self._identity:
-                    return "was replaced by another file"
                 if status.st_size != self._position:
                     return f"has {status.st_size} bytes, not the {self._position} that were written"
                 found = hashlib.file_digest(file, "sha256")
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return "was removed"
         same = found.digest() == self.sha256.digest()
         return "" if same else "has another content than was written"

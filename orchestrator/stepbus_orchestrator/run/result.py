@@ -81,8 +81,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file in hexadecimal, or nothing where there is none."""
-    if not path.exists():
+    """Return the SHA-256 of a file in hexadecimal, or nothing where there is no regular file."""
+    if not path.is_file():
         return ""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,6 +1,7 @@
 """A disk that fills up, a folder that is removed, a file that is changed while a run writes it."""
 
 import contextlib
+import json
 import os
 import shutil
 import subprocess
@@ -119,6 +120,13 @@ def overwrite(recording):
         (lambda path: os.truncate(path, 1000), "has another content than was written"),
         (overwrite, "has another content than was written"),
         (replace, "was replaced by another file"),
+        (lambda path: path.unlink() or path.mkdir(), "was replaced by another file"),
+        (lambda path: path.unlink() or os.mkfifo(path), "was replaced by another file"),
+        (
+            lambda path: path.unlink() or path.symlink_to("/dev/zero"),
+            "was replaced by another file",
+        ),
+        (lambda path: shutil.rmtree(path.parent) or path.parent.touch(), "was removed"),
     ],
 )
 def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
@@ -128,6 +136,8 @@ def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, 
     assert f"the recording {recording} {sentence}: somebody changed it" in errors
     assert "Traceback" not in errors
     assert process.returncode == ExitCode.RECORDING == 8
+    if recording.parent.is_dir():
+        assert json.loads((recording.parent / "result.json").read_text())["exit_code"] == 8
 
 
 def test_a_killed_orchestrator_has_recorded_what_was_complete_a_moment_before(tmp_path):
