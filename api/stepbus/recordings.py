@@ -21,6 +21,7 @@ from stepbus_orchestrator import (
 )
 from stepbus_orchestrator import diff as diff_recordings
 from stepbus_orchestrator import recover as recover_recording
+from stepbus_schemas import BridgeFormat
 
 from .overrides import Overrides, overrides
 
@@ -57,6 +58,9 @@ def replay(
     participant: str,
     *,
     program: Sequence[str] | None = None,
+    bridge: BridgeFormat | None = None,
+    recorded: bool = False,
+    source: str | PathLike[str] | None = None,
     set: Overrides = (),  # noqa: A002  as --set on the command line
     tolerance: AnyTolerance = None,
     update: str | PathLike[str] | None = None,
@@ -65,9 +69,13 @@ def replay(
 ) -> ReplayResult:
     """Run one participant against its recording, and compare what it publishes.
 
-    program: command line of another program than the recorded one. set: as of `load`. tolerance:
-    how far outputs may differ; default: equal to the byte. update: path of a new reference
-    recording to write.
+    The program is that of the scenario in the work tree, where it is found there, else the copy in
+    the recording. recorded: start the copy. source: folder or file of the scenario in the work
+    tree; default: it is searched.
+
+    program: command line of another program. bridge: format of the bridge to the program. set: as
+    of `load`. tolerance: how far outputs may differ; default: equal to the byte. update: path of a
+    new reference recording to write.
 
     Raises WiringError when recording, participant or tolerance do not fit, RunFailure when the
     participant fails.
@@ -76,6 +84,9 @@ def replay(
         path_of(recording),
         participant,
         program=program,
+        bridge=bridge,
+        recorded=recorded,
+        source=None if source is None else Path(source),
         overrides=overrides(set),
         tolerance=tolerance_of(tolerance, participant),
         update=None if update is None else Path(update),

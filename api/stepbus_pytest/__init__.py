@@ -6,6 +6,7 @@ before a test asks for the fixture.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from stepbus import ReplayResult
     from stepbus.overrides import Overrides
     from stepbus.recordings import AnyTolerance
+    from stepbus_schemas import BridgeFormat
 
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
@@ -36,6 +38,13 @@ class _Log:
     participant: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Mistake:
+    """Why a test has no log: it fails with this sentence, and the other tests run."""
+
+    text: str
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the marker."""
     config.addinivalue_line("markers", _HELP)
@@ -45,26 +54,35 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test that asks for the fixture once for each log of its marker."""
     if FIXTURE not in metafunc.fixturenames:
         return
+    folder = metafunc.definition.path.parent
     marker = metafunc.definition.get_closest_marker(MARKER)
+    found = _logs(marker, folder)
+    # A test that silently stops testing is worse than one that fails.
+    cases: list[_Log | _Mistake] = [found] if isinstance(found, _Mistake) else list(found)
+    ids = [
+        case.recording.relative_to(folder).as_posix() if isinstance(case, _Log) else "no log"
+        for case in cases
+    ]
+    metafunc.parametrize(FIXTURE, cases, indirect=True, ids=ids)
+
+
+def _logs(marker: pytest.Mark | None, folder: Path) -> list[_Log] | _Mistake:
+    """Return the logs of a marker."""
     if marker is None:
-        raise pytest.UsageError(
-            f"{metafunc.definition.nodeid}: the fixture {FIXTURE} needs the marker, e.g. "
+        return _Mistake(
+            text=f"the fixture {FIXTURE} needs the marker, e.g. "
             f'@pytest.mark.{MARKER}("logs/*.mcap", participant="controller")'
         )
-    folder = metafunc.definition.path.parent
-    pattern, participant = _arguments(metafunc.definition.nodeid, *marker.args, **marker.kwargs)
-    logs = _matching(folder, pattern)
-    if not logs:
-        # A test that silently stops testing is worse than one that fails.
-        raise pytest.UsageError(
-            f"{metafunc.definition.nodeid}: no log matches {pattern!r} in {folder}"
+    arguments = _arguments(*marker.args, **marker.kwargs)
+    if arguments is None:
+        return _Mistake(
+            text=f"write @pytest.mark.{MARKER}(pattern, participant=name), both as text"
         )
-    metafunc.parametrize(
-        FIXTURE,
-        [_Log(recording=path, participant=participant) for path in logs],
-        indirect=True,
-        ids=[path.relative_to(folder).as_posix() for path in logs],
-    )
+    pattern, participant = arguments
+    found = _matching(folder, pattern)
+    if not found:
+        return _Mistake(text=f"no log matches {pattern!r} in {folder}")
+    return [_Log(recording=path, participant=participant) for path in found]
 
 
 def _matching(folder: Path, pattern: str) -> list[Path]:
@@ -74,33 +92,38 @@ def _matching(folder: Path, pattern: str) -> list[Path]:
         return []
 
 
-def _arguments(test: str, *args: Any, **kwargs: Any) -> tuple[str, str]:
-    """Return the pattern and the participant of a marker."""
+def _arguments(*args: Any, **kwargs: Any) -> tuple[str, str] | None:
+    """Return the pattern and the participant of a marker; None where it has not both."""
     match args, kwargs:
         case (str(pattern),), {"participant": str(participant), **rest} if not rest:
             return pattern, participant
         case (str(pattern), str(participant)), {**rest} if not rest:
             return pattern, participant
         case _:
-            raise pytest.UsageError(
-                f"{test}: write @pytest.mark.{MARKER}(pattern, participant=name), both as text"
-            )
+            return None
 
 
 @pytest.fixture
 def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult]:
     """Return a function that replays the log of this test and fails where it is not equal.
 
-    It takes `program`: another program than the recorded one; `set`: overrides such as
-    `{"controller.params.kp": 101}`; `tolerance`: a number, or a YAML file, relative to the test's
-    file. It returns the result.
+    It tests the program in the work tree, where the log's scenario is found there, and warns where
+    it is not; `source`: the scenario's folder, relative to the test's file; `recorded`: test the
+    copy in the log. It takes `program`: another program, and `bridge`: the format it speaks;
+    `set`: overrides such as `{"controller.params.kp": 101}`; `tolerance`: a number, or a YAML file,
+    relative to the test's file. It returns the result.
     """
-    log: _Log = request.param
+    log: _Log | _Mistake = request.param
+    if isinstance(log, _Mistake):
+        pytest.fail(log.text, pytrace=False)
     folder = request.path.parent
 
     def replay_log(
         *,
         program: Sequence[str] | None = None,
+        bridge: BridgeFormat | None = None,
+        recorded: bool = False,
+        source: str | PathLike[str] | None = None,
         set: Overrides = (),  # noqa: A002  as --set on the command line
         tolerance: AnyTolerance = None,
     ) -> ReplayResult:
@@ -110,9 +133,14 @@ def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult
             log.recording,
             log.participant,
             program=program,
+            bridge=bridge,
+            recorded=recorded,
+            source=None if source is None else folder / source,
             set=set,
             tolerance=folder / tolerance if isinstance(tolerance, str | PathLike) else tolerance,
         )
+        for note in result.notes:
+            warnings.warn(f"{log.recording.name}: {note}", stacklevel=2)
         return result
 
     return replay_log

@@ -112,7 +112,7 @@ def _report(task: Task) -> None:
 
 def _prepare_replay(task: Task) -> None:
     recording, name = Recording(task.path), task.participant
-    scenario = prepare(recording, name, task.folder / "replay", [], own_program=False)
+    scenario = prepare(recording, name, task.folder / "replay", [], own_program=False).scenario
     short = shorten(scenario, recording, name, 4)
     inputs_of(recording, short, name, 3)
 
@@ -123,7 +123,7 @@ def _prepare_rerun(task: Task) -> None:
 
 def _conformance(task: Task) -> None:
     recording, name = Recording(task.original), task.participant
-    scenario = prepare(recording, name, task.folder / "conform", [], own_program=False)
+    scenario = prepare(recording, name, task.folder / "conform", [], own_program=False).scenario
     material.read(scenario, name, task.path)
 
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from stepbus.overrides import Overrides
     from stepbus.recordings import AnyTolerance, Source
     from stepbus_orchestrator import ReplayResult
+    from stepbus_schemas import BridgeFormat
 
 
 def assert_replays(
@@ -19,6 +20,9 @@ def assert_replays(
     participant: str,
     *,
     program: Sequence[str] | None = None,
+    bridge: BridgeFormat | None = None,
+    recorded: bool = False,
+    source: str | PathLike[str] | None = None,
     set: Overrides = (),  # noqa: A002  as --set on the command line
     tolerance: AnyTolerance = None,
     update: str | PathLike[str] | None = None,
@@ -33,7 +37,15 @@ def assert_replays(
     path = path_of(recording)
     try:
         result = replay(
-            path, participant, program=program, set=set, tolerance=tolerance, update=update
+            path,
+            participant,
+            program=program,
+            bridge=bridge,
+            recorded=recorded,
+            source=source,
+            set=set,
+            tolerance=tolerance,
+            update=update,
         )
     except StepbusError as exc:
         # Its sentence is complete; where it was raised is no line of the user's program.

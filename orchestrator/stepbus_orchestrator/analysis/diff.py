@@ -62,8 +62,13 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
             yield from port_lines(port, "first", "second", self.divergence)
 
 
-def diff(first: Path, second: Path, tolerance: Tolerance | None = None) -> Diff:
+def diff(
+    first: Path, second: Path, tolerance: Tolerance | None = None, *, is_part: bool = False
+) -> Diff:
     """Compare the messages of two recordings, which may be of different length or cut off.
+
+    is_part: the first is known to lack messages: what lies behind its end, or in its holes, is no
+    difference.
 
     Raises RecordingFailed when one cannot be read, WiringError when the tolerance names a port or
     field that neither has.
@@ -74,8 +79,11 @@ def diff(first: Path, second: Path, tolerance: Tolerance | None = None) -> Diff:
     tolerance.check(known)
     # Their chains sum up what the messages say, and differ wherever they do.
     topics = [topic for topic in one.ports if topic in other.ports and topic != CHAIN_TOPIC]
-    ports = in_order([_compare(topic, one, other, tolerance) for topic in topics])
+    reach = _reach(one) if is_part else None
+    ports = in_order([_compare(topic, one, other, tolerance, reach) for topic in topics])
     only_first, only_second = _missing(one, other), _missing(other, one)
+    if is_part and one.last_step < 0:
+        only_second = []
     divergence = ports[0].divergence if ports else None
     return Diff(
         first=str(first),
@@ -94,10 +102,18 @@ def _missing(one: Recording, other: Recording) -> list[str]:
     return [topic for topic in one.ports if topic not in other.ports and topic != CHAIN_TOPIC]
 
 
-def _compare(topic: str, one: Recording, other: Recording, tolerance: Tolerance) -> PortResult:
+def _reach(recording: Recording) -> int:
+    """Return the step up to which a recording has all messages; its last one may be incomplete."""
+    return -1 if recording.holes() else recording.last_step
+
+
+def _compare(
+    topic: str, one: Recording, other: Recording, tolerance: Tolerance, reach: int | None
+) -> PortResult:
     comparison = PortComparison(topic, one.ports[topic].type, tolerance)
     for step, first, second in merged(one[topic].entries(), other[topic].entries()):
-        comparison.take(step, first, second)
+        if first is not None or reach is None or step < reach:
+            comparison.take(step, first, second)
     return comparison.result()
 
 

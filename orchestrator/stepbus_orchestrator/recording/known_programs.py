@@ -26,6 +26,16 @@ def fingerprint(scenario: bytes, files: Mapping[str, bytes]) -> str:
     return digest.hexdigest()
 
 
+def folder_mark(folder: Path) -> str:
+    """Return what is remembered of a folder whose scenario you have run."""
+    return hashlib.sha256(b"folder\0" + os.fsencode(os.path.realpath(folder))).hexdigest()
+
+
+def is_known_folder(folder: Path) -> bool:
+    """Return whether you have run a scenario of this folder on this machine."""
+    return is_known(folder_mark(folder))
+
+
 def remember(programs: str) -> None:
     """Add a fingerprint to the list; does nothing where that cannot be written."""
     with contextlib.suppress(OSError, RuntimeError):

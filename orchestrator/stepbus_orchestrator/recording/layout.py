@@ -1,5 +1,7 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
+from pathlib import Path
+
 from stepbus_schemas import CHAIN_EVERY
 
 RUN_FILE = "run.mcap"
@@ -32,6 +34,11 @@ _VERSIONS = "versions/"
 ORCHESTRATOR = "orchestrator"
 ENVIRONMENT_METADATA = _VERSIONS + ORCHESTRATOR
 """What the orchestrator runs on; that of a participant is under its name."""
+
+
+def recording_file(path: Path) -> Path:
+    """Return the recording that a path means: itself, or run.mcap in the folder of a run."""
+    return path / RUN_FILE if path.is_dir() else path
 
 
 def topic_of(participant: str, port: str) -> str:

@@ -29,9 +29,10 @@ from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,
     Schedule,
-    command,
+    replaced_program,
     start_command,
 )
+from stepbus_schemas import BridgeFormat
 
 from .check import Check
 from .peers import Peer, Peers
@@ -40,6 +41,8 @@ from .recorded import Recorded, recorded_descriptions
 from .reference import new_reference
 from .result import ReplayResult, inputs_of
 from .strategy import Replay
+from .trust import programs_of
+from .work_tree import find_work_tree
 
 WINDOW = 256
 """How many steps the peers are played ahead of the participant [steps]."""
@@ -50,6 +53,9 @@ def replay(
     participant: str,
     *,
     program: Sequence[str] | None = None,
+    bridge: BridgeFormat | None = None,
+    recorded: bool = False,
+    source: Path | None = None,
     overrides: Sequence[str] = (),
     tolerance: Tolerance | None = None,
     update: Path | None = None,
@@ -60,10 +66,15 @@ def replay(
 ) -> ReplayResult:
     """Start one participant of a recording, feed it what its peers sent, and compare.
 
-    program: another program than the recorded one, started in the current folder. overrides:
-    settings such as `controller.params.kp=101`. update: where to write a new reference recording.
-    window: how far the peers are ahead [steps]. trusted: fingerprint of the programs that may be
-    started (`known_programs`); None: any. observer, interrupt: as of `run`.
+    The program, its files and its parameters are those of the work tree, where that has the
+    scenario (`find_work_tree`), else the copy in the recording. recorded: take the copy. source:
+    the scenario in the work tree, if it should not be searched.
+
+    program: another program, started in the current folder with the recorded parameters. bridge:
+    the format of the bridge to it. overrides: settings such as `controller.params.kp=101`. update:
+    where to write a new reference recording. window: how far the peers are ahead [steps]. trusted:
+    fingerprint of the programs that may be started (`known_programs`); None: any. observer,
+    interrupt: as of `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
     RunFailure when the participant fails; then its log is kept.
@@ -71,24 +82,27 @@ def replay(
     opened, tolerance = Recording(recording), tolerance or Tolerance()
     tolerance.check({topic: fields_of(port.type) for topic, port in opened.ports.items()})
     check_open_files(1)
+    is_copy = recorded or program is not None
+    tree = None if is_copy else find_work_tree(opened, participant, source)
     folder = Path(tempfile.mkdtemp(prefix="replay-stepbus-"))
-    run = _Replay(opened, participant, program, folder)
+    run = _Replay(opened, participant, program, bridge, folder)
     controls = Controls(
         observer=observer or Silent(),
         interrupt=interrupt or threading.Event(),
         calls=recorded_calls(opened, participant),
     )
     try:
-        full = prepare(
+        prepared = prepare(
             opened,
             participant,
             folder / "source",
             overrides,
             own_program=program is not None,
+            tree=tree,
             trusted=trusted,
         )
-        scenario = shorten(full, opened, participant, window)
-        with new_reference(update, opened, full, is_changed=bool(overrides)) as reference:
+        scenario = shorten(prepared.scenario, opened, participant, window)
+        with new_reference(update, opened, prepared) as reference:
             check = Check(
                 opened,
                 scenario.participant(participant),
@@ -101,6 +115,7 @@ def replay(
         if not run.keeps_log:
             shutil.rmtree(folder)
     found = check.divergence
+    copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -111,8 +126,21 @@ def replay(
         ports=in_order(check.results()),
         wall_s=wall_s,
         updated=None if update is None else str(update),
-        notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *check.notes],
+        source="" if tree is None else tree.shown(),
+        changes=prepared.notes,
+        notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *check.notes, *copied],
     )
+
+
+def _copy_notes(recording: Recording, participant: str) -> list[str]:
+    """Return a sentence where the copy is tested of a program that somebody may be working on."""
+    if not programs_of(recording, participant).files:
+        return []
+    note = (
+        "this tests the copy in the recording: its scenario was not found in the work tree; "
+        "name its folder with --source, or mean the copy with --recorded"
+    )
+    return [note]
 
 
 @dataclass
@@ -125,6 +153,7 @@ class _Replay:
     recording: Recording
     participant: str
     program: Sequence[str] | None
+    bridge: BridgeFormat | None
     folder: Path
     keeps_log: bool = False
     token: str = field(default_factory=new_token)
@@ -186,7 +215,6 @@ class _Replay:
         self, launcher: Launcher, mesh: Mesh, spec: ParticipantSpec, folder: Path
     ) -> Process:
         own_folder = folder if self.program is None else Path.cwd()
-        argv = (
-            command(self.program, own_folder) if self.program else start_command(spec, own_folder)
-        )
+        started = replaced_program(spec, self.program or (), self.bridge)
+        argv = start_command(started, own_folder)
         return launcher.start(spec, argv, mesh.participants[spec.name], own_folder)

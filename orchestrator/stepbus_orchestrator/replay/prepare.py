@@ -1,23 +1,44 @@
 """From a recording to the scenario of its replay."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.analysis.comparison import short
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.processes import low_latency
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.run.setup.folder import read_files
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, files, load
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 from .recorded import replayable_steps
-from .rerun import origin_of, refuse_others, unpack
+from .rerun import Origin, origin_of, refuse_others, unpack
 from .trust import recorded_commands
+from .work_tree import WorkTree
 
 _NO_PROGRAM = "[python]"
+_MOST_CHANGES = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """What is replayed.
+
+    scenario: as recorded, but for the participant's program and parameters. files: those of the
+    work tree, by name; None where the recording's are taken. is_changed: whether the scenario is
+    not the recorded one. notes: how scenario and files differ from the recorded ones.
+    """
+
+    scenario: Scenario
+    files: Mapping[str, Path] | None = None
+    is_changed: bool = False
+    notes: Sequence[str] = ()
 
 
 def prepare(
@@ -27,11 +48,13 @@ def prepare(
     overrides: Sequence[str],
     *,
     own_program: bool,
+    tree: WorkTree | None = None,
     trusted: str | None = None,
-) -> Scenario:
+) -> Prepared:
     """Unpack a recording's scenario into a new folder and return it, as it was recorded.
 
-    own_program: whether the participant's program is not the recorded one. Programs that the
+    own_program: whether the participant's program is not the recorded one. tree: the scenario
+    whose program and parameters the participant gets; None: the recorded ones. Programs that the
     replay does not start need not be there. trusted: fingerprint of the programs that may be
     started; None: any.
 
@@ -45,7 +68,8 @@ def prepare(
         known = suggest(participant, programs)
         raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
     path = unpack(origin, folder)
-    unused = [name for name in programs if own_program or name != participant]
+    is_other = own_program or tree is not None
+    unused = [name for name in programs if is_other or name != participant]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
         dataclasses.replace(
@@ -54,7 +78,95 @@ def prepare(
         for spec in scenario.participants
     ]
     # What was recorded is what came of the faults; they are not injected once more.
-    return dataclasses.replace(scenario, participants=tuple(specs), faults=())
+    scenario = dataclasses.replace(scenario, participants=tuple(specs), faults=())
+    if tree is None:
+        return Prepared(scenario=scenario, is_changed=bool(overrides))
+    return _from_tree(origin, scenario, participant, tree, overrides)
+
+
+def _from_tree(
+    origin: Origin, scenario: Scenario, participant: str, tree: WorkTree, overrides: Sequence[str]
+) -> Prepared:
+    """Return a recorded scenario with one participant as it is in the work tree."""
+    names = [name for name in tree.participants() if name != participant]
+    unused = [f"{name}.exec={_NO_PROGRAM}" for name in names]
+    today = load(tree.file, [*tree.overrides, *overrides, *unused])
+    new, old = today.participant(participant), scenario.participant(participant)
+    spec = dataclasses.replace(
+        old, exec=new.exec, bridge=new.bridge, params=new.params, deadlines=new.deadlines
+    )
+    specs = [spec if other is old else other for other in scenario.participants]
+    found = files(_with_programs(today, tree, names))
+    values = list(_changed_values(old, new))
+    return Prepared(
+        scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=tree.folder),
+        files=found,
+        is_changed=bool(overrides or values),
+        notes=[
+            *_changed_files(origin.files, read_files(found)),
+            *values,
+            *_rewired(scenario, today, old, new),
+        ],
+    )
+
+
+def _with_programs(today: Scenario, tree: WorkTree, names: Sequence[str]) -> Scenario:
+    """Return a scenario in which some participants have the programs that the file says."""
+    specs = (
+        dataclasses.replace(spec, exec=tree.command(spec.name)) if spec.name in names else spec
+        for spec in today.participants
+    )
+    return dataclasses.replace(today, participants=tuple(specs))
+
+
+def _changed_files(recorded: Mapping[str, bytes], found: Mapping[str, bytes]) -> Iterator[str]:
+    for name in sorted({*recorded, *found}):
+        if name not in found:
+            yield f"{name} is only in the recording"
+        elif name not in recorded:
+            yield f"{name} is not in the recording"
+        elif found[name] != recorded[name]:
+            yield f"{name} is not the recorded one"
+
+
+def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> Iterator[str]:
+    values = [
+        *_values("exec", list(old.exec), list(new.exec)),
+        *_values("bridge", old.bridge, new.bridge),
+        *_values("params", old.params, new.params),
+    ]
+    yield from (f"{old.name}.{text}" for text in values[:_MOST_CHANGES])
+    if len(values) > _MOST_CHANGES:
+        yield f"{len(values) - _MOST_CHANGES} more values of {old.name} are not the recorded ones"
+
+
+def _values(path: str, old: Any, new: Any) -> Iterator[str]:
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in dict.fromkeys((*old, *new)):
+            yield from _values(f"{path}.{key}", old.get(key), new.get(key))
+    elif old != new:
+        yield f"{path} is {_shown(new)}, recorded {_shown(old)}"
+
+
+def _shown(value: Any) -> str:
+    return "absent" if value is None else short(value)
+
+
+def _rewired(
+    scenario: Scenario, today: Scenario, old: ParticipantSpec, new: ParticipantSpec
+) -> Iterator[str]:
+    """Yield what the work tree connects or times otherwise, which a replay does not follow."""
+    rows = {
+        "step": (scenario.step_ns, today.step_ns),
+        "seed": (scenario.seed, today.seed),
+        **{
+            f"{old.name}.{key}": (getattr(old, key), getattr(new, key))
+            for key in ("every", "publishes", "inputs", "outputs")
+        },
+    }
+    changed = [key for key, (was, now) in rows.items() if was != now]
+    if changed:
+        yield f"{', '.join(changed)}: not as recorded; replayed as recorded"
 
 
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:

@@ -77,7 +77,7 @@ def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int
     listens to, was cut off.
     """
     spec = scenario.participant(name)
-    complete = _end(recording)
+    complete = recorded_end(recording)
     own = _reach(recording, spec)
     if spec.publishes == "first" and own is not None:
         # Its newest output is the result of the step before.
@@ -89,7 +89,7 @@ def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int
     return max(0, min(complete, *ends))
 
 
-def _end(recording: Recording) -> int:
+def recorded_end(recording: Recording) -> int:
     """Return the number of complete steps of the run."""
     rest = (port for topic, port in recording.ports.items() if topic != CHAIN_TOPIC)
     newest = max((port.last_step for port in rest), default=-1)

@@ -7,17 +7,21 @@ from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, remember
-from stepbus_orchestrator.scenario import Scenario, Schedule, resolved
+from stepbus_orchestrator.run.setup.folder import read_files
+from stepbus_orchestrator.scenario import Schedule, resolved
+
+from .prepare import Prepared
 
 
 @contextlib.contextmanager
 def new_reference(
-    target: Path | None, old: Recording, scenario: Scenario, *, is_changed: bool
+    target: Path | None, old: Recording, prepared: Prepared
 ) -> Iterator[Recorder | None]:
     """Yield what takes the outputs; the file gets its name at the end, if nothing has failed.
 
-    target: must not exist; None: nothing is written. scenario: what is attached, with the files
-    of the old recording. Raises RecordingFailed when it exists or cannot be written.
+    target: must not exist; None: nothing is written. prepared: what is attached: its scenario, and
+    its files of the work tree, or else those of the old recording. Raises RecordingFailed when it
+    exists or cannot be written.
     """
     if target is None:
         yield None
@@ -26,17 +30,17 @@ def new_reference(
         raise RecordingFailed(f"{target} exists already; choose another name with --update")
     part = target.with_name(f".{target.name}.part")
     file = McapFile(part)
-    scenario_text, contents = b"", {}
+    scenario = prepared.scenario
+    text = (
+        resolved(scenario).encode()
+        if prepared.is_changed
+        else old.attachments[layout.SCENARIO_ATTACHMENT]
+    )
     try:
-        for name, data in old.attachments.items():
-            is_scenario = name == layout.SCENARIO_ATTACHMENT
-            content = resolved(scenario).encode() if is_scenario and is_changed else data
-            media_type = "application/yaml" if is_scenario else "application/octet-stream"
-            file.attach(name, media_type, content)
-            if is_scenario:
-                scenario_text = content
-            elif (own := layout.attached_file(name)) is not None:
-                contents[own] = content
+        contents = _files(old) if prepared.files is None else read_files(prepared.files)
+        file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
+        for name, content in contents.items():
+            file.attach(layout.file_attachment(name), "application/octet-stream", content)
         for name, versions in old.metadata.items():
             if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
                 file.add_metadata(name, versions)
@@ -44,7 +48,15 @@ def new_reference(
         yield Recorder(file, order, scenario.step_ns)
         part.replace(target)
         # It holds what has just been started here.
-        remember(fingerprint(scenario_text, contents))
+        remember(fingerprint(text, contents))
     finally:
         file.close()
         part.unlink(missing_ok=True)
+
+
+def _files(recording: Recording) -> dict[str, bytes]:
+    return {
+        file: content
+        for name, content in recording.attachments.items()
+        if (file := layout.attached_file(name)) is not None
+    }

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
+from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint
@@ -16,6 +17,8 @@ from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, command, load, resolved
 from stepbus_schemas import CallRecord
+
+from .recorded import recorded_end
 
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")
@@ -29,7 +32,8 @@ class Origin:
 
     files: name → content, without the scenario. versions: `orchestrator` or participant →
     library → version; `cpu` and `machine` are among those of the orchestrator. steps: the newest
-    one with a message, plus one. flaws: damage and holes. calls: those that changed the run.
+    one with a message, plus one. end: the number of complete steps. flaws: damage and
+    holes. calls: those that changed the run.
     """
 
     recording: Path
@@ -37,6 +41,7 @@ class Origin:
     files: Mapping[str, bytes]
     versions: Mapping[str, Mapping[str, str]]
     steps: int
+    end: int
     flaws: Sequence[str]
     calls: Sequence[CallRecord] = ()
 
@@ -66,6 +71,7 @@ def origin_of(recording: Recording) -> Origin:
             if (owner := layout.versions_owner(name)) is not None
         },
         steps=1 + recording.last_step,
+        end=recorded_end(recording),
         flaws=recording.flaws(),
         calls=recorded_calls(recording),
     )
@@ -126,19 +132,31 @@ def unpack(origin: Origin, folder: Path) -> Path:
 class Rerun:
     """A run made from a recording.
 
-    recorded_sha256: of the recording it was made from. notes: what may make it different, one
-    sentence each.
+    recorded_sha256: of the recording it was made from. recorded_steps: how many steps that has.
+    is_part: whether it is cut off, has a hole, or ended before its scenario does. notes: what may
+    make it different, one sentence each.
     """
 
     recording: Path
     recorded_sha256: str
     result: Result
+    recorded_steps: int = 0
+    is_part: bool = False
     notes: Sequence[str] = field(default=())
 
     @property
     def equal(self) -> bool:
         """Return whether the new recording is the old one, byte for byte."""
         return self.recorded_sha256 == self.result.sha256
+
+    @property
+    def compares(self) -> bool:
+        """Return whether there is anything to compare: steps in both."""
+        return bool(self.recorded_steps and self.result.steps)
+
+    def diff(self) -> Diff:
+        """Compare what both have: of a recording that is cut off, up to its end."""
+        return diff(self.recording, self.result.recording, is_part=self.is_part)
 
 
 class Preparation:
@@ -161,6 +179,7 @@ class Preparation:
         self._origin = read_origin(recording)
         refuse_others(self._origin, trusted)
         self._out = out
+        self._is_changed = bool(overrides)
         if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
             raise RecordingFailed(f"{out} holds a run already; choose another --out")
         path = unpack(self._origin, out / SOURCE_FOLDER)
@@ -191,8 +210,18 @@ class Preparation:
             recording=self._origin.recording,
             recorded_sha256=file_sha256(self._origin.recording),
             result=result,
+            recorded_steps=self._origin.end,
+            is_part=self._is_part(result),
             notes=[*self.notes, *later],
         )
+
+    def _is_part(self, result: Result) -> bool:
+        """Return whether the recording has less than this run without being different."""
+        if self._origin.flaws:
+            return True
+        planned = self.scenario.steps
+        is_short = planned is not None and self._origin.end < planned
+        return is_short and not self._is_changed and self._origin.end < result.steps
 
 
 def _damage(origin: Origin) -> list[str]:

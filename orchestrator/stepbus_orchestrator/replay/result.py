@@ -33,7 +33,9 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
     equal: whether all outputs are, within the tolerance. steps: how many were replayed.
     divergence: the first one. inputs: what the participant's inputs held when it computed that.
     ports: by the step of their first divergence. wall_s: from the first trigger to the end [s].
-    updated: the new reference recording, where one was asked for. notes: what else is different.
+    updated: the new reference recording, where one was asked for. source: the scenario of the work
+    tree whose program was started; empty: the recorded copy, or another program. changes: how it
+    differs from the recorded one. notes: what else is different.
     """
 
     recording: str
@@ -45,6 +47,8 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
     ports: Sequence[PortResult]
     wall_s: float
     updated: str | None
+    source: str
+    changes: Sequence[str]
     notes: Sequence[str]
 
     @property
@@ -67,6 +71,11 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
                 yield f"  input {name} ({origin}): {short(item.value)}"
         for port in self.ports:
             yield from port_lines(port, "recording", "replay", self.divergence)
+        if self.source and not self.changes:
+            yield f"tested {self.source}, as recorded"
+        elif self.source:
+            yield f"tested {self.source}, changed since the recording:"
+            yield from (f"  {change}" for change in self.changes)
         for note in self.notes:
             yield f"note: {note}"
 

@@ -12,6 +12,7 @@ from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
 from .rerun import attached
+from .work_tree import WorkTree
 
 _DATA = frozenset(
     (
@@ -49,16 +50,31 @@ class Programs:
 
 
 def programs_of(
-    recording: Recording, participant: str | None = None, *, own_program: bool = False
+    recording: Recording,
+    participant: str | None = None,
+    *,
+    own_program: bool = False,
+    tree: WorkTree | None = None,
 ) -> Programs:
     """Return what a recording would start.
 
     participant: the only one that is started; default: all. own_program: it is started with a
-    program of the user's. Raises RecordingFailed or WiringError when the recording holds no
-    scenario, or a file whose name leads out of its folder.
+    program of the user's. tree: it is started from there: of the recording, nothing is executed,
+    and what is started is known when you have run a scenario of that folder here.
+
+    Raises RecordingFailed or WiringError when the recording holds no scenario, or a file whose
+    name leads out of its folder.
     """
     scenario, files = attached(recording)
     programs = fingerprint(scenario, files)
+    if tree is not None and participant is not None:
+        recorded_commands(recording)
+        return Programs(
+            fingerprint=programs,
+            commands={participant: tree.command(participant)},
+            files=(f"those in {tree.folder}",),
+            is_known=tree.is_known,
+        )
     commands = {
         name: words
         for name, words in recorded_commands(recording).items()

@@ -26,7 +26,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
     unauthenticated: messages without the run's token; they changed nothing. drops: messages each
     participant dropped. faults: those that were injected on purpose. warning_count: warnings and
-    errors that participants reported. warnings: the first fifty of each output.
+    errors that participants reported. warnings: the first fifty of each output. file, overrides:
+    of the scenario, on this machine.
     """
 
     scenario: str
@@ -51,6 +52,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     warning_count: int = 0
     warnings: Sequence[Warned] = ()
     versions: Mapping[str, str] = {}
+    file: str = ""
+    overrides: Sequence[str] = ()
 
     @property
     def recording(self) -> Path:

@@ -235,4 +235,6 @@ class _Run:
             warning_count=self._events.count,
             warnings=self._events.warnings,
             versions=own_versions(),
+            file=str(scenario.file),
+            overrides=scenario.overrides,
         )

@@ -15,8 +15,9 @@ from .model import (
     ParticipantSpec,
     Scenario,
 )
-from .program import OURS, command, python_target, start_command
-from .reading.locate import builtin_names
+from .program import OURS, command, python_target, replaced_program, start_command
+from .reading.extend import read_data
+from .reading.locate import builtin_folders, builtin_names
 from .resolve import files, resolved
 from .schedule import Schedule
 
@@ -37,6 +38,7 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "Schedule",
+    "builtin_folders",
     "builtin_names",
     "check_data",
     "command",
@@ -45,6 +47,8 @@ __all__ = [
     "format_fault",
     "load",
     "python_target",
+    "read_data",
+    "replaced_program",
     "resolved",
     "start_command",
 ]

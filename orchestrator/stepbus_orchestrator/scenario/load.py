@@ -4,6 +4,7 @@ SettingsError
 └─ ScenarioError      lists every problem of a scenario, one a line
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -68,4 +69,4 @@ def _checked(
     scenario = build(file.data, path, problems)
     check(scenario, problems)
     problems.refuse()
-    return scenario
+    return dataclasses.replace(scenario, overrides=tuple(overrides))

@@ -132,8 +132,8 @@ class Scenario:
     step_ns: length of a communication step [ns]. steps: how many; none: until something ends the
     run. participants: in the order of the file. window: steps that may be in flight. batch:
     outputs of a participant per log message. faults: what is done to it on purpose. folder: what
-    relative file names are relative to. file: where it was read from. Two scenarios are equal when
-    all but `folder` and `file` is.
+    relative file names are relative to. file: where it was read from. overrides: with which. Two
+    scenarios are equal when all but `folder`, `file` and `overrides` is.
     """
 
     name: str
@@ -147,6 +147,7 @@ class Scenario:
     faults: tuple[FaultSpec, ...] = ()
     folder: Path = field(compare=False)
     file: Path = field(compare=False)
+    overrides: tuple[str, ...] = field(default=(), compare=False)
 
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""

@@ -1,5 +1,6 @@
 """Which program a participant's `exec` starts, and whether it is there."""
 
+import dataclasses
 import importlib.util
 import json
 import os
@@ -10,10 +11,10 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
 from stepbus_participant import suggest
-from stepbus_schemas import WiringError
+from stepbus_schemas import BridgeFormat, WiringError
 
 from .files.paths import is_file, is_folder
-from .model import ParticipantSpec
+from .model import BridgeSpec, ParticipantSpec
 
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",
@@ -81,6 +82,21 @@ def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
     described = spec.bridge.describe
     describe = ("--describe", json.dumps(described)) if described else ()
     return _bridge_command(("--format", spec.bridge.format, *describe, "--", *spec.exec), folder)
+
+
+def replaced_program(
+    spec: ParticipantSpec, program: Sequence[str], bridge: BridgeFormat | None
+) -> ParticipantSpec:
+    """Return a participant with another program, or the same one behind another bridge.
+
+    program: its command line; none: that of the participant. bridge: the format of the bridge to
+    it; none: that of the participant, or none where the program is another one.
+    """
+    if not program and bridge is None:
+        return spec
+    describe = {} if spec.bridge is None else spec.bridge.describe
+    through = None if bridge is None else BridgeSpec(format=bridge, describe=describe)
+    return dataclasses.replace(spec, exec=tuple(program) or spec.exec, bridge=through)
 
 
 def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:

@@ -5,6 +5,10 @@ import sys
 
 import pytest
 
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.cli.setup.starters.starter import write_starter
+from stepbus_orchestrator.run.run_scenario import run
+
 pytest_plugins = ["pytester"]
 
 PLUGIN = ("-p", "no:cacheprovider")
@@ -62,21 +66,48 @@ def test_a_tolerance_file_stands_beside_the_test(logs):
     logs.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
 
+FINE = """
+    def test_of_something_else(): pass
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (EQUAL.replace("*.mcap", "*.none"), "*no log matches 'logs/[*].none' in *"),
-        (EQUAL.replace(', participant="controller"', ""), "*write @pytest.mark.stepbus_logs(*"),
-        ("def test_it(stepbus_replay): pass", "*the fixture stepbus_replay needs the marker*"),
+        (EQUAL.replace("*.mcap", "*.none"), "no log matches 'logs/[*].none' in *"),
+        (EQUAL.replace(', participant="controller"', ""), "write @pytest.mark.stepbus_logs(*"),
+        ("\n    def test_it(stepbus_replay): pass", "the fixture stepbus_replay needs the marker*"),
     ],
 )
-def test_a_marker_that_cannot_work_is_an_error_and_no_silent_pass(logs, text, sentence):
-    logs.makepyfile(text)
+def test_a_marker_that_cannot_work_fails_its_test_and_no_other(logs, text, sentence):
+    logs.makepyfile(text + FINE)
     result = logs.runpytest_inprocess(*PLUGIN)
-    assert result.ret not in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}
-    (result.stdout if result.ret == pytest.ExitCode.INTERRUPTED else result.stderr).fnmatch_lines(
-        [sentence]
-    )
+    result.assert_outcomes(errors=1, passed=1)
+    result.stdout.fnmatch_lines([sentence])
+
+
+def test_a_log_may_be_the_folder_of_its_run(logs, two_link_recording):
+    (logs.path / "runs" / "one").mkdir(parents=True)
+    (logs.path / "runs/one/run.mcap").write_bytes(two_link_recording.read_bytes())
+    logs.makepyfile(EQUAL.replace("logs/*.mcap", "runs/*"))
+    logs.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+
+
+def test_a_test_catches_a_gain_changed_in_the_work_tree(pytester):
+    (pytester.path / ".git").mkdir()
+    write_starter(pytester.path / "arm", "python")
+    scenario = load(pytester.path / "arm", ["duration=50ms"])
+    run(scenario, Options(out=pytester.path / "out", in_process=True))
+    (pytester.mkdir("logs") / "a.mcap").write_bytes((pytester.path / "out/run.mcap").read_bytes())
+    pytester.makepyfile(EQUAL)
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+    file = pytester.path / "arm/scenario.yaml"
+    file.write_text(file.read_text().replace("kp: 200", "kp: 999"))
+    result = pytester.runpytest_inprocess(*PLUGIN)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["E*controller.params.kp is 999, recorded 200"])
+    pytester.makepyfile(EQUAL.replace("stepbus_replay()", "stepbus_replay(recorded=True)"))
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
 
 def test_loading_the_plugin_loads_nothing_of_stepbus():

@@ -1,12 +1,39 @@
 """What `stepbus rerun` and `stepbus recover` say, and their exit codes."""
 
 import json
+import re
+import threading
 
 import pytest
-from support.runs.joints import fault, run_joints
+from mcap.opcode import Opcode
+from support.messages.recordings import record_ends, rewrite
+from support.runs.joints import fault, run_joints, write_scenario
 
-from stepbus_orchestrator import cli
+from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.progress import Silent
+from stepbus_orchestrator.run.run_scenario import run
+
+
+class Stopper(Silent):
+    """Ends a run when it has come to its pause."""
+
+    def __init__(self, stop):
+        self.stop = stop
+
+    def progress(self, progress):
+        if progress.phase == "paused":
+            self.stop.set()
+
+
+def cut_off(recording, share):
+    """Return a copy of a recording that has this share of what follows its attachments."""
+    data = recording.read_bytes()
+    chunks = [end for end in record_ends(data)[:-1] if data[end] == Opcode.CHUNK]
+    cut = recording.with_name("cut.mcap")
+    cut.write_bytes(data[: chunks[int(share * len(chunks))]])
+    return cut
 
 
 @pytest.fixture
@@ -42,6 +69,55 @@ def test_a_failed_run_exits_with_its_own_code(recorded, tmp_path, capsys):
     arguments = ["rerun", str(recorded), "--set", broken, "--out", str(tmp_path / "again")]
     assert cli.main(arguments) == ExitCode.FAULT
     assert "the knee is bent the wrong way" in capsys.readouterr().err
+
+
+def test_of_a_recording_that_is_cut_off_what_is_there_is_compared(tmp_path, capsys):
+    recorded = run_joints(tmp_path, "duration=1s", in_process=True).recording
+    cut = cut_off(rewrite(recorded, tmp_path / "fine.mcap", 512), 0.5)
+    assert cli.main(["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(
+        r"\nevery message of the recording is as recorded: \d+ steps, after which it is cut off or "
+        r"incomplete; this run made 200\n",
+        said,
+    )
+    assert "differ" not in said
+
+
+def test_of_a_run_that_was_interrupted_its_steps_are_compared(tmp_path, capsys):
+    source = write_scenario(tmp_path / "source")
+    stop = threading.Event()
+    options = Options(out=tmp_path / "out", pace=Pace(50))
+    run(load(source, ["duration=1s"]), options, Stopper(stop), stop)
+    assert cli.main(["rerun", str(tmp_path / "out"), "--out", str(tmp_path / "again")]) == 0
+    said = capsys.readouterr().out
+    assert "as recorded: 50 steps, after which it ends early; this run made 200\n" in said
+
+
+def test_a_change_in_a_recording_that_is_cut_off_is_found(tmp_path, capsys):
+    recorded = run_joints(tmp_path, "duration=1s", in_process=True).recording
+    cut = cut_off(rewrite(recorded, tmp_path / "fine.mcap", 512), 0.5)
+    other = "controller.exec=[python, joints.py, controller, end, '4']"
+    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", other]
+    assert cli.main(words) == ExitCode.DIFFERENT
+    assert "first divergence: step 5: controller/command" in capsys.readouterr().out
+
+
+def test_where_nothing_ran_nothing_is_said_to_be_as_recorded(recorded, tmp_path, capsys):
+    cut = cut_off(recorded, 0)
+    broken = "controller.exec=[python, -c, exit(7)]"
+    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", broken]
+    assert cli.main(words) == ExitCode.START
+    said = capsys.readouterr().out
+    assert "every message" not in said
+    assert "nothing was compared" in said
+
+
+def test_a_recording_without_a_step_cannot_be_confirmed(recorded, tmp_path, capsys):
+    cut = cut_off(recorded, 0)
+    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]
+    assert cli.main(words) == ExitCode.RECORDING
+    assert "the recording has no complete step: nothing was compared" in capsys.readouterr().out
 
 
 def test_json_is_all_that_is_printed(recorded, tmp_path, capsys):

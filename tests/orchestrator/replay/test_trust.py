@@ -17,7 +17,7 @@ from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.replay.trust import programs_of
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
-REPLAY = ("--participant", "controller")
+REPLAY = ("--participant", "controller", "--recorded")
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from .tolerance_arguments import add_tolerance_arguments, tolerance_of
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("first", type=Path, help="a recording")
-    parser.add_argument("second", type=Path, help="another recording")
+    parser.add_argument("first", type=Path, help="a recording, or the folder of its run")
+    parser.add_argument("second", type=Path, help="another one")
     add_tolerance_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
 

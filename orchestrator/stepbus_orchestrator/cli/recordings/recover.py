@@ -6,10 +6,13 @@ from pathlib import Path
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.recording import Recovery, recover
+from stepbus_orchestrator.recording.layout import recording_file
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the MCAP file to read")
+    parser.add_argument(
+        "recording", type=Path, help="the MCAP file to read, or the folder of a run"
+    )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--out", type=Path, help="the file to write (default: <recording>.recovered.mcap)"
@@ -19,7 +22,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    source: Path = args.recording
+    source = recording_file(args.recording)
     target = args.out or source.with_name(f"{source.stem}.recovered.mcap")
     recovery = recover(source, source if args.in_place else target, in_place=args.in_place)
     if args.json:

@@ -10,15 +10,17 @@ from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import WINDOW, ReplayResult, replay
-from stepbus_schemas import WiringError
+from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_schemas import BRIDGE_FORMATS, WiringError
 
 from .tolerance_arguments import add_tolerance_arguments, tolerance_of
 from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run")
+    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
     parser.add_argument("--participant", required=True, metavar="NAME", help="participant to start")
     add_tolerance_arguments(parser)
     add_overrides(
@@ -35,6 +37,21 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
     add_trust(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--recorded",
+        action="store_true",
+        help="start the copy in the recording, not the program in the work tree",
+    )
+    where.add_argument(
+        "--source",
+        type=Path,
+        metavar="FOLDER",
+        help="folder or file of the scenario in the work tree (default: it is searched)",
+    )
+    parser.add_argument(
+        "--bridge", choices=BRIDGE_FORMATS, help="start the program through `stepbus bridge`"
+    )
     parser.add_argument(
         "--exec",
         nargs=argparse.REMAINDER,
@@ -57,13 +74,24 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _replay(args: argparse.Namespace) -> ReplayResult:
     tolerance = tolerance_of(args, args.participant)
-    trusted = trusted_programs(args, args.participant, own_program=args.exec is not None)
+    is_copy = args.recorded or args.exec is not None
+    if args.exec is not None and args.source is not None:
+        raise WiringError("--source: a program of --exec starts in the current folder")
+    tree = (
+        None
+        if is_copy
+        else find_work_tree(Recording(args.recording), args.participant, args.source)
+    )
+    trusted = trusted_programs(args, args.participant, own_program=args.exec is not None, tree=tree)
     title = f"replay of {args.participant}"
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
         return replay(
             args.recording,
             args.participant,
             program=args.exec,
+            bridge=args.bridge,
+            recorded=tree is None,
+            source=None if tree is None else tree.file,
             overrides=args.set,
             tolerance=tolerance,
             update=args.update,
@@ -87,9 +115,10 @@ COMMAND = Command(
     summary="run one participant against its recording and compare",
     description="Starts one participant of a recorded run, or another program in its place, feeds "
     "it exactly the recorded inputs in lockstep, and compares each output with the recorded one: "
-    "byte for byte, or within a tolerance. Shows the first divergent step with its inputs. Exit "
-    "code 0: equal, 10: different. A recording contains programs: one that you have not run here "
-    "is shown first, and needs a yes, or --trust.",
+    "byte for byte, or within a tolerance. Shows the first divergent step with its inputs. The "
+    "program is that of the scenario in your work tree, if it is found there, else the copy in the "
+    "recording. Exit code 0: equal, 10: different. A program that you have not run here is shown "
+    "first, and needs a yes, or --trust.",
     examples=(
         "stepbus replay run.mcap --participant controller",
         "stepbus replay run.mcap --participant controller --set controller.params.kp=101",

@@ -4,19 +4,20 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.diff import Diff, diff
+from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.command import Command, add_overrides
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
 
 from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run")
+    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
     add_overrides(parser, "override one value, e.g. window=1; may be repeated")
     parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
@@ -32,7 +33,7 @@ def _execute(args: argparse.Namespace) -> int:
     title = preparation.scenario.name
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
         rerun = preparation.run(display, interrupt)
-    found = None if rerun.equal else diff(rerun.recording, rerun.result.recording)
+    found = None if rerun.equal or not rerun.compares else rerun.diff()
     if args.json:
         say_json(_fields(rerun, found))
     else:
@@ -40,13 +41,15 @@ def _execute(args: argparse.Namespace) -> int:
         _conclude(rerun, found)
     if rerun.result.exit_code:
         return rerun.result.exit_code
+    if not rerun.equal and not rerun.compares:
+        return ExitCode.RECORDING
     return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
 
 
 def _default(recording: Path) -> Path:
     """Return a new folder in runs/, named after the recorded run and numbered."""
-    path = recording.absolute()
-    stem = f"{path.parent.name if path.name == 'run.mcap' else path.stem}-rerun"
+    path = recording_file(recording).absolute()
+    stem = f"{path.parent.name if path.name == RUN_FILE else path.stem}-rerun"
     names = [stem, *(f"{stem}-{number}" for number in range(2, 1000))]
     return next(Path("runs") / name for name in names if not (Path("runs") / name).exists())
 
@@ -60,8 +63,16 @@ def _conclude(rerun: Rerun, found: Diff | None) -> None:
     result = rerun.result
     if result.exit_code:
         print_error(result.reason)
-    if found is None:
+    if rerun.equal:
         say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
+    elif found is None:
+        empty = "the recording has" if result.steps else "this run made"
+        say(f"{empty} no complete step: nothing was compared")
+    elif found.equal and rerun.is_part:
+        say(
+            f"every message of the recording is as recorded: {rerun.recorded_steps} steps, after "
+            f"which it {_ending(rerun)}; this run made {result.steps}"
+        )
     elif found.equal:
         say(f"{result.steps} steps, every message as recorded; only the notes above differ")
     else:
@@ -69,10 +80,17 @@ def _conclude(rerun: Rerun, found: Diff | None) -> None:
     say(f"recording {result.recording}")
 
 
+def _ending(rerun: Rerun) -> str:
+    """Return how a recording ends that is a part of the run."""
+    damaged = any(note.startswith("the recording ") for note in rerun.notes)
+    return "is cut off or incomplete" if damaged else "ends early"
+
+
 def _fields(rerun: Rerun, found: Diff | None) -> dict[str, object]:
     return {
         "equal": rerun.equal,
-        "messages_equal": found is None or found.equal,
+        "messages_equal": rerun.equal or (found is not None and found.equal),
+        "recorded_steps": rerun.recorded_steps,
         "diff": found,
         "notes": rerun.notes,
         "recorded_sha256": rerun.recorded_sha256,

@@ -6,8 +6,12 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
-from stepbus_orchestrator.scenario.model import BridgeSpec
+from stepbus_orchestrator.scenario import (
+    ParticipantSpec,
+    Scenario,
+    replaced_program,
+    start_command,
+)
 from stepbus_schemas import RAW_TYPES, BridgeFormat
 
 from .check import Check, run_checks
@@ -38,7 +42,7 @@ def conformance(
     cannot be recorded or it is interrupted.
     """
     own = find(scenario, participant)
-    started = _started(own, program, bridge)
+    started = replaced_program(own, program, bridge)
     is_raw = started.bridge is not None and started.bridge.format == "raw"
     scenario = _prepared(scenario, own, is_raw=is_raw)
     cwd = Path.cwd() if program else scenario.folder
@@ -62,17 +66,6 @@ def conformance(
         steps=material.steps,
         checks=results,
     )
-
-
-def _started(
-    spec: ParticipantSpec, program: Sequence[str], bridge: BridgeFormat | None
-) -> ParticipantSpec:
-    """Return the participant with the program and the bridge that are started."""
-    if not program and bridge is None:
-        return spec
-    describe = {} if spec.bridge is None else spec.bridge.describe
-    through = None if bridge is None else BridgeSpec(format=bridge, describe=describe)
-    return dataclasses.replace(spec, exec=tuple(program) or spec.exec, bridge=through)
 
 
 def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scenario:

@@ -37,8 +37,7 @@ class Recording:
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
-        found = Path(path)
-        self.path = found / layout.RUN_FILE if found.is_dir() else found
+        self.path = layout.recording_file(Path(path))
         self._source = Source(self.path)
         index = self._source.index
         self.attachments: Mapping[str, bytes] = index.attachments

@@ -1,12 +1,13 @@
 """The folder of a run: a new one for each, also for runs that start in the same second."""
 
+from collections.abc import Mapping
 from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, layout
-from stepbus_orchestrator.recording.known_programs import fingerprint, remember
+from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
 
@@ -57,17 +58,24 @@ def attach(file: McapFile, scenario: Scenario) -> None:
 
     Raises RecordingFailed when a file of the scenario cannot be read.
     """
-    text, contents = resolved(scenario).encode(), {}
+    text, contents = resolved(scenario).encode(), read_files(files(scenario))
     file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
-    for name, path in files(scenario).items():
-        try:
-            content = path.read_bytes()
-        except OSError as exc:
-            raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
+    for name, content in contents.items():
         file.attach(layout.file_attachment(name), "application/octet-stream", content)
-        contents[name] = content
     remember(fingerprint(text, contents))
+    remember(folder_mark(scenario.folder))
     file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
     if scenario.faults:
         rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(scenario.faults)}
         file.add_metadata(layout.FAULTS_METADATA, rows)
+
+
+def read_files(found: Mapping[str, Path]) -> dict[str, bytes]:
+    """Return the content of files, by name; raises RecordingFailed when one cannot be read."""
+    contents = {}
+    for name, path in found.items():
+        try:
+            contents[name] = path.read_bytes()
+        except OSError as exc:
+            raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
+    return contents

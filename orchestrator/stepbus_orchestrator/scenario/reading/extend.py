@@ -24,6 +24,14 @@ def read_extended(path: Path) -> YamlFile:
     return document
 
 
+def read_data(path: Path) -> dict[str, Any]:
+    """Return what a scenario file says, with those it extends, as plain data; nothing is checked.
+
+    Raises SettingsError as `read_extended`.
+    """
+    return read_extended(path).data
+
+
 def _read(path: Path, above: tuple[str, ...]) -> YamlFile:
     refuse_crowd(path)
     document = read_yaml(path, _EXPECTED)

@@ -47,12 +47,17 @@ def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
     )
 
 
-def _builtin_files() -> dict[str, Path]:
-    """Return the built-in scenarios by name, sorted."""
+def builtin_folders() -> tuple[Path, ...]:
+    """Return the folders of the scenarios that ship with stepbus."""
     # Found without an import: the orchestrator must not depend on any scenario.
     spec = importlib.util.find_spec("stepbus_scenarios")
     folders = list(spec.submodule_search_locations or ()) if spec is not None else []
-    files = [file for folder in folders for file in Path(folder).glob("*/*.yaml")]
+    return tuple(Path(folder).resolve() for folder in folders)
+
+
+def _builtin_files() -> dict[str, Path]:
+    """Return the built-in scenarios by name, sorted."""
+    files = [file for folder in builtin_folders() for file in folder.glob("*/*.yaml")]
     return {_name(file): file.resolve() for file in sorted(files, key=_name) if _is_scenario(file)}
 
 

@@ -1,0 +1,166 @@
+"""A replay tests the program in the work tree, and says what is not as recorded."""
+
+import shutil
+
+import pytest
+
+from stepbus_orchestrator import Options, cli, load
+from stepbus_orchestrator.cli.setup.starters.starter import write_starter
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_schemas import WiringError
+
+REPLAY = ("--participant", "controller")
+
+
+def record(folder, out, *overrides):
+    """Record 50 ms of the scenario of a folder."""
+    scenario = load(folder, ["duration=50ms", *overrides])
+    result = run(scenario, Options(out=out, in_process=True))
+    assert result.exit_code == 0, result.reason
+    return result.recording
+
+
+def edit(file, old, new):
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """Return a repository with a scenario `arm`, the current folder."""
+    root = tmp_path / "project"
+    (root / ".git").mkdir(parents=True)
+    write_starter(root / "arm", "python")
+    monkeypatch.chdir(root)
+    return root
+
+
+@pytest.fixture
+def log(project):
+    """Return a log kept as a test, without the folder of its run."""
+    recording = record(project / "arm", project / "run")
+    (project / "tests").mkdir()
+    return recording.rename(project / "tests" / "kept.mcap")
+
+
+def test_a_gain_changed_in_the_scenario_is_caught(project, log):
+    edit(project / "arm/scenario.yaml", "kp: 200", "kp: 999")
+    result = replay(log, "controller")
+    assert not result.equal
+    assert result.source == "arm/scenario.yaml"
+    assert list(result.changes) == ["controller.params.kp is 999, recorded 200"]
+    assert "tested arm/scenario.yaml, changed since the recording:\n  controller.params.kp is" in (
+        result.text()
+    )
+
+
+def test_a_gain_changed_in_the_program_is_caught(project, log):
+    edit(project / "arm/controller.py", "kp * (qd - q)", "2 * kp * (qd - q)")
+    result = replay(log, "controller")
+    assert (result.equal, list(result.changes)) == (
+        False,
+        ["controller.py is not the recorded one"],
+    )
+
+
+def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
+    result = replay(log, "controller")
+    assert (result.equal, list(result.changes), list(result.notes)) == (True, [], [])
+    assert "tested arm/scenario.yaml, as recorded" in result.text()
+
+
+def test_the_copy_is_tested_where_it_is_asked_for(project, log, capsys):
+    edit(project / "arm/controller.py", "kp * (qd - q)", "2 * kp * (qd - q)")
+    assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.DIFFERENT
+    assert cli.main(["replay", str(log), *REPLAY, "--recorded"]) == 0
+    assert "tested" not in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_replay_without_a_work_tree_says_that_it_tests_the_copy(project, log):
+    shutil.rmtree(project / "arm")
+    result = replay(log, "controller")
+    assert result.equal
+    assert result.notes[0].startswith("this tests the copy in the recording: its scenario was not")
+
+
+def test_the_overrides_of_the_run_are_no_change(project):
+    recording = record(project / "arm", project / "other", "controller.params.kp=150")
+    result = replay(recording, "controller")
+    assert (result.equal, list(result.changes)) == (True, [])
+
+
+def test_two_scenarios_of_the_name_are_named(project, log):
+    shutil.copytree(project / "arm", project / "copy")
+    with pytest.raises(WiringError, match=r"several scenarios are named 'arm': .*--source"):
+        replay(log, "controller")
+    assert replay(log, "controller", source=project / "copy").source == "copy/scenario.yaml"
+
+
+def test_a_source_without_the_scenario_is_refused(project, log):
+    with pytest.raises(WiringError, match="has no scenario named 'arm' with a participant"):
+        replay(log, "controller", source=project / "tests")
+
+
+def test_what_the_scenario_connects_otherwise_is_replayed_as_recorded(project, log):
+    edit(project / "arm/scenario.yaml", "seed: 0", "seed: 7")
+    result = replay(log, "controller")
+    assert result.equal
+    assert list(result.changes) == ["seed: not as recorded; replayed as recorded"]
+
+
+def test_a_new_reference_has_the_files_of_the_work_tree(project, log, capsys):
+    edit(project / "arm/scenario.yaml", "kp: 200", "kp: 150")
+    edit(project / "arm/controller.py", '"""A PD', '"""My PD')
+    new = project / "new.mcap"
+    assert cli.main(["replay", str(log), *REPLAY, "--update", str(new)]) == ExitCode.DIFFERENT
+    attached = Recording(new).attachments
+    assert attached["files/controller.py"] == (project / "arm/controller.py").read_bytes()
+    assert cli.main(["replay", str(new), *REPLAY, "--recorded"]) == 0
+    assert list(replay(new, "controller").changes) == []
+
+
+def test_a_shipped_scenario_is_in_no_work_tree(two_link_recording):
+    assert find_work_tree(Recording(two_link_recording), "controller") is None
+
+
+def test_a_program_of_ones_own_may_be_bridged(project, capsys):
+    write_starter(project / "c_arm", "js")
+    recording = record(project / "arm", project / "other", "duration=20ms")
+    program = ["node", str(project / "c_arm/controller.mjs")]
+    if shutil.which("node") is None:
+        pytest.skip("node is not installed")
+    assert replay(recording, "controller", program=program, bridge="json").steps == 4
+    words = ["replay", str(project / "other"), *REPLAY, "--abs", "1e-9", "--bridge", "json"]
+    assert cli.main([*words, "--exec", *program]) == 0
+
+
+def test_a_work_tree_that_you_have_not_run_is_shown_first(project, log, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_STATE_HOME", str(project / "state"))
+    assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.UNTRUSTED
+    said = capsys.readouterr().err
+    assert (
+        "You have not run arm/scenario.yaml on this machine. It starts, with your rights:" in said
+    )
+    assert "\n  controller  python controller.py\n" in said
+    assert cli.main(["replay", str(log), *REPLAY, "--trust"]) == 0
+    assert cli.main(["replay", str(log), *REPLAY]) == 0
+
+
+def test_files_of_another_user_are_no_work_tree_of_a_recording(project, log, monkeypatch):
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    monkeypatch.setattr(
+        "stepbus_orchestrator.replay.work_tree._owner",
+        lambda path: 12345 if path == log else 54321,
+    )
+    assert find_work_tree(Recording(log), "controller") is None
+
+
+@pytest.mark.parametrize("words", [("recover", "--out", "new.mcap"), ("diff", "run"), ("rerun",)])
+def test_the_folder_of_a_run_stands_for_its_recording(project, words):
+    record(project / "arm", project / "run")
+    assert cli.main([words[0], "run", *words[1:]]) == 0
