@@ -6,6 +6,7 @@ is. The type that is ordered changes with the seed as well. Printed is a table f
 """
 
 import argparse
+import math
 import re
 import sys
 import tempfile
@@ -14,45 +15,76 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 from mcap.reader import make_reader
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator import run_scenario as run
+from stepbus_orchestrator.recording import Recording
 
 TYPES = ("cola", "juice", "water", "soup")
 _ROW = re.compile(
-    r"^1 +(?P<item>\S+) +(?P<attempts>\d+) +(?P<detection>[\d.]+) mm +(?P<place>[\d.]+) mm"
-    r" +(?P<others>[\d.]+) mm +(?P<duration>[\d.]+) s$",
+    r"^1 +(?P<item>\S+) +(?P<attempts>\d+) +\S+(?: mm)? +(?P<seen>[\d.]+) mm +\S+(?: mm)?"
+    r" +(?P<duration>[\d.]+) s$",
     re.MULTILINE,
 )
 
 
 class Sale(NamedTuple):
-    """What came of one order; lengths [mm], duration of simulation [s]."""
+    """What came of one order; lengths [mm], duration of simulation [s].
+
+    seen: distance of the item from its spot as the mission saw it. place: the same in truth.
+    others: largest displacement of another item. drift: error of the base's pose at the end.
+    """
 
     seed: int
     item_type: str
     outcome: str
     item: str = ""
     attempts: str = ""
-    detection: str = ""
+    seen: str = ""
     place: str = ""
     others: str = ""
+    drift: str = ""
     duration: str = ""
     real_time: str = ""
 
 
-def sell(seed: int, settings: Sequence[str], out: Path) -> Sale:
+def sell(scenario: str, seed: int, settings: Sequence[str], out: Path) -> Sale:
     """Run one sale from a stock of its own."""
     item_type = TYPES[seed % len(TYPES)]
     wanted = [f"plant.params.stock.seed={seed}", f"mission.params.orders=[{item_type}]", *settings]
-    result = run(load("store", wanted), Options(out=out))
+    loaded = load(scenario, wanted)
+    result = run(loaded, Options(out=out, in_process=True))
     row = _ROW.search(summary(out / "run.mcap"))
     if result.exit_code or row is None:
         return Sale(seed, item_type, result.reason)
+    mission = next(spec for spec in loaded.participants if spec.name == "mission")
+    truth = measure(Recording(out / "run.mcap"), row["item"], mission.params["outlet"]["position"])
     return Sale(
-        seed, item_type, "sold", **row.groupdict(), real_time=f"{result.real_time_factor:.1f}"
+        seed,
+        item_type,
+        "sold",
+        **row.groupdict(),
+        **{key: f"{value * 1e3:.1f}" for key, value in truth.items()},
+        real_time=f"{result.real_time_factor:.1f}",
     )
+
+
+def measure(recording: Recording, item: str, outlet: Sequence[float]) -> dict[str, float]:
+    """Return what the true poses show of a sale [m]; outlet: where the item belongs [m]."""
+    poses = recording["plant.poses"]
+    names, types = poses.description.names, poses.description.details["type"]
+    rows = poses["position"].reshape(len(poses), len(names), 3)
+    moved = np.linalg.norm(rows[-1] - rows[0], axis=1)
+    others = [n for n, name in enumerate(names) if types[n] and name != item]
+    pose = recording["world.pose" if "world.pose" in recording else "plant.odometry"]
+    base = rows[-1][names.index("chassis")]
+    return {
+        "place": math.dist(rows[-1][names.index(item)][:2], outlet[:2]),
+        "others": float(moved[others].max()),
+        "drift": math.hypot(pose["x"][-1] - base[0], pose["y"][-1] - base[1]),
+    }
 
 
 def summary(log: Path) -> str:
@@ -72,6 +104,7 @@ def table(sales: Sequence[Sale]) -> str:
 def main() -> int:
     """Print the table; exit with 1 where fewer than 95 % were sold."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenario", default="store", help="or store/truth")
     parser.add_argument("--seeds", type=int, default=20, help="how many stocks (default: 20)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first one")
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
@@ -79,7 +112,7 @@ def main() -> int:
     sales: list[Sale] = []
     for seed in range(args.first, args.first + args.seeds):
         with tempfile.TemporaryDirectory(prefix="stepbus-store-") as folder:
-            sales.append(sell(seed, args.settings, Path(folder) / "run"))
+            sales.append(sell(args.scenario, seed, args.settings, Path(folder) / "run"))
         print(" ".join(map(str, sales[-1])), file=sys.stderr, flush=True)
     sold = sum(sale.outcome == "sold" for sale in sales)
     print(table(sales))

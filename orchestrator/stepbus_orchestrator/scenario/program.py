@@ -40,6 +40,7 @@ OURS = (
     "stepbus_scenarios",
     "stepbus_schemas",
     "stepbus_selftest",
+    "stepbus_world_model",
 )
 """Packages of this installation: no folder of that name in a scenario's folder replaces one."""
 

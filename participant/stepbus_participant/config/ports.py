@@ -36,6 +36,17 @@ class Ports:
         has_one = any(port.type == type_name for port in self._config.outputs.values())
         return self.output_of(type_name) if has_one else None
 
+    def input_beside(self, type_name: str, name: str) -> tuple[str, str]:
+        """Return the input of a message type, and the other one of that type, which has a name.
+
+        They are the same unless there are two, one of them called `name`.
+        """
+        names = [port for port, row in self._config.inputs.items() if row.type == type_name]
+        if name in names and len(names) == 2:
+            return next(port for port in names if port != name), name
+        only = self.input_of(type_name)
+        return only, only
+
     def event_outputs(self) -> tuple[str, str]:
         """Return the output of Event/1 for what happens, and that for the summary.
 

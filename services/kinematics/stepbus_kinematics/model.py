@@ -145,6 +145,12 @@ class RobotModel:
         pin.framesForwardKinematics(self.model, self.data, self.in_model(q))
         return self.data.oMf[number].copy()
 
+    def frame_poses(self, q: Vector, frames: Sequence[str]) -> list[Any]:
+        """Return the poses of several frames, see `frame_pose`."""
+        numbers = [self.frame_id(frame) for frame in frames]
+        pin.framesForwardKinematics(self.model, self.data, self.in_model(q))
+        return [self.data.oMf[number].copy() for number in numbers]
+
     def chain(self, tip: str) -> Indices:
         """Return which of the joints move a frame."""
         frame = self.model.frames[self.frame_id(tip)]

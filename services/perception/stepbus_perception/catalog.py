@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -106,6 +106,26 @@ def read_catalog(port: str, described: Description) -> Catalog:
         others=tuple(dict.fromkeys(other)),
         items={link: name for link, name in zip(described.names, types, strict=True) if name},
     )
+
+
+def with_landmarks(
+    catalog: Catalog, port: str, described: Description, name: str, radius: float
+) -> Catalog:
+    """Return a catalog with another type, that of the landmarks: round and level.
+
+    name: of the type; the names of their links begin with it. radius: [m]. They all have the colour
+    of the first one. Raises WiringError where there are none, or where they have no colour.
+    """
+    links = [number for number, link in enumerate(described.names) if link.startswith(name)]
+    if not links:
+        raise WiringError(f"input {port!r} has no link whose name begins with {name!r}")
+    color = _color(port, described.names[links[0]], described.details["color"][links[0]])
+    if color is None:
+        raise WiringError(f"input {port!r}: landmark {described.names[links[0]]!r} has no colour")
+    face = Face(outline=Disc(radius), offset=(0.0, 0.0, 0.0))
+    mark = ItemType(name=name, color=color, faces=(face,), centre=(0.0, 0.0, 0.0))
+    others = tuple(other for other in catalog.others if other != color)
+    return replace(catalog, types=(*catalog.types, mark), others=others)
 
 
 def _grid(face: Face) -> Vector:

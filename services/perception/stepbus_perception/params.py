@@ -23,5 +23,10 @@ class Params(Settings):
     """Simulation time without images before a warning in the log [s]."""
     min_confidence: Annotated[Share, needed_when(source="camera")] = 0.2
     """Detections below it are dropped."""
+    landmark: Annotated[str, needed_when(source="camera")] = ""
+    """Type under which landmarks are published: round marks whose links have names that begin with
+    it. Default: there are none."""
+    landmark_radius: Annotated[Positive, needed_when(source="camera")] = 0.015
+    """Of each landmark [m]."""
     period: Annotated[Positive, needed_when(source="truth")] = 0.1
     """Between two messages [s]."""

@@ -17,7 +17,7 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .catalog import Catalog, read_catalog
+from .catalog import Catalog, read_catalog, with_landmarks
 from .geometry import turn_about_z
 from .images import View, make_view
 from .robot import read_angles
@@ -82,6 +82,9 @@ class PerceptionParticipant(Participant):
         try:
             catalog = read_catalog(settings.poses, described)
             if isinstance(settings.source, CameraSettings):
+                if name := settings.source.landmark:
+                    radius = settings.source.landmark_radius
+                    catalog = with_landmarks(catalog, settings.poses, described, name, radius)
                 joints = inputs[settings.source.joint_state]
                 self._camera = CameraSource(settings.source, settings.frame, catalog, joints)
             else:

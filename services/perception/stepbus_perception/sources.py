@@ -17,7 +17,8 @@ class CameraSettings:
 
     images: the two input ports. joint_state: input port. mount: where the camera is.
     timeout: simulation time without images after which a warning is due [s]. min_confidence:
-    finds below it are dropped.
+    finds below it are dropped. landmark: type of landmarks; empty: there are none.
+    landmark_radius: [m].
     """
 
     images: tuple[str, str]
@@ -25,6 +26,8 @@ class CameraSettings:
     mount: CameraMount
     timeout: float
     min_confidence: float
+    landmark: str
+    landmark_radius: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +65,8 @@ def read_settings(config: Config) -> PerceptionSettings:
             mount=_mount(config, params),
             timeout=params.timeout,
             min_confidence=params.min_confidence,
+            landmark=params.landmark,
+            landmark_radius=params.landmark_radius,
         )
     else:
         period_ns = config.step_ns * config.every

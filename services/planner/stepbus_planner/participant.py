@@ -35,7 +35,8 @@ class PlannerParticipant(Participant):
     """Plans collision-free paths of a robot's joints.
 
     Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender
-    describes with `details` `shape` and `body`. Outputs: one Plan/1 and, if the scenario wires it,
+    describes with `details` `shape` and `body`; if there are two, the one called `planogram` has
+    the description, and the other one the poses. Outputs: one Plan/1 and, if the scenario wires it,
     one Event/1 that reports every answer.
 
     The answer to a request comes exactly `latency` later, however long the computation takes: it
@@ -48,7 +49,7 @@ class PlannerParticipant(Participant):
         super().__init__(config)
         ports = Ports(config)
         self._request_port = ports.input_of("PlanRequest/1")
-        self._poses_port = ports.input_of("Poses/1")
+        self._poses_port, self._map_port = ports.input_beside("Poses/1", "planogram")
         self._plan_port = ports.output_of("Plan/1")
         self._event_port = ports.optional_output_of("Event/1")
         ports.outputs_are("Plan/1", "Event/1")
@@ -95,7 +96,7 @@ class PlannerParticipant(Participant):
                 f"{', '.join(requested)}, params.joints are {', '.join(setup.robot.joints)}"
             )
         try:
-            obstacles = Obstacles(self._poses_port, inputs[self._poses_port], setup.frame)
+            obstacles = Obstacles(self._map_port, inputs[self._map_port], setup.frame)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc

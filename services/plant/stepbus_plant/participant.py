@@ -9,6 +9,7 @@ from stepbus_participant import Config, Method, Participant, Problems, Step, for
 from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
 
 from .devices import camera
+from .devices import planogram as plan
 from .devices import registry as devices
 from .devices.registry import Driver
 from .params import Params
@@ -26,10 +27,11 @@ class PlantParticipant(Participant):
     """Publishes a JointState on each of its outputs and executes a JointCommand from each input.
 
     Bases, grippers and contact sensors have ports of their own types, named after the device. Each
-    output of type Poses/1 carries the true poses of the links in `params.poses`. Warnings about
-    commands go to outputs of type Event/1, or to the log if there is none. The scenario gives the
-    plant `publishes: first`. Until its first command, a joint swings freely in mode torque and
-    holds its position in modes velocity and position.
+    output of type Poses/1 carries the true poses of the links in `params.poses`, or once, if it is
+    called `planogram`, where they belong. Warnings about commands go to outputs of type Event/1, or
+    to the log if there is none. The scenario gives the plant `publishes: first`. Until its first
+    command, a joint swings freely in mode torque and holds its position in modes velocity and
+    position.
     """
 
     def __init__(self, config: Config) -> None:
@@ -51,6 +53,7 @@ class PlantParticipant(Participant):
                 name for name, port in outputs if port.type == camera.TYPE
             )
             self._links = self.plant.describe_poses(self._poses) if self._pose_ports else None
+            self._planogram = self.plant.planogram(self._poses)
             self._devices = {
                 name: self.plant.devices.sensor(name, port.type)
                 for name, port in outputs
@@ -107,6 +110,10 @@ class PlantParticipant(Participant):
         messages: dict[str, Message] = dict.fromkeys(self._state_ports, state)
         if self._pose_ports and self.plant.t_ns % self._poses_period == 0:
             messages.update(dict.fromkeys(self._pose_ports, self._poses.sense()))
+        if plan.PORT in self._pose_ports:
+            messages.pop(plan.PORT, None)
+            if self.plant.t_ns == 0:
+                messages[plan.PORT] = self._planogram
         messages.update({port: device.sense() for port, device in self._devices.items()})
         messages.update(self._views.images(self.plant.t_ns))
         if self._warnings or self._events:

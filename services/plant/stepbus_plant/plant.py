@@ -7,9 +7,10 @@ from typing import Any
 import msgspec
 
 from stepbus_participant import Problems, suggest
-from stepbus_schemas import Description, JointState, WiringError
+from stepbus_schemas import Description, JointState, Poses, WiringError
 
 from .devices.camera import Cameras
+from .devices.planogram import planogram
 from .devices.poses import PoseSensor
 from .devices.registry import Devices
 from .errors import PhysicsError
@@ -202,6 +203,10 @@ class Plant:
         Raises WiringError for shapes of a URDF that cannot be parsed.
         """
         return sensor.describe(self.world, self.physics.urdfs)
+
+    def planogram(self, sensor: PoseSensor) -> Poses:
+        """Return where the links of a pose sensor belong, see `devices.planogram`."""
+        return planogram(sensor.names, sensor.sense(), self.world.items)
 
     def joint_calls(self) -> JointCalls:
         """Return the calls that query joints and teleport them."""

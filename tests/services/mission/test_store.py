@@ -12,7 +12,7 @@ from stepbus_schemas import Description, WiringError, encode
 
 ONE_SALE = (
     "order>tuck>drive>open>inspect>find>approach>correct>check_width>down>close>check_grip>lift>check_lift>"
-    "retreat>check_height>reverse>home>above>place>let_go>up>verify"
+    "retreat>check_height>reverse>home>above>aim>place>let_go>up>verify"
 )
 GOODS = (("cola", 2), ("cola", 3), ("water", 4), ("juice", 5))
 
@@ -43,6 +43,19 @@ def test_several_orders_stand_in_a_row():
     assert result.end == "mission: 3 of 3 sales are done"
     xs = [store.things[name].x for name in ("water_a1_4", "cola_a1_2", "juice_a1_5")]
     assert xs == pytest.approx([0.03, 0.15, 0.27])
+
+
+def test_ten_orders_stand_in_two_rows_the_one_at_the_back_first():
+    goods = [(kind, column) for column, kind in enumerate(["cola", "juice"] * 5, 1)]
+    store = FakeStore(shelf_a(*goods))
+    outlet = {"position": [0.15, 0.65, 0.35], "pitch": 0.1, "rows": 2}
+    result = sell(store, orders=["cola", "juice"] * 5, outlet=outlet)
+    assert result.end == "mission: 10 of 10 sales are done"
+    rows = sorted((round(t.y, 3), round(t.x, 3)) for t in store.things.values())
+    xs = [-0.05, 0.05, 0.15, 0.25, 0.35]
+    assert rows == [*((0.58, x) for x in xs), *((0.72, x) for x in xs)]
+    first = store.things["cola_a1_1"]
+    assert (first.x, first.y) == pytest.approx((-0.05, 0.72))
 
 
 def test_the_summary_is_a_table_of_the_sales():

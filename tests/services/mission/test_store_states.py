@@ -58,6 +58,8 @@ def test_every_passage_of_the_table_is_walked():
             found |= walked(params, fails=fails, **faults)
         if "dropped" in STATES[state].then:
             found |= walked({"safe_height": 0.25}, drops=((state, 1),))
+    late = {"verification": "camera", "waits": {"lost": 0.3}}
+    found |= walked(late, drift=(0.0, 0.0, 0.0), drops=(("above", 1),))
     found |= walked(fails=dict.fromkeys(_DOWN[:6], "blocked"))
     found |= walked(noise=0.006) | walked(empty_grips=1) | walked(slips=9)
     found |= walked(hidden=("cola_a1_2", "cola_a1_3")) | walked({"opening": 0.05})

@@ -154,3 +154,19 @@ def test_a_kind_whose_mass_cannot_be_scaled_is_refused_with_its_line(tmp_path, m
     told = str(caught.value).splitlines()
     assert len(told) == 4
     assert all(sentence in line for line in told)
+
+
+def test_a_planogram_has_the_slots_to_the_centimetre(tmp_path):
+    text = STOCK.replace("[0.0, 0, 0.5]", "[0.004, 0, 0.5]")
+    world = load(tmp_path, text=text)
+    plant = Plant(world, Params(world="world.yaml"), 8_000_000, 0)
+    sensor = plant.pose_sensor(None)
+    true, plan = sensor.sense(), plant.planogram(sensor)
+    for name, truth, place in zip(sensor.names, true.position, plan.position, strict=True):
+        if name in world.items:
+            assert place[:2] == tuple(round(value, 2) for value in place[:2])
+            assert place != truth
+            assert place == pytest.approx(truth, abs=0.005 + 0.003 + 1e-6)
+        else:
+            assert place == truth
+    plant.close()

@@ -11,8 +11,7 @@ from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of
 from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
-NAMES = ("plant", "perception", "mission", "controller", "planner")
-PATIENT = [f"{name}.spawn_timeout=120s" for name in NAMES]
+NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
 
 
 @cache
@@ -34,7 +33,8 @@ slow_with_robots = [
 
 def store(folder, *overrides, scenario="store/truth", in_process=True):
     """Run the store; in one process it takes half the time, and records the same bytes."""
-    loaded = load(scenario, [*PATIENT, *overrides])
+    names = NAMES if scenario == "store" else [name for name in NAMES if name != "world"]
+    loaded = load(scenario, [*(f"{name}.spawn_timeout=120s" for name in names), *overrides])
     # Only a process can be killed.
     in_process = in_process and not faults_of(loaded.faults, PROCESS_FAULTS)
     return run(loaded, Options(out=folder / "out", in_process=in_process))

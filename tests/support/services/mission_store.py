@@ -35,6 +35,8 @@ SHAPES = {
     "juice": "box 0.06 0.06 0.12" + AT,
 }
 BOTTOMS = {"cola": 0.0575, "water": 0.05, "juice": 0.06}
+CENTRES = {"water": 0.025}
+"""Height of the centre of the bounding box above the middle of the body [m]."""
 WIDTHS = {"cola": 0.066, "water": 0.064, "juice": 0.06}
 SHELF_A = {"front": [1.95, 0.0], "yaw": 0.0}
 SHELF_B = {"front": [0.0, -1.95], "yaw": -math.pi / 2}
@@ -47,8 +49,8 @@ PARAMS = {
 }
 
 
-def config(**params) -> Config:
-    """Return the configuration of a mission wired as in the scenario."""
+def config(*, localized: bool = False, **params) -> Config:
+    """Return the configuration of a mission; localized: wired as in `store`, else `store/truth`."""
     inputs = {
         "poses": ("plant", "Poses/1"),
         "detections": ("perception", "Detections/1"),
@@ -56,6 +58,8 @@ def config(**params) -> Config:
         "odometry": ("plant", "BaseState/1"),
         "goal_status": ("controller", "GoalStatus/1"),
     }
+    if localized:
+        inputs |= {"planogram": ("plant", "Poses/1"), "pose": ("world", "BaseState/1")}
     return Config(
         name="mission",
         step_ns=STEP_NS,
@@ -116,7 +120,8 @@ class FakeStore:
     noise: of every other one. hidden: names that are not seen. dark: no detections, from an event
     on. drifts: the base does not stand. place_shift: of an item that is let go of [m]. tips: it
     falls over then. seen_width: what the gripper says instead of the truth [m].
-    frame: that the detections say they are given in.
+    frame: that the detections say they are given in. drift: where the map has the origin of
+    odometry, x, y, yaw [m, rad]; then the mission gets a planogram and a pose instead of the truth.
     """
 
     things: dict[str, Thing]
@@ -138,6 +143,7 @@ class FakeStore:
     tips: bool = False
     seen_width: float | None = None
     frame: str = "chassis"
+    drift: tuple | None = None
 
     def __post_init__(self):
         self.base = (0.0, 0.0, 0.0)
@@ -151,6 +157,21 @@ class FakeStore:
         self.news = []
         self.pictures = 0
         self.is_dark = self.dark == ("order", 0)
+        self.planogram = self.poses()
+        for thing in self.things.values() if self.drift else ():
+            # A fake store lives in the frame of odometry.
+            thing.x, thing.y, thing.yaw = self.in_odometry(thing.x, thing.y, thing.yaw)
+
+    def in_odometry(self, x, y, yaw):
+        x0, y0, yaw0 = self.drift
+        c, s = math.cos(yaw0), math.sin(yaw0)
+        return c * (x - x0) + s * (y - y0), c * (y - y0) - s * (x - x0), yaw - yaw0
+
+    def pose(self) -> BaseState:
+        """Return where the base is on the map."""
+        (x, y, yaw), (x0, y0, yaw0) = self.base, self.drift
+        c, s = math.cos(yaw0), math.sin(yaw0)
+        return BaseState(x=x0 + c * x - s * y, y=y0 + s * x + c * y, yaw=yaw0 + yaw, vx=0.0, wz=0.0)
 
     def description(self) -> Description:
         names = ["chassis", *self.things, "outlet_top"]
@@ -191,7 +212,10 @@ class FakeStore:
         return Detections(
             frame=self.frame,
             types=[kind for kind, *_ in seen],
-            position=[(c * x + s * y, c * y - s * x, t.z) for _, x, y, t in seen],
+            position=[
+                (c * x + s * y, c * y - s * x, t.z + CENTRES.get(t.kind, 0.0))
+                for _, x, y, t in seen
+            ],
             orientation=[(0.0, 0.0, math.sin(h), math.cos(h)) for h in half],
             confidence=[1.0] * len(seen),
         )
@@ -316,8 +340,9 @@ class Result:
 
 def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
     """Run a mission against a store until it ends; raises AssertionError where it does not."""
-    mission = StoreMission(config(**params))
-    mission.start({"poses": store.description()})
+    localized = store.drift is not None
+    mission = StoreMission(config(localized=localized, **params))
+    mission.start({port: store.description() for port in ("poses", "planogram")})
     walked = _watch(mission)
     stand = Stand(mission)
     result = Result([], [], "", "", "", walked)
@@ -327,6 +352,8 @@ def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
             "odometry": store.odometry(),
             "gripper": store.gripper(),
         }
+        if localized:
+            messages |= {"poses": store.planogram, "pose": store.pose()}
         if store.news and (status := store.news.pop(0)) is not None:
             messages["goal_status"] = status
         if index % 5 == 0 and (found := store.detections()) is not None:

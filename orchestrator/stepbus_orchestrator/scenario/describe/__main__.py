@@ -37,6 +37,7 @@ SERVICES = (
     "stepbus_mission.store",
     "stepbus_perception",
     "stepbus_planner",
+    "stepbus_world_model",
 )
 """What `python -m` runs; their `params` are in the schema of a scenario."""
 

@@ -1,15 +1,14 @@
 """Decides when each state ends, and with which outcome: one function per state."""
 
-import math
 from collections.abc import Callable, Mapping
 
 from .approaches import APPROACHES
-from .detection import correct, find
-from .geometry import tilt_of
-from .report import SaleResult, Unsold
+from .detection import aim, correct, find
+from .report import Unsold
 from .state import Outcome, Sale, StoreState
 from .states import STATES
 from .stock import Item
+from .verification import verify
 
 Check = Callable[[StoreState], Outcome | None]
 """Returns the outcome of a state, or None while the state continues."""
@@ -160,6 +159,11 @@ def _dropped(store: StoreState) -> Outcome | None:
     return Outcome(name="dropped", cause="dropped", text=text)
 
 
+def _aim(store: StoreState) -> Outcome | None:
+    """Locate the outlet, unless the item is lost."""
+    return _dropped(store) or aim(store)
+
+
 def check_grip(store: StoreState) -> Outcome | None:
     """Check that the closed gripper holds something as wide as the item."""
     return _held(store, "not_held", "not held")
@@ -235,59 +239,6 @@ def check_width(store: StoreState) -> Outcome | None:
     return Outcome(name="too_wide" if is_wide else "wide")
 
 
-def verify(store: StoreState) -> Outcome | None:
-    """Check the item's true pose, and that no other item was moved."""
-    if store.elapsed < store.settings.waits.rest:
-        return None
-    result = _measure(store)
-    fault = _fault(store, result)
-    if fault:
-        return Outcome(name="misplaced", cause="misplaced", text=fault)
-    store.results.append(result)
-    store.report(
-        f"placed {result.place_error * 1e3:.1f} mm from its spot after {result.duration:.1f} s"
-    )
-    store.sold.append(result.item)
-    store.stock.update(result.item, store.inputs.poses)
-    store.witness.settle(result.item, store.inputs.poses)
-    store.sale = None
-    return Outcome(name="good")
-
-
-def _measure(store: StoreState) -> SaleResult:
-    """Return the result of the sale, measured from the true poses."""
-    sale, item = store.now
-    x, y, _ = store.stock.pose(item.name, store.inputs.poses)[0]
-    spot = store.settings.outlet_spot(sale.number - 1)
-    return SaleResult(
-        number=sale.number,
-        item=item.name,
-        attempts=sale.attempts,
-        detection_error=sale.detection_error,
-        place_error=math.hypot(x - spot.x, y - spot.y),
-        moved=store.witness.largest(store.inputs.poses, item.name)[0],
-        duration=store.since(sale.start_ns),
-    )
-
-
-def _fault(store: StoreState, result: SaleResult) -> str:
-    """Return what is wrong with the placement; empty: nothing."""
-    allowed = store.settings.tolerances
-    _, item = store.now
-    position, turn = store.stock.pose(item.name, store.inputs.poses)
-    raised = position[2] + item.measures.bottom - store.settings.outlet.position[2]
-    if result.place_error > allowed.placed:
-        return f"misplaced, {result.place_error * 1e3:.1f} mm from its spot"
-    if tilt_of(turn) > allowed.tilt:
-        return f"not upright, tilted by {math.degrees(tilt_of(turn)):.0f}°"
-    if abs(raised) > allowed.placed:
-        return f"misplaced, its bottom is {raised * 1e3:.1f} mm above the top of the outlet"
-    if result.moved > allowed.moved:
-        other = store.witness.largest(store.inputs.poses, item.name)[1]
-        return f"{other} was moved by {result.moved * 1e3:.1f} mm"
-    return ""
-
-
 def at_rest(store: StoreState) -> Outcome | None:
     """Wait until the arm is at rest and the base has been at rest for a while."""
     visit, waits = store.visit, store.settings.waits
@@ -320,6 +271,7 @@ CHECKS: Mapping[str, Check] = {
     "order": choose,
     "find": find,
     "correct": correct,
+    "aim": _aim,
     "check_width": check_width,
     "check_grip": check_grip,
     "check_lift": check_lift,

@@ -9,6 +9,9 @@ from .geometry import Spot, spot_of, yaw_of
 from .goals import ODOMETRY
 from .state import Outcome, StoreState
 
+_AIMS = 2
+"""Views of the outlet before an item is put down: the second one is corrected by the first."""
+
 
 def find(store: StoreState) -> Outcome | None:
     """Locate the item near its expected position."""
@@ -28,6 +31,20 @@ def find(store: StoreState) -> Outcome | None:
     return None
 
 
+def aim(store: StoreState) -> Outcome | None:
+    """Wait above the outlet until its landmarks have corrected the pose of the base."""
+    visit, waits = store.visit, store.settings.waits
+    if store.inputs.pose is None:
+        return Outcome(name="aimed")
+    if store.elapsed >= waits.still and store.inputs.detections is not None:
+        visit.views += 1
+    if visit.views < _AIMS and store.elapsed < waits.camera:
+        return None
+    if visit.views < _AIMS:
+        store.report(f"the camera shows nothing above the outlet for {waits.camera:g} s", "warning")
+    return Outcome(name="aimed")
+
+
 def correct(store: StoreState) -> Outcome | None:
     """Locate the item again from close up, until it is below the gripper."""
     sale, item = store.now
@@ -35,8 +52,9 @@ def correct(store: StoreState) -> Outcome | None:
     if spot is None or isinstance(spot, Outcome):
         return spot
     off = _distance(spot, store.expected())
-    truth = store.stock.pose(item.name, store.inputs.poses)[0]
-    sale.detection_error = math.hypot(spot.x - truth[0], spot.y - truth[1])
+    if store.settings.verification == "truth":
+        truth = store.stock.pose(item.name, store.inputs.poses)[0]
+        sale.detection_error = math.hypot(spot.x - truth[0], spot.y - truth[1])
     sale.detected = spot
     if off < store.settings.tolerances.steady:
         return Outcome(name="steady")
@@ -62,30 +80,31 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
         return Outcome(name="blind", cause="blind", text=text)
     visit.views += 1
-    spot = _nearest(store, store.inputs.detections)
-    if spot is None and visit.views == store.settings.views:
+    seen = nearest(store, store.inputs.detections, store.expected())
+    if seen is None and visit.views == store.settings.views:
         return Outcome(
             name="missing", cause="missing", text=_missing(store, store.inputs.detections)
         )
-    return spot
+    return None if seen is None else seen[0]
 
 
-def _nearest(store: StoreState, found: Detections) -> Spot | None:
-    """Return the nearest detection of the item's type, if it is near enough."""
+def nearest(store: StoreState, found: Detections, expected: Spot) -> tuple[Spot, float] | None:
+    """Return the detection of the item's type nearest to a spot, and the height of its centre [m].
+
+    None: none is near enough.
+    """
     _, item = store.now
-    expected = store.expected()
     _check(found)
+    rows = zip(found.types, found.position, found.orientation, strict=True)
     spots = [
-        _in_odometry(store, found.frame, position, yaw_of(orientation))
-        for item_type, position, orientation in zip(
-            found.types, found.position, found.orientation, strict=True
-        )
+        (_in_odometry(store, found.frame, position, yaw_of(orientation)), position[2])
+        for item_type, position, orientation in rows
         if item_type == item.type
     ]
-    spot = min(spots, key=lambda spot: _distance(spot, expected), default=None)
-    if spot is None or _distance(spot, expected) > store.settings.tolerances.found:
+    seen = min(spots, key=lambda row: _distance(row[0], expected), default=None)
+    if seen is None or _distance(seen[0], expected) > store.settings.tolerances.found:
         return None
-    return spot
+    return seen
 
 
 def _check(found: Detections) -> None:
@@ -120,7 +139,7 @@ def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> 
 def _missing(store: StoreState, found: Detections) -> str:
     _, item = store.now
     near = store.settings.tolerances.found * 1e3
-    types = ", ".join(dict.fromkeys(found.types)) or "nothing"
+    types = ", ".join(t for t in dict.fromkeys(found.types) if t in store.stock.types) or "nothing"
     return (
         f"missing, no {item.type} within {near:g} mm of where {item.name} should be in "
         f"{store.visit.views} views; seen: {types}"

@@ -26,6 +26,11 @@ class Spot:
             x=self.x + c * distance - s * left, y=self.y + s * distance + c * left, yaw=self.yaw
         )
 
+    def sees(self, x: float, y: float) -> tuple[float, float]:
+        """Return how far a point is ahead and to the left [m]."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return c * (x - self.x) + s * (y - self.y), c * (y - self.y) - s * (x - self.x)
+
     def left_of(self, x: float, y: float) -> float:
         """Return how far a point lies to the left of the line ahead [m]."""
         return math.cos(self.yaw) * (y - self.y) - math.sin(self.yaw) * (x - self.x)

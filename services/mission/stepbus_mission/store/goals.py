@@ -27,7 +27,7 @@ def drive(store: StoreState) -> Goal:
     _, item = store.now
     shelf = store.shelf(item)
     column = shelf.left_of(item.position[0], item.position[1])
-    return _go_to(store, shelf.ahead(-store.settings.stand, left=column))
+    return _go_to(store, store.in_odometry(shelf.ahead(-store.settings.stand, left=column)))
 
 
 def open_gripper(store: StoreState) -> Goal:
@@ -95,7 +95,7 @@ def reverse(store: StoreState) -> Goal:
 
 def home(store: StoreState) -> Goal:
     """Drive home with the item."""
-    return _go_to(store, store.settings.home_spot)
+    return _go_to(store, store.in_odometry(store.settings.home_spot))
 
 
 def above(store: StoreState) -> Goal:
@@ -229,7 +229,7 @@ def _carried(store: StoreState) -> Spot:
 def _spot(store: StoreState) -> Spot:
     """Return the sale's spot in the outlet."""
     sale, _ = store.now
-    return _aligned(store, store.settings.outlet_spot(sale.number - 1))
+    return _aligned(store, store.in_odometry(store.settings.outlet_spot(sale.number - 1)))
 
 
 def _aligned(store: StoreState, spot: Spot) -> Spot:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -47,16 +47,20 @@ class Shelf(Settings):
 
 
 class Outlet(Settings):
-    """Where the robot puts sold items: one spot per order, from left to right for the robot."""
+    """Where the robot puts sold items: a spot per order, from left to right, the back row first."""
 
     position: Vector3
-    """Middle of the row, on top of the outlet [m]."""
+    """Middle of the rows, on top of the outlet [m]."""
     yaw: Finite = math.pi / 2
     """Heading that faces it [rad]."""
     pitch: Positive = 0.12
     """Distance between spots [m]."""
     length: Positive = 0.5
-    """Length of the row of spots [m]."""
+    """Length of a row of spots [m]."""
+    rows: Count = 1
+    """Number of rows."""
+    depth: Positive = 0.14
+    """Distance between rows [m]."""
     link: Text = "outlet_top"
     """Its link, which the gripper may touch while it puts an item down."""
 
@@ -117,6 +121,9 @@ class Params(Settings):
     """How far the base backs up from there before it turns [m]."""
     carry: tuple[Finite, Finite] = (0.45, 0.0)
     """Where an item is carried: ahead and to the left of the base [m]."""
+    verification: Literal["camera", "truth"] = "truth"
+    """Who says where a sold item stands, and whether others were moved: `camera`: what is seen from
+    above the outlet, others are not checked; `truth`: the plant's poses, for comparison."""
     base_frame: Text = "chassis"
     """Link that detections are given in."""
     tip: Text = "grasp"
@@ -169,9 +176,12 @@ class Params(Settings):
         for name in dict.fromkeys(items):
             if items.count(name) > 1:
                 yield ("orders",), f"item {name!r} is sold twice"
-        count, outlet = len(self.orders), self.outlet
+        outlet = self.outlet
+        count = self._in_a_row
         if count * outlet.pitch > outlet.length + 1e-9:
             text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
+            if outlet.rows > 1:
+                text = f"{outlet.rows} rows for {len(self.orders)} orders: {text}"
             yield ("outlet",), text
 
     def _unknown_types(self) -> Iterator[tuple[Keys, str]]:
@@ -192,12 +202,19 @@ class Params(Settings):
         x, y, yaw = self.home
         return Spot(x=x, y=y, yaw=yaw)
 
+    @property
+    def _in_a_row(self) -> int:
+        """Return the largest number of orders in a row of the outlet."""
+        return -(-len(self.orders) // self.outlet.rows)
+
     def outlet_spot(self, number: int) -> Spot:
         """Return the spot of an order in the outlet; number: counted from 0."""
-        x, y, _ = self.outlet.position
-        middle = Spot(x=x, y=y, yaw=self.outlet.yaw)
-        left = self.outlet.pitch * ((len(self.orders) - 1) / 2 - number)
-        return middle.ahead(0.0, left=left)
+        outlet = self.outlet
+        x, y, _ = outlet.position
+        row, column = divmod(number, self._in_a_row)
+        left = outlet.pitch * ((self._in_a_row - 1) / 2 - column)
+        behind = outlet.depth * ((outlet.rows - 1) / 2 - row)
+        return Spot(x=x, y=y, yaw=outlet.yaw).ahead(behind, left=left)
 
 
 def unknown_type(given: str, types: Sequence[str]) -> str:

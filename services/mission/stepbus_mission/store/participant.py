@@ -42,9 +42,11 @@ class _PortNames:
     """Names of the ports; summary may be the same as events."""
 
     poses: str
+    planogram: str
     detections: str
     gripper: str
     odometry: str
+    pose: str
     status: str
     contacts: str | None
     goal: str
@@ -55,10 +57,13 @@ class _PortNames:
 class StoreMission(Participant):
     """Fulfils one order after the other; any failure triggers an emergency stop and fails the run.
 
-    Inputs: Poses/1, the true poses from the plant, for the inventory at the first step and for the
-    verification of each sale; Detections/1, GripperState/1, BaseState/1 and GoalStatus/1; where the
-    scenario wires it, Contacts/1, to tell what the robot moved from what others moved. Outputs:
-    Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the report.
+    Inputs: Poses/1, where items are as far as the mission may know: true poses from the plant, or
+    those of a world model, with its planogram beside it; for the inventory at the first step, and
+    where `verification` is `truth`, for that of each sale; Detections/1, GripperState/1,
+    GoalStatus/1; BaseState/1, odometry, and another one called `pose`, where the base is on the
+    map, if odometry drifts; where the scenario wires it, Contacts/1, to tell what the robot moved
+    from what others moved. Outputs: Goal/1, and Event/1 with the log; an output of type Event/1
+    named `summary` carries the report.
     `Params` has the parameters; `docs/services/store_mission.md` lists them.
 
     Raises RunError after a failed sale, at the step after the last event.
@@ -84,7 +89,7 @@ class StoreMission(Participant):
 
         Raises WiringError for orders of unknown items, and for an unknown outlet.
         """
-        description = inputs[self._ports.poses]
+        description = inputs[self._ports.planogram]
         stock = Stock(description, list(self._settings.shelves))
         problems = _unknown(self._settings, stock, description.names)
         if problems:
@@ -117,22 +122,27 @@ class StoreMission(Participant):
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
             visit = Visit(state=FIRST, start_ns=step.t_ns)
-            tolerance = self._settings.tolerances.moved
             self._store = StoreState(
                 settings=self._settings,
                 stock=self._stock,
-                witness=Witness(self._stock, inputs.poses, tolerance),
+                witness=self._witness_of(inputs.poses),
                 visit=visit,
                 inputs=inputs,
             )
         self._store.inputs = inputs
-        if step.is_new(self._ports.poses):
-            self._witness(self._store)
+        if self._store.witness is not None and step.is_new(self._ports.poses):
+            self._watch(self._store, self._store.witness)
         return self._store
 
-    def _witness(self, store: StoreState) -> None:
+    def _witness_of(self, poses: Poses) -> Witness | None:
+        """Return who watches all items; None: without the truth, nobody can."""
+        if self._settings.verification != "truth":
+            return None
+        return Witness(self._stock, poses, self._settings.tolerances.moved)
+
+    def _watch(self, store: StoreState, witness: Witness) -> None:
         """Report items that others move."""
-        inputs, witness = store.inputs, store.witness
+        inputs = store.inputs
         if inputs.contacts is not None:
             witness.feel(inputs.contacts, self._robot_links)
         sold = store.sale.item.name if store.sale and store.sale.item else ""
@@ -150,6 +160,7 @@ class StoreMission(Participant):
             t_ns=step.t_ns,
             poses=step.read(ports.poses, Poses),
             odometry=step.read(ports.odometry, BaseState),
+            pose=step.read(ports.pose, BaseState) if ports.pose != ports.odometry else None,
             gripper=step.read(ports.gripper, GripperState),
             status=status if is_newest else None,
             detections=step.get(ports.detections, Detections) if fresh else None,
@@ -247,11 +258,15 @@ def _all_unsold(store: StoreState) -> list[Unsold]:
 def _find_ports(ports: Ports) -> _PortNames:
     events, summary_port = ports.event_outputs()
     ports.outputs_are("Goal/1", "Event/1")
+    poses, planogram = ports.input_beside("Poses/1", "planogram")
+    odometry, pose = ports.input_beside("BaseState/1", "pose")
     return _PortNames(
-        poses=ports.input_of("Poses/1"),
+        poses=poses,
+        planogram=planogram,
         detections=ports.input_of("Detections/1"),
         gripper=ports.input_of("GripperState/1"),
-        odometry=ports.input_of("BaseState/1"),
+        odometry=odometry,
+        pose=pose,
         status=ports.input_of("GoalStatus/1"),
         contacts=ports.optional_input_of("Contacts/1"),
         goal=ports.output_of("Goal/1"),

@@ -12,16 +12,16 @@ class SaleResult:
     """The result of a sale.
 
     attempts: to grasp the item. detection_error: of the last detection [m]. place_error: of the
-    item's position in the outlet [m]. moved: largest displacement of another item [m]. duration:
-    of the sale [s].
+    item's position in the outlet [m]. moved: largest displacement of another item [m]. None: nobody
+    knows. duration: of the sale [s].
     """
 
     number: int
     item: str
     attempts: int
-    detection_error: float
+    detection_error: float | None
     place_error: float
-    moved: float
+    moved: float | None
     duration: float
 
     def cells(self) -> tuple[str, ...]:
@@ -30,9 +30,10 @@ class SaleResult:
             str(self.number),
             self.item,
             str(self.attempts),
-            f"{self.detection_error * 1e3:.1f} mm",
-            f"{self.place_error * 1e3:.1f} mm",
-            f"{self.moved * 1e3:.1f} mm",
+            *(
+                "-" if value is None else f"{value * 1e3:.1f} mm"
+                for value in (self.detection_error, self.place_error, self.moved)
+            ),
             f"{self.duration:.1f} s",
         )
 
@@ -74,7 +75,9 @@ def summary(
     last = f"{len(results)} of {orders} sales in {duration:.1f} s"
     if results:
         place = max(result.place_error for result in results) * 1e3
-        moved = max(result.moved for result in results) * 1e3
-        last += f"; placed within {place:.1f} mm, other items moved up to {moved:.1f} mm"
+        last += f"; placed within {place:.1f} mm"
+        moved = [result.moved for result in results if result.moved is not None]
+        if moved:
+            last += f", other items moved up to {max(moved) * 1e3:.1f} mm"
     parts = [table(results, unsold), last] if results or unsold else [last]
     return "\n".join([*parts, failure] if failure else parts)

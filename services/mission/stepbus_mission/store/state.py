@@ -6,7 +6,7 @@ from typing import Literal
 from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Poses
 
 from .approaches import APPROACHES, Approach
-from .geometry import Spot, nearest_quarter
+from .geometry import Spot, nearest_quarter, spot_of
 from .params import Order, Params
 from .report import SaleResult, Unsold
 from .states import STATES
@@ -35,14 +35,16 @@ class Outcome:
 class Inputs:
     """The inputs at one step.
 
-    status: of the latest goal; None: none yet. detections: None unless new at this step. contacts:
-    of the robot; None where nothing senses them.
+    pose: of the base on the map; None: odometry is right. status: of the latest goal; None: none
+    yet. detections: None unless new at this step. contacts: of the robot; None where nothing senses
+    them.
     """
 
     t_ns: int
     poses: Poses
     odometry: BaseState
     gripper: GripperState
+    pose: BaseState | None = None
     status: GoalStatus | None = None
     detections: Detections | None = None
     contacts: Contacts | None = None
@@ -74,7 +76,7 @@ class Sale:
     number: counted from 1. start_ns: when it started [ns]. item: None: not chosen yet. detected:
     latest detected position, with the heading along which the gripper opens. tip: height of the
     gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
-    latest detection [m]. lost_ns: since when a carried item is not held [ns].
+    latest detection [m]; None: nobody knows. lost_ns: since when a carried item is not held [ns].
     """
 
     number: int
@@ -87,7 +89,7 @@ class Sale:
     tries: int = 0
     opening: float = 0.0
     corrections: int = 0
-    detection_error: float = 0.0
+    detection_error: float | None = None
     lost_ns: int | None = None
 
     @property
@@ -103,15 +105,15 @@ class Sale:
 class StoreState:
     """All that the states read and write.
 
-    settings: of the scenario. witness: of items that move. started: number of orders started.
-    missing: names of items not found. unsold: orders that were left out. log: entries of this step.
-    problem: the latest failure; doing: the activity that failed; attempts_text: how many attempts
-    failed. rest: how the emergency stop went.
+    settings: of the scenario. witness: of items that move; None: nobody sees that. started: number
+    of orders started. missing: names of items not found. unsold: orders that were left out. log:
+    entries of this step. problem: the latest failure; doing: the activity that failed;
+    attempts_text: how many attempts failed. rest: how the emergency stop went.
     """
 
     settings: Params
     stock: Stock
-    witness: Witness
+    witness: Witness | None
     visit: Visit
     inputs: Inputs
     sale: Sale | None = None
@@ -170,12 +172,22 @@ class StoreState:
         """Return a point on the front line of an item's shelf, with the heading towards it."""
         return self.settings.shelves[item.shelf].spot
 
+    def in_odometry(self, spot: Spot) -> Spot:
+        """Return a spot of the map in the frame of odometry, which drifts (ROS, REP 105)."""
+        pose = self.inputs.pose
+        if pose is None:
+            return spot
+        base = spot_of(self.inputs.odometry)
+        ahead, left = spot_of(pose).sees(spot.x, spot.y)
+        return replace(base.ahead(ahead, left), yaw=base.yaw + spot.yaw - pose.yaw)
+
     def expected(self) -> Spot:
         """Return the item's expected position, with the heading along which the gripper opens."""
         sale, item = self.now
         if sale.detected is not None:
             return replace(sale.detected, yaw=self.opening_yaw(sale.detected.yaw))
-        return Spot(x=item.position[0], y=item.position[1], yaw=self.opening_yaw(item.yaw))
+        spot = self.in_odometry(Spot(x=item.position[0], y=item.position[1], yaw=item.yaw))
+        return replace(spot, yaw=self.opening_yaw(spot.yaw))
 
     def opening_yaw(self, yaw: float) -> float:
         """Return the heading along which the gripper opens, for an item with this yaw [rad].
@@ -184,7 +196,8 @@ class StoreState:
         box is gripped at its sides.
         """
         sale, item = self.now
-        along = self.shelf(item).yaw + self.settings.gripper_yaw + sale.approach.turn
+        shelf = self.in_odometry(self.shelf(item))
+        along = shelf.yaw + self.settings.gripper_yaw + sale.approach.turn
         return nearest_quarter(yaw, along) if item.measures.is_box else along
 
     def opening(self) -> float:

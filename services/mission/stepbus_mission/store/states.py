@@ -70,7 +70,10 @@ STATES: Mapping[str, State] = {
     "check_height": State(doing="lowering it", then={"safe": "reverse", "too_high": "lower"}),
     "reverse": _carry("driving back from the shelf", "home"),
     "home": _carry("driving home", "above"),
-    "above": _carry("moving above the outlet", "place"),
+    "above": _carry("moving above the outlet", "aim"),
+    "aim": State(
+        doing="locating the outlet", then={"aimed": "place", "dropped": "stop"}, carries=True
+    ),
     "place": _carry("placing it", "let_go"),
     "let_go": _goal("releasing it", "up"),
     "up": _goal("leaving it in the outlet", "verify"),

@@ -22,7 +22,8 @@ class Item:
     """One item.
 
     name: `<type>_<row>_<number>`, also of its body and its link. position: of the middle of its
-    bottom in the world [m]. yaw: [rad]. mass: [kg]. friction, spinning_friction: [-].
+    bottom in the world [m]. yaw: [rad]. slot, slot_yaw: the same of the slot that it belongs in.
+    mass: [kg]. friction, spinning_friction: [-].
     """
 
     name: str
@@ -30,6 +31,8 @@ class Item:
     urdf: Path
     position: tuple[float, float, float]
     yaw: float
+    slot: tuple[float, float, float]
+    slot_yaw: float
     mass: float
     friction: float
     spinning_friction: float
@@ -123,6 +126,8 @@ def _item(
         urdf=item_type.urdf,
         position=_moved(slot.position, slot.yaw, ahead * spread.position, left * spread.position),
         yaw=slot.yaw + yaw * spread.yaw,
+        slot=slot.position,
+        slot_yaw=slot.yaw,
         mass=item_type.mass * (1.0 + mass * spread.mass),
         friction=item_type.friction * (1.0 + friction * spread.friction),
         spinning_friction=item_type.spinning_friction,
