@@ -12,6 +12,7 @@ from .methods import CallError, Method
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
+from .parameters.types_file import load_types
 from .participant import Participant, PortType
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, Step
@@ -74,6 +75,7 @@ __all__ = [
     "install_command",
     "last_error",
     "load_ticket",
+    "load_types",
     "main",
     "make_plugin",
     "need",

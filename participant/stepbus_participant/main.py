@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Mapping
 from types import FrameType
 
-from stepbus_schemas import StepbusError, WiringError, type_name
+from stepbus_schemas import Message, StepbusError, Types, WiringError, type_name
 
 from .bus import Bus, BusError, FaultyBus, ZenohBus
 from .bus.ticket import Ticket, load_ticket
@@ -64,8 +64,9 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     """
     bus.declare_alive(f"alive/{ticket.name}")
     inputs, outputs = (_declared(factory, side) for side in ("inputs", "outputs"))
-    welcome = join(bus, ticket, inputs, outputs)
-    Session(factory, welcome, bus).work()
+    types = Types.of(_classes(factory))
+    welcome = join(bus, ticket, inputs, outputs, types)
+    Session(factory, welcome, bus, types).work()
 
 
 def _declared(factory: Factory, side: str) -> dict[str, str] | None:
@@ -76,6 +77,12 @@ def _declared(factory: Factory, side: str) -> dict[str, str] | None:
     return {
         port: type_name(item) if isinstance(item, type) else item for port, item in ports.items()
     }
+
+
+def _classes(factory: Factory) -> list[type[Message]]:
+    """Return the message classes that a participant's class requires."""
+    sides = [getattr(factory, side, None) or {} for side in ("inputs", "outputs")]
+    return [item for ports in sides for item in ports.values() if isinstance(item, type)]
 
 
 def _terminate(_signal: int, _frame: FrameType | None) -> None:

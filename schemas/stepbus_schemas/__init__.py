@@ -1,13 +1,15 @@
 """The contract of stepbus: message types, protocol envelopes and their codec."""
 
-from .bridge_formats import BRIDGE_FORMATS, RAW_TYPES, BridgeFormat, raw_problem
+from .bridge_formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
 from .codec import Decoder, encode, encoding_of, message_class, type_name
 from .errors import MessageError, RunError, StepbusError, WiringError
 from .messages import *
 from .protocol import *
+from .raw_layout import RawField, RawLayout, raw_fields
 from .schedule import due_step
 from .schema import json_schema, not_null
 from .shapes import Shape, parse_shapes
+from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
 
 __all__ = [
     "BRIDGE_FORMATS",
@@ -16,7 +18,7 @@ __all__ = [
     "HANDSHAKE_STEP",
     "MESSAGE_TYPES",
     "PROTOCOL_VERSION",
-    "RAW_TYPES",
+    "SHIPPED",
     "BaseCommand",
     "BaseState",
     "BridgeFormat",
@@ -62,6 +64,8 @@ __all__ = [
     "PointCloud",
     "Poses",
     "Quaternion",
+    "RawField",
+    "RawLayout",
     "Ready",
     "Refusal",
     "RunError",
@@ -74,17 +78,23 @@ __all__ = [
     "TextMessage",
     "Transforms",
     "Trigger",
+    "Types",
     "Waiting",
     "Welcome",
     "WiringError",
     "Wrench",
+    "class_declaration",
+    "declaration_of",
     "due_step",
     "encode",
     "encoding_of",
     "json_schema",
     "message_class",
+    "meta",
     "not_null",
     "parse_shapes",
+    "raw_fields",
     "raw_problem",
     "type_name",
+    "type_problems",
 ]

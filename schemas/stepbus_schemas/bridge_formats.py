@@ -3,26 +3,35 @@
 from collections.abc import Mapping
 from typing import Literal, get_args
 
+from .raw_layout import raw_fields
+from .types import SHIPPED, Types
+
 BridgeFormat = Literal["json", "msgpack", "raw"]
 
 BRIDGE_FORMATS: tuple[str, ...] = get_args(BridgeFormat)
 
-RAW_TYPES = ("JointCommand/1", "JointReference/1", "JointState/1")
-"""The message types that have a layout in numbers alone."""
 
-
-def raw_problem(publishes: str, inputs: Mapping[str, str], outputs: Mapping[str, str]) -> str:
+def raw_problem(
+    publishes: str,
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, str],
+    types: Types = SHIPPED,
+) -> str:
     """Return why format `raw` cannot carry a participant; empty where it can.
 
-    inputs, outputs: port → message type.
+    inputs, outputs: port → message type. types: of the scenario.
     """
     if publishes == "first":
         return "raw cannot publish first; use json or msgpack"
     ports = [*inputs.items(), *outputs.items()]
-    others = [f"{name} ({type_name})" for name, type_name in ports if type_name not in RAW_TYPES]
+    others = [
+        f"{name} ({type_name})"
+        for name, type_name in ports
+        if type_name in types and not raw_fields(type_name, types)
+    ]
     if others:
         return (
-            f"raw carries {', '.join(RAW_TYPES)}, not {', '.join(others)}; leave it out, or use "
+            f"raw carries types of numbers alone, not {', '.join(others)}; leave it out, or use "
             "json or msgpack"
         )
     return "" if outputs else "raw needs an output: it is the program's answer"

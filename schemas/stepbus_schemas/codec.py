@@ -5,15 +5,15 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from .errors import MessageError, WiringError
-from .messages import MESSAGE_TYPES, Message
+from .errors import MessageError
+from .messages import Message
 from .protocol import ENVELOPE_TYPES, Envelope
+from .types import SHIPPED, Types, name_of
 
 T = TypeVar("T", bound=Message | Envelope)
 
-_TYPE_NAMES: dict[type[msgspec.Struct], str] = {
-    **{cls: name for name, cls in MESSAGE_TYPES.items()},
-    **{cls: name for name, cls in ENVELOPE_TYPES.items()},
+_ENVELOPE_NAMES: dict[type[msgspec.Struct], str] = {
+    cls: name for name, cls in ENVELOPE_TYPES.items()
 }
 
 encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder().encode
@@ -21,21 +21,20 @@ encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder().encode
 
 
 def type_name(cls: type[msgspec.Struct]) -> str:
-    """Return the versioned name of a message class, e.g. `JointState/1`."""
-    return _TYPE_NAMES[cls]
+    """Return the versioned name of a message class, e.g. `JointState/1`.
+
+    A class of your own has it as `TYPE`; without, it is version 1 of its name.
+    """
+    return _ENVELOPE_NAMES.get(cls) or name_of(cls)
 
 
-def message_class(name: str) -> type[Message]:
+def message_class(name: str, types: Types = SHIPPED) -> type[Message]:
     """Return the class of a port message type such as `JointState/1`.
 
-    Raises WiringError when there is no such type, or no such version of it.
+    types: with those of one's own. Raises WiringError when there is no such type, or no such
+    version of it.
     """
-    if name in MESSAGE_TYPES:
-        return MESSAGE_TYPES[name]
-    stem = name.partition("/")[0]
-    versions = [known for known in MESSAGE_TYPES if known.partition("/")[0] == stem]
-    known = ", ".join(versions or MESSAGE_TYPES)
-    raise WiringError(f"unknown message type {name!r}; known: {known}")
+    return types[name]
 
 
 def encoding_of(name: str) -> str:

@@ -83,6 +83,8 @@ class Hello(Envelope, frozen=True):
     """Input ports that the program requires, with their types; absent: any."""
     outputs: dict[str, str] | None = None
     """Output ports that the program requires, with their types; absent: any."""
+    types: dict[str, dict[str, Any]] = {}
+    """Type → its declaration as the program knows it, of types that do not ship with stepbus."""
 
 
 class Welcome(Envelope, frozen=True):
@@ -116,6 +118,8 @@ class Welcome(Envelope, frozen=True):
     """Absolute path of the folder for relative file names in `params`."""
     max_outputs_bytes: Positive = 60_000
     """Maximum size of an `Outputs`; larger content belongs on a bulk port [bytes]."""
+    types: dict[str, dict[str, Any]] = {}
+    """Type → its declaration, of the port types that do not ship with stepbus."""
 
 
 class Refusal(Envelope, frozen=True):

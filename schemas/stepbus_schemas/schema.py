@@ -9,8 +9,9 @@ from typing import Any
 import msgspec
 
 from . import messages, protocol
-from .codec import message_class
-from .protocol import ENVELOPE_TYPES
+from .messages import Message
+from .protocol import ENVELOPE_TYPES, Envelope
+from .types import SHIPPED, Types
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -18,22 +19,26 @@ ANY_VALUE = {"description": "any MessagePack value"}
 """Schema of what is passed on without being read; it is empty but for this sentence."""
 
 
-@cache
-def json_schema(type_name: str) -> dict[str, Any]:
+def json_schema(type_name: str, types: Types = SHIPPED) -> dict[str, Any]:
     """Return the JSON Schema, draft 2020-12, of a message type such as `JointState/1`.
 
     Port messages and protocol envelopes alike. Beside the standard keywords, vectors have `unit`
     and `shape`, where `n` is the number of names in the port's description. The result is shared
-    between callers, who must not change it.
+    between callers, who must not change it. types: with those of one's own.
 
     Raises WiringError when there is no such type, or no such version of it.
     """
-    cls = ENVELOPE_TYPES[type_name] if type_name in ENVELOPE_TYPES else message_class(type_name)
+    known = ENVELOPE_TYPES.get(type_name)
+    return _json_schema(type_name, types[type_name] if known is None else known)
+
+
+@cache
+def _json_schema(type_name: str, cls: type[Message | Envelope]) -> dict[str, Any]:
     (_,), types = msgspec.json.schema_components([cls], ref_template="#/$defs/{name}")
     if cls is protocol.Log:
         _nest_outputs(types)
     for name, schema in types.items():
-        _describe(name, schema)
+        _describe(cls, name, schema)
     if "Outputs" in types:
         types["Outputs"]["properties"]["ports"]["additionalProperties"] = ANY_VALUE
     # Readers of MCAP (Foxglove, PlotJuggler) want the object at the root, not behind a `$ref`.
@@ -55,14 +60,15 @@ def _nest_outputs(types: dict[str, Any]) -> None:
     types.update(nested)
 
 
-def _describe(name: str, schema: dict[str, Any]) -> None:
+def _describe(cls: type, name: str, schema: dict[str, Any]) -> None:
     """Add the docstrings of a class's fields to those that have no description of their own."""
-    schema["description"] = inspect.cleandoc(schema["description"])
-    cls = getattr(protocol, name, None) or getattr(messages, name)
-    texts = _field_docstrings(cls)
+    schema["description"] = inspect.cleandoc(schema.get("description", ""))
+    part = getattr(protocol, name, None) or getattr(messages, name, None)
+    if name == cls.__name__:
+        part = cls
+    texts = {} if part is None or issubclass(part, messages.Message) else _field_docstrings(part)
     for field, properties in schema["properties"].items():
-        if field in texts:
-            properties.setdefault("description", texts[field])
+        properties.setdefault("description", texts.get(field, ""))
 
 
 @cache

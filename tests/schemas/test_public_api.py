@@ -51,14 +51,15 @@ def test_all_is_complete(name: str) -> None:
 
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
-        "BRIDGE_FORMATS CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION RAW_TYPES "
+        "BRIDGE_FORMATS CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION SHIPPED "
         "BaseCommand BaseState BridgeFormat BytesMessage Call CallDescription CallRecord CallReply "
         "CallRequest Called Chain Contacts ControllerStatus Decoder Description Detections Envelope Event "
         "Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu InputConfig "
         "JointCommand JointMode JointReference JointState LaserScan Log Message MessageError OutputConfig "
-        "Outputs Plan PlanRequest Point PointCloud Poses Quaternion Ready Refusal RunError Scalars Shape "
-        "Spiral Start StepbusError Stop TextMessage Transforms Trigger Waiting Welcome WiringError Wrench "
-        "due_step encode encoding_of json_schema message_class not_null parse_shapes raw_problem type_name"
+        "Outputs Plan PlanRequest Point PointCloud Poses Quaternion RawField RawLayout Ready Refusal RunError "
+        "Scalars Shape Spiral Start StepbusError Stop TextMessage Transforms Trigger Types Waiting Welcome "
+        "WiringError Wrench class_declaration declaration_of due_step encode encoding_of json_schema "
+        "message_class meta not_null parse_shapes raw_fields raw_problem type_name type_problems"
     )
 
 

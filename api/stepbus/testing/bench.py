@@ -13,9 +13,9 @@ from stepbus_schemas import (
     Description,
     InputConfig,
     Message,
+    Types,
     WiringError,
     encode,
-    message_class,
     type_name,
 )
 
@@ -30,8 +30,11 @@ def feed(index: int = 0, /, *, step: str = "5ms", **messages: Message) -> Step:
 
     index: number of the step. step: its length. messages: by input port.
     """
+    types = Types.of(map(type, messages.values()))
     inputs = {
-        port: Input(port, InputConfig(source="test", port=port, type=type_name(type(message))))
+        port: Input(
+            port, InputConfig(source="test", port=port, type=type_name(type(message))), types
+        )
         for port, message in messages.items()
     }
     fed = Step(inputs, parse_duration(step))
@@ -75,11 +78,11 @@ class Bench:
         else:
             self.config = config or make_config()
             self.participant = factory(self.config)
-        inputs, outputs = self.config.inputs, self.config.outputs
+        inputs, outputs, types = self.config.inputs, self.config.outputs, self.config.types
         self.descriptions = dict(self.participant.describe())
         self.index = 0
-        self._inputs = {name: Input(name, item) for name, item in inputs.items()}
-        self._decoders = {name: Decoder(message_class(item.type)) for name, item in outputs.items()}
+        self._inputs = {name: Input(name, item, types) for name, item in inputs.items()}
+        self._decoders = {name: Decoder(types[item.type]) for name, item in outputs.items()}
         self._step = Step(self._inputs, self.config.step_ns)
         if self.participant is not factory:
             given = descriptions or {}

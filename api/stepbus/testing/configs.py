@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stepbus_participant import Config, PortType, parse_duration
-from stepbus_schemas import InputConfig, OutputConfig, type_name
+from stepbus_schemas import InputConfig, Message, OutputConfig, Types, type_name
 
 if TYPE_CHECKING:
     from stepbus.overrides import Overrides
@@ -45,7 +45,12 @@ def make_config(
         outputs={port: OutputConfig(type=_name(type_)) for port, type_ in (outputs or {}).items()},
         params=params or {},
         publishes=publishes,
+        types=Types.of(_classes(inputs, outputs)),
     )
+
+
+def _classes(*sides: Mapping[str, PortType] | None) -> list[type[Message]]:
+    return [item for side in sides for item in (side or {}).values() if isinstance(item, type)]
 
 
 def _name(port_type: PortType) -> str:
@@ -87,4 +92,5 @@ def scenario_config(
         outputs={name: OutputConfig(type=item.type) for name, item in spec.outputs.items()},
         params=spec.params,
         publishes=spec.publishes,
+        types=loaded.types,
     )

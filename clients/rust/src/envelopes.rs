@@ -28,6 +28,8 @@ message! {
         inputs: Option<Map<String>>,
         /// Output ports the program knows, with their types; none: any.
         outputs: Option<Map<String>>,
+        /// Declarations of the types that do not ship with stepbus, as the program knows them.
+        types: Map<Map<Value>> = Map::new(),
     }
 }
 
@@ -63,6 +65,8 @@ message! {
         folder: String,
         /// Largest `Outputs` the bus carries [bytes].
         max_outputs_bytes: NonZeroU64 = NonZeroU64::new(60_000).expect("not zero"),
+        /// Declarations of the types of its ports that do not ship with stepbus.
+        types: Map<Map<Value>> = Map::new(),
     }
 }
 

@@ -8,6 +8,7 @@ import msgspec
 
 from stepbus_orchestrator.recording import Entry, Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC
+from stepbus_schemas import SHIPPED
 
 from .comparison import (
     Divergence,
@@ -75,7 +76,11 @@ def diff(
     """
     one, other = Recording(first), Recording(second)
     tolerance = tolerance or Tolerance()
-    known = {topic: fields_of(port.type) for r in (one, other) for topic, port in r.ports.items()}
+    known = {
+        topic: fields_of(port.type, r.types)
+        for r in (one, other)
+        for topic, port in r.ports.items()
+    }
     tolerance.check(known)
     # Their chains sum up what the messages say, and differ wherever they do.
     topics = [topic for topic in one.ports if topic in other.ports and topic != CHAIN_TOPIC]
@@ -110,11 +115,19 @@ def _reach(recording: Recording) -> int:
 def _compare(
     topic: str, one: Recording, other: Recording, tolerance: Tolerance, reach: int | None
 ) -> PortResult:
-    comparison = PortComparison(topic, one.ports[topic].type, tolerance)
+    # Types that differ are compared as plain MessagePack.
+    types = SHIPPED if _misfits(topic, one, other) else one.types
+    comparison = PortComparison(topic, one.ports[topic].type, tolerance, types)
     for step, first, second in merged(one[topic].entries(), other[topic].entries()):
         if first is not None or reach is None or step < reach:
             comparison.take(step, first, second)
     return comparison.result()
+
+
+def _misfits(topic: str, one: Recording, other: Recording) -> list[str]:
+    """Return where a port's type is declared differently."""
+    types = one.types.only([one.ports[topic].type])
+    return types.misfits(other.types, "the first", "the second")
 
 
 def merged(
@@ -139,6 +152,7 @@ def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[
         a, b = one.ports[topic], other.ports[topic]
         if a.type != b.type:
             yield f"{topic}: the first is {a.type}, the second {b.type}"
+        yield from (f"{topic}: {text.partition(';')[0]}" for text in _misfits(topic, one, other))
         if a.description != b.description:
             yield f"{topic}: the descriptions differ (names, units or limits)"
     yield from _contents("attachment", one.attachments, other.attachments)

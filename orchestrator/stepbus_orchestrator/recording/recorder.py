@@ -2,12 +2,14 @@
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
+    SHIPPED,
     CallRecord,
     Chain,
     Decoder,
@@ -16,8 +18,9 @@ from stepbus_schemas import (
     Message,
     MessageError,
     Outputs,
+    Types,
     encode,
-    message_class,
+    json_schema,
 )
 
 from . import layout
@@ -33,7 +36,8 @@ OnEvent = Callable[[str, str, int, Event], None]
 class Recorder:
     """Writes outputs by (step, schedule order, port), and the hash chains (P13).
 
-    order: the participants in schedule order. on_event: gets every Event that is written.
+    order: the participants in schedule order. on_event: gets every Event that is written. types:
+    those of the scenario.
     Its methods raise RecordingFailed when the disk is full or the recording is closed, and
     ParticipantFault when a message is not of its port's type.
     """
@@ -44,7 +48,9 @@ class Recorder:
         order: Sequence[ParticipantSpec],
         step_ns: int,
         on_event: OnEvent | None = None,
+        types: Types = SHIPPED,
     ) -> None:
+        self._types = types
         self._file = file
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
@@ -52,7 +58,7 @@ class Recorder:
         self._order = StepOrder({spec.name: list(spec.outputs) for spec in order})
         self._chains = {spec.name: HashChain() for spec in order}
         self._decoders = {
-            (spec.name, port): Decoder(message_class(output.type))
+            (spec.name, port): Decoder(types[output.type])
             for spec in order
             for port, output in spec.outputs.items()
         }
@@ -78,6 +84,7 @@ class Recorder:
                     layout.topic_of(name, port),
                     output.type,
                     layout.channel_metadata(name, port, msgspec.json.encode(description).decode()),
+                    partial(json_schema, types=self._types),
                 )
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
 

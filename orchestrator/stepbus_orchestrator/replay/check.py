@@ -42,7 +42,7 @@ class Check:
         self._ports = {
             port: (
                 Track(recording, topic_of(spec.name, port)),
-                PortComparison(topic_of(spec.name, port), output.type, tolerance),
+                PortComparison(topic_of(spec.name, port), output.type, tolerance, recording.types),
             )
             for port, output in spec.outputs.items()
         }

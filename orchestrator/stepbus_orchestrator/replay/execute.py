@@ -80,7 +80,9 @@ def replay(
     RunFailure when the participant fails; then its log is kept.
     """
     opened, tolerance = Recording(recording), tolerance or Tolerance()
-    tolerance.check({topic: fields_of(port.type) for topic, port in opened.ports.items()})
+    tolerance.check(
+        {topic: fields_of(port.type, opened.types) for topic, port in opened.ports.items()}
+    )
     check_open_files(1)
     is_copy = recorded or program is not None
     tree = None if is_copy else find_work_tree(opened, participant, source)

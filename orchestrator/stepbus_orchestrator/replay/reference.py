@@ -45,7 +45,7 @@ def new_reference(
             if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
                 file.add_metadata(name, versions)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
-        yield Recorder(file, order, scenario.step_ns)
+        yield Recorder(file, order, scenario.step_ns, types=scenario.types)
         part.replace(target)
         # It holds what has just been started here.
         remember(fingerprint(text, contents))

@@ -97,6 +97,8 @@ def _held(recording: Recording, topic: str, due: int | None) -> InputValue:
     if due is not None and topic in recording:
         until = takewhile(lambda entry: entry.step <= due, recording[topic].entries())
         for held in deque(until, maxlen=1):
-            plain = PortComparison(topic, recording.ports[topic].type, Tolerance()).plain
+            plain = PortComparison(
+                topic, recording.ports[topic].type, Tolerance(), recording.types
+            ).plain
             return InputValue(topic=topic, step=held.step, value=plain(held.data))
     return InputValue(topic=topic, step=-1, value=None)

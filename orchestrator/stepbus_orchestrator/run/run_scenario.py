@@ -95,7 +95,9 @@ class _Run:
         self._timing = TimingRecorder(out / layout.TIMING_FILE)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
-        self._recorder = Recorder(self._file, order, scenario.step_ns, self._events.take)
+        self._recorder = Recorder(
+            self._file, order, scenario.step_ns, self._events.take, scenario.types
+        )
         self._injected: list[str] = []
         self._injector = Injector(scenario.faults, self._add_fault) if scenario.faults else None
 

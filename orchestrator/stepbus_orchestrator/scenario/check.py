@@ -1,7 +1,7 @@
 """Whether a scenario's parts fit together: connections, loops, programs, files."""
 
 from stepbus_participant import Problems, suggest
-from stepbus_schemas import WiringError, raw_problem
+from stepbus_schemas import Types, WiringError, raw_problem
 
 from .declared import check_params
 from .files.search import search_files
@@ -24,7 +24,7 @@ def check(scenario: Scenario, problems: Problems) -> None:
         mistake = _holding_mistake(spec)
         if mistake is not None:
             problems.add(("participants", spec.name, "on_fault"), mistake)
-        mistake = _bridge_mistake(spec, specs)
+        mistake = _bridge_mistake(spec, specs, scenario.types)
         if mistake:
             problems.add(("participants", spec.name, "bridge"), mistake)
     check_params(scenario, problems)
@@ -80,7 +80,7 @@ def _holding_mistake(spec: ParticipantSpec) -> str | None:
     return f"hold cannot publish the bulk output {bulk[0]!r}" if bulk else None
 
 
-def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec]) -> str:
+def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec], types: Types) -> str:
     """Return why a participant cannot be bridged, or nothing."""
     if spec.bridge is None or spec.bridge.format != "raw":
         return ""
@@ -91,7 +91,7 @@ def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec]) ->
         if item.source in specs
     }
     inputs = {name: output.type for name, output in sources.items() if output is not None}
-    return raw_problem(spec.publishes, inputs, outputs)
+    return raw_problem(spec.publishes, inputs, outputs, types)
 
 
 def _check_programs(scenario: Scenario, problems: Problems) -> None:

@@ -3,7 +3,7 @@
 What stands in a file as it is here is declared as `Settings`; `declaration.py` has the rest.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from stepbus_participant import Duration, Settings
-from stepbus_participant.parameters import Keys, Pause
-from stepbus_schemas import BridgeFormat, WiringError, message_class
+from stepbus_participant.parameters import Pause
+from stepbus_schemas import SHIPPED, BridgeFormat, Types
 
 LAST_TCP_PORT = 65535
 Publishes = Literal["first", "last"]
@@ -38,13 +38,9 @@ class OutputSpec(Settings):
     short = "type"
 
     type: str
-    """`Name/major`, one of [messages.md](messages.md)."""
+    """`Name/major`, one of [messages.md](messages.md) or of the scenario's `types`."""
     bulk: bool = False
     """Large content, which travels on a key of its own."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is no message type."""
-        yield from type_problems(self.type)
 
 
 class HoldSpec(Settings):
@@ -131,9 +127,10 @@ class Scenario:
 
     step_ns: length of a communication step [ns]. steps: how many; none: until something ends the
     run. participants: in the order of the file. window: steps that may be in flight. batch:
-    outputs of a participant per log message. faults: what is done to it on purpose. folder: what
-    relative file names are relative to. file: where it was read from. overrides: with which. Two
-    scenarios are equal when all but `folder`, `file` and `overrides` is.
+    outputs of a participant per log message. faults: what is done to it on purpose. types: message
+    types, with its own that ports have. type_files: files of the scenario → the types that each
+    declares. folder: what relative file names are relative to. file: where it was read from.
+    overrides: with which. Two scenarios are equal when all but `folder`, `file` and `overrides` is.
     """
 
     name: str
@@ -145,6 +142,8 @@ class Scenario:
     window: int = 64
     batch: int = 32
     faults: tuple[FaultSpec, ...] = ()
+    types: Types = SHIPPED
+    type_files: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     folder: Path = field(compare=False)
     file: Path = field(compare=False)
     overrides: tuple[str, ...] = field(default=(), compare=False)
@@ -152,12 +151,3 @@ class Scenario:
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""
         return {spec.name: spec for spec in self.participants}[name]
-
-
-def type_problems(name: str | None) -> Iterator[tuple[Keys, str]]:
-    """Yield why there is no message type of that name."""
-    if name is not None:
-        try:
-            message_class(name)
-        except WiringError as exc:
-            yield ("type",), str(exc)

@@ -73,10 +73,22 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
     if scenario.steps is not None:
         content["duration"] = format_duration(scenario.steps * scenario.step_ns)
     content["seed"] = scenario.seed
+    if scenario.types.declarations or scenario.type_files:
+        content["types"] = _types(scenario)
     if scenario.faults:
         content["faults"] = [format_fault(fault) for fault in scenario.faults]
     content["participants"] = {spec.name: _participant(spec) for spec in scenario.participants}
     return content
+
+
+def _types(scenario: Scenario) -> Any:
+    """Return the files that declare types, and in full those that come from anywhere else."""
+    in_files = {name for names in scenario.type_files.values() for name in names}
+    others = {
+        name: dict(row) for name, row in scenario.types.declarations.items() if name not in in_files
+    }
+    parts = [*scenario.type_files, *([others] if others else [])]
+    return parts[0] if len(parts) == 1 else parts
 
 
 def _participant(spec: ParticipantSpec) -> dict[str, Any]:

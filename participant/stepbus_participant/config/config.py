@@ -11,7 +11,7 @@ from stepbus_participant.files import find_file
 from stepbus_participant.parameters.problems import Problems
 from stepbus_participant.parameters.read import read
 from stepbus_participant.parameters.settings import Settings
-from stepbus_schemas import InputConfig, OutputConfig, Welcome, WiringError
+from stepbus_schemas import SHIPPED, InputConfig, OutputConfig, Types, Welcome, WiringError
 
 S = TypeVar("S", bound=Settings)
 
@@ -23,7 +23,8 @@ class Config:
     name: its name. params: its `params`, as written in the scenario. step_ns: length of a step
     [ns]. every: it fires at multiples of this [steps]. seed: seed of its own, derived from the
     run's seed and its name. folder: what relative file names are relative to. publishes: `first`
-    or `last`, before or after it reads its inputs.
+    or `last`, before or after it reads its inputs. types: message types by name, such as
+    `config.types["Thruster/1"]`, with those of the scenario.
     """
 
     name: str
@@ -35,9 +36,10 @@ class Config:
     outputs: Mapping[str, OutputConfig]
     params: Mapping[str, Any]
     publishes: str = "last"
+    types: Types = SHIPPED
 
     @classmethod
-    def from_welcome(cls, welcome: Welcome) -> Config:
+    def from_welcome(cls, welcome: Welcome, types: Types = SHIPPED) -> Config:
         """Return the user's view of a `Welcome`."""
         return cls(
             name=welcome.name,
@@ -49,6 +51,7 @@ class Config:
             outputs=welcome.outputs,
             params=welcome.params,
             publishes=welcome.publishes,
+            types=types,
         )
 
     def param(self, name: str, default: Any = None) -> Any:

@@ -10,6 +10,7 @@ from .nodes import conditions, default, is_own, mark, options_of, plain
 from .problems import Keys, Place, Problem, show
 from .read import find_problems, read, read_value
 from .settings import Pause
+from .types_file import declarations_in, is_file_name, module_types, read_types_file
 
 if TYPE_CHECKING:
     from .yaml_file import YamlFile, fatal, parse_yaml, read_yaml, texts_in
@@ -21,15 +22,19 @@ __all__ = [
     "Problem",
     "YamlFile",
     "conditions",
+    "declarations_in",
     "default",
     "fatal",
     "find_problems",
+    "is_file_name",
     "is_own",
     "mark",
+    "module_types",
     "options_of",
     "parse_yaml",
     "plain",
     "read",
+    "read_types_file",
     "read_value",
     "read_yaml",
     "show",

@@ -9,11 +9,13 @@ from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_schemas import (
     PROTOCOL_VERSION,
+    SHIPPED,
     Decoder,
     Hello,
     MessageError,
     Refusal,
     RunError,
+    Types,
     Welcome,
     encode,
     encoding_of,
@@ -33,10 +35,12 @@ def join(
     ticket: Ticket,
     inputs: Mapping[str, str] | None = None,
     outputs: Mapping[str, str] | None = None,
+    types: Types = SHIPPED,
 ) -> Welcome:
     """Ask the orchestrator for admission until it answers (P4.2).
 
-    inputs, outputs: port → type, for a program that only works with certain ones.
+    inputs, outputs: port → type, for a program that only works with certain ones. types: those of
+    its own that it knows.
 
     The first valid `Welcome` counts; an answer from another one only where there is none.
     Raises AdmissionRefused, or RunError when nobody answers within the join time-out.
@@ -50,6 +54,7 @@ def join(
         sdk=f"stepbus {version('stepbus')}",
         inputs=None if inputs is None else dict(inputs),
         outputs=None if outputs is None else dict(outputs),
+        types=dict(types.declarations),
     )
     deadline = time.monotonic() + ticket.join_timeout_s
     while time.monotonic() < deadline:

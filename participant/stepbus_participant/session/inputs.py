@@ -5,11 +5,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from stepbus_schemas import (
+    SHIPPED,
     Decoder,
     InputConfig,
     Message,
     MessageError,
     RunError,
+    Types,
     due_step,
     message_class,
 )
@@ -29,12 +31,12 @@ class Input:
     value: that message; None while the input is absent. fresh: whether it is new at this step.
     """
 
-    def __init__(self, name: str, config: InputConfig) -> None:
+    def __init__(self, name: str, config: InputConfig, types: Types = SHIPPED) -> None:
         self.name = name
         self.config = config
         self.value: Message | None = None
         self.fresh = False
-        self._decode = Decoder(message_class(config.type))
+        self._decode = Decoder(message_class(config.type, types))
         self._pending: deque[tuple[int, Any]] = deque()
 
     def due(self, step: int) -> int:
@@ -67,9 +69,9 @@ class Input:
                 ) from exc
 
 
-def make_inputs(configs: Mapping[str, InputConfig]) -> dict[str, Input]:
-    """Return the inputs of a participant by name.
+def make_inputs(configs: Mapping[str, InputConfig], types: Types = SHIPPED) -> dict[str, Input]:
+    """Return the inputs of a participant by name. types: with those that do not ship.
 
     Raises WiringError for an unknown message type.
     """
-    return {name: Input(name, config) for name, config in configs.items()}
+    return {name: Input(name, config, types) for name, config in configs.items()}

@@ -7,10 +7,12 @@ import msgspec
 from stepbus_participant.bus import Bus
 from stepbus_schemas import (
     HANDSHAKE_STEP,
+    SHIPPED,
     Log,
     Message,
     Outputs,
     StepbusError,
+    Types,
     Waiting,
     Welcome,
     encode,
@@ -34,15 +36,21 @@ class OutputError(StepbusError, ValueError):
 class Outbox:
     """Publishes the outputs of one participant, and logs them in batches.
 
-    step: the newest one published.
+    step: the newest one published. types: with those that do not ship.
     """
 
-    def __init__(self, welcome: Welcome, bus: Bus, drops: Callable[[], dict[str, int]]) -> None:
+    def __init__(
+        self,
+        welcome: Welcome,
+        bus: Bus,
+        drops: Callable[[], dict[str, int]],
+        types: Types = SHIPPED,
+    ) -> None:
         self.step = HANDSHAKE_STEP
         self._welcome = welcome
         self._drops = drops
         self._classes = {
-            port: message_class(config.type) for port, config in welcome.outputs.items()
+            port: message_class(config.type, types) for port, config in welcome.outputs.items()
         }
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
         self._put_log = bus.publisher(f"log/{welcome.name}", encoding_of("Log/1"))

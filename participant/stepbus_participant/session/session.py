@@ -8,7 +8,17 @@ from collections.abc import Callable
 from stepbus_participant.bus import Bus
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
-from stepbus_schemas import Fault, Ready, RunError, Welcome, WiringError, encode, encoding_of
+from stepbus_schemas import (
+    SHIPPED,
+    Fault,
+    Ready,
+    RunError,
+    Types,
+    Welcome,
+    WiringError,
+    encode,
+    encoding_of,
+)
 
 from .answers import Answers
 from .control import Control, OrchestratorLost, Stopped
@@ -29,21 +39,26 @@ class Terminated(RunError):
 class Session:
     """Runs one participant from its `Welcome` on.
 
-    factory: makes the participant from its configuration.
+    factory: makes the participant from its configuration. types: of its own classes.
     """
 
     def __init__(
-        self, factory: Callable[[Config], Participant], welcome: Welcome, bus: Bus
+        self,
+        factory: Callable[[Config], Participant],
+        welcome: Welcome,
+        bus: Bus,
+        types: Types = SHIPPED,
     ) -> None:
         self._factory = factory
         self._welcome = welcome
         self._bus = bus
-        self._inputs = make_inputs(welcome.inputs)
+        self._types = Types(welcome.types) | types
+        self._inputs = make_inputs(welcome.inputs, self._types)
         self._sources = make_sources(self._inputs, welcome.token, bus.queue)
         self._subscribe()
         wake = [queue for s in self._sources for queue in (s.queue, *s.bulk_queues.values())]
         self._control = Control(bus, welcome.token, wake, welcome.name)
-        self._outbox = Outbox(welcome, bus, self._drops)
+        self._outbox = Outbox(welcome, bus, self._drops, self._types)
         self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
         self._step = -1
 
@@ -67,7 +82,7 @@ class Session:
         """
         participant: Participant | None = None
         try:
-            participant = self._factory(Config.from_welcome(self._welcome))
+            participant = self._factory(Config.from_welcome(self._welcome, self._types))
             self._run(participant)
         except Stopped:
             pass

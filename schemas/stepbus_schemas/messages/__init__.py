@@ -4,7 +4,7 @@ SI units throughout. Every vector is in the order of `names` in the port's descr
 be added with a default; any other change is a new major version and a new row in `MESSAGE_TYPES`.
 """
 
-from .base import Message, Point, Quaternion
+from .base import Message, Point, Quaternion, meta
 from .robot import (
     BaseCommand,
     BaseState,
@@ -65,6 +65,7 @@ __all__ = [
     "TextMessage",
     "Transforms",
     "Wrench",
+    "meta",
 ]
 
 MESSAGE_TYPES: dict[str, type[Message]] = {

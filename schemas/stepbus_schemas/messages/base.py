@@ -1,6 +1,6 @@
 """What every port message is made of."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 
@@ -19,4 +19,9 @@ def meta(text: str, unit: str = "", shape: str = "", *, ge: int | None = None) -
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
-    """Base of every port message: an immutable, typed MessagePack map."""
+    """Base of every port message: an immutable, typed MessagePack map.
+
+    TYPE: name of a type of your own, `Name/major`; default: version 1 of the class's name.
+    """
+
+    TYPE: ClassVar[str] = ""

@@ -7,7 +7,15 @@ from typing import Any
 import msgspec
 
 from stepbus_participant import Config, Participant
-from stepbus_schemas import Description, RunError, WiringError, json_schema, not_null
+from stepbus_schemas import (
+    SHIPPED,
+    Description,
+    RunError,
+    Types,
+    WiringError,
+    json_schema,
+    not_null,
+)
 
 from .link import Framing, Link
 from .program import Program
@@ -46,11 +54,14 @@ def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dic
 
     An output with joints that nobody describes is like the first input with joints.
     """
-    first = next((name for name, port in config.inputs.items() if has_joints(port.type)), None)
+    types = config.types
+    first = next(
+        (name for name, port in config.inputs.items() if has_joints(port.type, types)), None
+    )
     found = {
         name: Description(like=first)
         for name, port in config.outputs.items()
-        if first is not None and has_joints(port.type)
+        if first is not None and has_joints(port.type, types)
     }
     for name, row in given.items():
         try:
@@ -61,7 +72,7 @@ def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dic
     return found
 
 
-def has_joints(type_name: str) -> bool:
+def has_joints(type_name: str, types: Types = SHIPPED) -> bool:
     """Return whether a message type has a vector with one entry per name."""
-    fields = json_schema(type_name)["properties"].values()
+    fields = json_schema(type_name, types)["properties"].values()
     return any(field.get("shape", not_null(field).get("shape")) == ["n"] for field in fields)

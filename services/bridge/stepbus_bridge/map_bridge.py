@@ -7,7 +7,7 @@ import msgspec
 from msgspec.structs import astuple
 
 from stepbus_participant import Config, Step
-from stepbus_schemas import PROTOCOL_VERSION, Description, Message, message_class
+from stepbus_schemas import PROTOCOL_VERSION, Description, Message
 
 from .bridge import Bridge, BridgedProgram
 from .link import BridgeError, show
@@ -102,7 +102,7 @@ class MapBridge(Bridge):
         self._first = config.publishes == "first"
         self._ports = tuple(config.inputs)
         self._outputs = tuple(config.outputs)
-        classes = {port: message_class(row.type) for port, row in config.outputs.items()}
+        classes = {port: config.types[row.type] for port, row in config.outputs.items()}
         self._decode = self._codec.decoder(_answer(classes))
         self._versions: Mapping[str, str] = {}
 

@@ -43,7 +43,7 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
         ("{format: json, describe: {komand: {}}}", "no output 'komand'; did you mean 'command'?"),
         ("{format: json, describe: {command: {name: [a]}}}", "unknown key 'name'"),
         ("{format: json, describe: {command: {names: a}}}", "Expected `array`, got `str`"),
-        ("raw", "raw carries JointCommand/1, JointReference/1, JointState/1, not status"),
+        ("raw", "raw carries types of numbers alone, not status"),
     ],
 )
 def test_what_cannot_be_bridged_is_refused(tmp_path, value, sentence):

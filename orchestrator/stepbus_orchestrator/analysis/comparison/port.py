@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import Decoder, MessageError, WiringError, message_class
+from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError
 
 from .divergence import Divergence, DivergenceType, FieldCount, PortResult
 from .tolerance import FieldTolerance, Tolerance
@@ -18,14 +18,17 @@ class PortComparison:
     """Compares one port, message by message in the order of their steps.
 
     type_name: a message type, `Name/major`; an unknown one is compared as plain MessagePack.
-    decode: decodes its messages. divergence: the first one so far.
+    types: of the scenario or recording. decode: decodes its messages. divergence: the first one so
+    far.
     """
 
-    def __init__(self, topic: str, type_name: str, tolerance: Tolerance) -> None:
+    def __init__(
+        self, topic: str, type_name: str, tolerance: Tolerance, types: Types = SHIPPED
+    ) -> None:
         self.topic = topic
         self.type_name = type_name
         self.divergence: Divergence | None = None
-        self.decode = _decoder(type_name)
+        self.decode = _decoder(type_name, types)
         self._tolerance = tolerance
         self._by_value = tolerance.concerns(topic)
         self._fields: dict[str, FieldTolerance | None] = {}
@@ -142,17 +145,17 @@ class _Count:
         return FieldCount(field=name, **vars(self))
 
 
-def fields_of(type_name: str) -> tuple[str, ...]:
+def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:
     """Return the fields of a message type; none for an unknown type."""
     try:
-        return message_class(type_name).__struct_fields__
+        return types[type_name].__struct_fields__
     except WiringError:
         return ()
 
 
-def _decoder(type_name: str) -> Callable[[bytes], Any]:
+def _decoder(type_name: str, types: Types) -> Callable[[bytes], Any]:
     """Return the decoder of a message type, or one of any MessagePack for an unknown type."""
     try:
-        return Decoder(message_class(type_name))
+        return Decoder(types[type_name])
     except WiringError:
         return _decode_any

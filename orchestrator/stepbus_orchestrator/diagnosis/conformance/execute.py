@@ -12,7 +12,7 @@ from stepbus_orchestrator.scenario import (
     replaced_program,
     start_command,
 )
-from stepbus_schemas import RAW_TYPES, BridgeFormat
+from stepbus_schemas import BridgeFormat, raw_fields
 
 from .check import Check, run_checks
 from .checks import CHECKS
@@ -77,7 +77,7 @@ def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scen
         outputs = {
             port: output
             for port, output in outputs.items()
-            if output.type in RAW_TYPES or (own.name, port) in read
+            if raw_fields(output.type, scenario.types) or (own.name, port) in read
         }
     specs = tuple(
         dataclasses.replace(spec, on_fault=None, outputs=outputs if spec is own else spec.outputs)

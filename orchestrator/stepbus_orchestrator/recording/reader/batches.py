@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_schemas import Decoder, Message, message_class
+from stepbus_schemas import Decoder, Message
 
 from .columns import columns
 from .port import Port
@@ -23,7 +23,7 @@ class Batch:
     """
 
     def __init__(self, port: Port, rows: Sequence[Row]) -> None:
-        self._type = port.type
+        self._class = port.message_class
         self._data = [row[3] for row in rows]
         self.steps: NDArray[np.int64] = np.array([row[1] for row in rows], dtype=np.int64)
         t_ns = np.array([row[2] for row in rows], dtype=np.int64)
@@ -31,11 +31,11 @@ class Batch:
 
     def messages(self) -> Iterator[Message]:
         """Yield its messages; raises MessageError for one that is not of the port's type."""
-        return map(Decoder(message_class(self._type)), self._data)
+        return map(Decoder(self._class), self._data)
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
         """Return some fields of its messages, as `Port.arrays` does."""
-        return columns(self._type, self._data, fields)
+        return columns(self._class, self._data, fields)
 
 
 def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:

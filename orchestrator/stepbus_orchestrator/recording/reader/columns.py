@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_schemas import Decoder, message_class
+from stepbus_schemas import Decoder, Message
 
 from .arrays import array_of
 
@@ -27,13 +27,13 @@ _raw_fields = msgspec.msgpack.Decoder(dict[str, msgspec.Raw]).decode
 
 
 def columns(
-    type_name: str, messages: Sequence[bytes], fields: Sequence[str]
+    cls: type[Message], messages: Sequence[bytes], fields: Sequence[str]
 ) -> dict[str, NDArray[Any] | None]:
     """Return fields of messages of one type, each as `array_of` returns its values.
 
-    Raises MessageError for a message that is not of its type, WiringError for an unknown type.
+    Raises MessageError for a message that is not of its type.
     """
-    decode = Decoder(message_class(type_name))
+    decode = Decoder(cls)
     first = decode(messages[0]) if messages else None
     shape = _Shape.of(messages[0]) if messages else None
     table = None if shape is None else shape.table(messages)

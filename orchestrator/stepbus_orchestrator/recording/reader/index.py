@@ -51,6 +51,7 @@ class Index:
     """What a recording holds. damage: what is wrong with the file, empty when nothing is."""
 
     schemas: dict[int, str] = field(default_factory=dict)
+    schema_texts: dict[str, bytes] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     blocks: list[Block] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
@@ -68,6 +69,7 @@ class Index:
         match record:
             case Schema():
                 self.schemas[record.id] = record.name
+                self.schema_texts[record.name] = record.data
             case Channel():
                 self.channels.setdefault(record.id, record)
             case Attachment():

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import layout
 from stepbus_participant import suggest
-from stepbus_schemas import Decoder, Description, Message, WiringError, message_class
+from stepbus_schemas import SHIPPED, Decoder, Description, Message, Types, WiringError
 
 from .arrays import array_of
 from .descriptions import Names
@@ -32,12 +32,14 @@ class Port:
         type_name: str,
         description: Description,
         names: Names,
+        types: Types = SHIPPED,
     ) -> None:
         self.topic = topic
         self.participant, self.name = layout.split_topic(topic)
         self.type = type_name
         self.description = description
         self._names = names
+        self._types = types
         self._source = source
         self.channels = channels
         self._arrays: dict[str, NDArray[Any] | None] = {}
@@ -47,6 +49,11 @@ class Port:
     def names(self) -> Sequence[str]:
         """Return the names that the vectors of the port belong to, in their order."""
         return self._names.of(self.topic)
+
+    @property
+    def message_class(self) -> type[Message]:
+        """Return the class of its messages; raises WiringError for an unknown type."""
+        return self._types[self.type]
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -92,7 +99,7 @@ class Port:
         Raises WiringError when this version does not know its type, MessageError for a message
         that is not of it.
         """
-        decode = Decoder(message_class(self.type))
+        decode = Decoder(self.message_class)
         return ((entry.step, decode(entry.data)) for entry in self.entries())
 
     def __getitem__(self, field: str) -> NDArray[Any]:
@@ -137,11 +144,11 @@ class Port:
         return {field: self._arrays[field] for field in fields}
 
     def _fields(self) -> tuple[str, ...]:
-        return message_class(self.type).__struct_fields__
+        return self.message_class.__struct_fields__
 
     def _read(self, fields: Sequence[str]) -> None:
         columns: dict[str, list[Any]] = {field: [] for field in fields}
-        decode = Decoder(message_class(self.type))
+        decode = Decoder(self.message_class)
         clock = []
         for entry in self.entries():
             message = decode(entry.data)

@@ -15,6 +15,7 @@ from stepbus_schemas import Description, Message, WiringError
 from .batches import BATCH_BYTES, Batch, batches
 from .descriptions import Names, read_description
 from .port import Port
+from .recorded_types import recorded_types
 from .source import Source
 
 
@@ -28,7 +29,8 @@ class Recording:
     """A recording: `recording["plant.joint_state"].position` is an array of shape (T, n).
 
     ports: by topic such as `plant/joint_state`, in recorded order. attachments: the scenario and
-    its files, by name. metadata: what the run ran on, by name.
+    its files, by name. metadata: what the run ran on, by name. types: message types, with those of
+    its own that its schemas say.
 
     path: of a recording, or the folder of its run. Only the index is read at once; messages are
     read when they are asked for. Of a file that is cut off or corrupt, all before the damage is
@@ -42,6 +44,7 @@ class Recording:
         index = self._source.index
         self.attachments: Mapping[str, bytes] = index.attachments
         self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
+        self.types = recorded_types(index.schema_texts)
         self._holes: Sequence[str] | None = None
         self.ports: Mapping[str, Port] = self._read_ports()
 
@@ -136,6 +139,7 @@ class Recording:
                 type_name=self._type_of(rows[0]),
                 description=descriptions[topic],
                 names=names,
+                types=self.types,
             )
             for topic, rows in by_topic.items()
         }

@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 
 from stepbus_schemas import (
+    SHIPPED,
     BaseCommand,
     Decoder,
     Description,
@@ -15,7 +16,7 @@ from stepbus_schemas import (
     JointReference,
     Message,
     Plan,
-    message_class,
+    Types,
 )
 
 MOMENTARY = (
@@ -24,8 +25,12 @@ MOMENTARY = (
     "Event/1",
     "GoalStatus/1",
     "Image/1",
+    "Imu/1",
+    "LaserScan/1",
     "Plan/1",
     "PlanRequest/1",
+    "PointCloud/1",
+    "Text/1",
 )
 """Types that report a moment; to repeat such a message would be a lie."""
 
@@ -41,13 +46,14 @@ def safe_message(
     description: Description,
     given: Mapping[str, Any] | None,
     last: bytes | None,
+    types: Types = SHIPPED,
 ) -> Message | None:
     """Return the safe message of a port; None where nothing is to be published.
 
     given: the message of the scenario (`on_fault.safe`), which comes first. last: what the
-    participant last published on the port.
+    participant last published on the port. types: those of the scenario.
     """
-    cls = message_class(type_name)
+    cls = types[type_name]
     if given is not None:
         return msgspec.convert(given, cls)
     if type_name in MOMENTARY:

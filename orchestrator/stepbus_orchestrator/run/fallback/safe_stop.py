@@ -34,6 +34,7 @@ class SafeStop:
                 step_ns=scenario.step_ns,
                 put=session.announcer.publisher(f"out/{spec.name}", "Outputs/1"),
                 log=partial(messages.take_outputs, spec.name),
+                types=scenario.types,
             )
             for spec in scenario.participants
             if spec.on_fault is not None

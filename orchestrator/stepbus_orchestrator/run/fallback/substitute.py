@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.scenario import HoldSpec, ParticipantSpec
-from stepbus_schemas import Decoder, Description, MessageError, Outputs, encode
+from stepbus_schemas import SHIPPED, Decoder, Description, MessageError, Outputs, Types, encode
 
 from .safe_messages import MOMENTARY, safe_message
 
@@ -21,7 +21,7 @@ class Substitute:
     knows what has reached its consumers.
 
     put: publishes on the participant's key. log: gets the same bytes, as the orchestrator gets
-    those of the participant's log.
+    those of the participant's log. types: of the scenario.
     """
 
     def __init__(
@@ -33,7 +33,9 @@ class Substitute:
         step_ns: int,
         put: Callable[[bytes], None],
         log: Callable[[bytes], None],
+        types: Types = SHIPPED,
     ) -> None:
+        self._types = types
         self._spec = spec
         self._hold = hold
         self._token = token
@@ -88,6 +90,7 @@ class Substitute:
                 descriptions.get(port, Description()),
                 self._hold.safe.get(port),
                 self._last.get(port),
+                self._types,
             )
             for port, output in self._spec.outputs.items()
         }

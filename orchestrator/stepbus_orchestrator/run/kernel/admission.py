@@ -5,7 +5,16 @@ from collections.abc import Mapping
 
 from stepbus_orchestrator.processes import low_latency
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
-from stepbus_schemas import PROTOCOL_VERSION, Hello, InputConfig, OutputConfig, Refusal, Welcome
+from stepbus_schemas import (
+    PROTOCOL_VERSION,
+    Hello,
+    InputConfig,
+    OutputConfig,
+    Refusal,
+    Types,
+    Welcome,
+    WiringError,
+)
 
 _NO_LIMIT = 1 << 30
 LOW_LATENCY_BYTES = 60_000
@@ -55,7 +64,14 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
         params=dict(spec.params),
         folder=str(scenario.folder.resolve()),
         max_outputs_bytes=max_message_bytes(scenario),
+        types=dict(scenario.types.only(_port_types(spec, specs)).declarations),
     )
+
+
+def _port_types(spec: ParticipantSpec, specs: Mapping[str, ParticipantSpec]) -> list[str]:
+    """Return the types of a participant's ports."""
+    sources = [specs[item.source].outputs[item.port] for item in spec.inputs.values()]
+    return [output.type for output in (*sources, *spec.outputs.values())]
 
 
 def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcome | Refusal:
@@ -76,8 +92,18 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     reasons = [
         *_mismatches(hello.name, "input", hello.inputs, inputs),
         *_mismatches(hello.name, "output", hello.outputs, outputs),
+        *(f"{hello.name}: {text}" for text in _misfits(hello, welcome)),
     ]
     return Refusal(reason="; ".join(reasons)) if reasons else welcome
+
+
+def _misfits(hello: Hello, welcome: Welcome) -> list[str]:
+    """Return where the program declares a type differently (P14.4)."""
+    try:
+        known = Types(hello.types)
+    except WiringError as exc:
+        return str(exc).splitlines()
+    return known.misfits(Types(welcome.types), "the program", "the scenario")
 
 
 def _mismatches(

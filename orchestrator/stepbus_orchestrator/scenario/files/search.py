@@ -117,8 +117,10 @@ class FileSearch:
 
 
 def search_files(scenario: Scenario) -> FileSearch:
-    """Return the files of a scenario: those in `exec` and `params`, and those named in these."""
+    """Return the files of a scenario: in `types`, `exec` and `params`, and those named in these."""
     search = FileSearch(folder=scenario.folder)
+    for path in scenario.type_files:
+        search.name(("types",), path, [scenario.folder])
     for spec in scenario.participants:
         for keys, text, program in _words(spec):
             search.name(keys, text, [scenario.folder], program=program)

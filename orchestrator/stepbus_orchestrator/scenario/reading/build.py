@@ -21,6 +21,7 @@ from ..model import (
     Scenario,
 )
 from .declaration import InputRow, ParticipantRow, ScenarioFile, is_output
+from .message_types import read_types
 from .override import TOP_KEYS
 
 _RESERVED = ("orchestrator", *TOP_KEYS)
@@ -34,11 +35,14 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
     """
     row = read(ScenarioFile, data, problems)
     step_ns = row.step_ns or 1
+    own = read_types(row.types, file.parent, problems)
     participants = tuple(
         _participant(name, item, step_ns, problems) for name, item in row.participants.items()
     )
     if data.get("participants") == {}:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")
+    for name, item in row.participants.items():
+        own.check(name, item, data["participants"][name], problems)
     steps = None if row.duration_ns is None else _steps(row.duration_ns, step_ns, data, problems)
     return Scenario(
         name=row.name,
@@ -50,6 +54,8 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         window=row.window,
         batch=_batch(row, problems),
         faults=_faults(row.faults, FaultContext(participants, steps, row.seed), problems),
+        types=own.used(row.participants),
+        type_files=own.files,
         folder=file.parent,
         file=file,
     )

@@ -11,7 +11,7 @@ import msgspec
 
 from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_schemas import Description, message_class
+from stepbus_schemas import Description
 
 from ..model import (
     BridgeSpec,
@@ -22,7 +22,6 @@ from ..model import (
     OutputSpec,
     ParticipantSpec,
     Publishes,
-    type_problems,
 )
 from ..model import Scenario as Model
 
@@ -40,11 +39,10 @@ class InputRow(Settings):
     """A message type this participant insists on; it is checked against the output's."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what cannot be an output, or no message type."""
+        """Yield what cannot be an output."""
         if not is_output(self.from_):
             text = f"must be PARTICIPANT.OUTPUT, e.g. plant.joint_state, not {self.from_!r}"
             yield ("from",), text
-        yield from type_problems(self.type)
 
 
 class ParticipantRow(Settings):
@@ -82,28 +80,14 @@ class ParticipantRow(Settings):
     ([bridge.md](../guide/bridge.md))."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is wrong with the command, and with messages for outputs."""
+        """Yield what is wrong with the command, and with descriptions of outputs."""
         if not self.exec or not self.exec[0]:
             yield ("exec",), "names no program"
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"
-        if isinstance(self.on_fault, HoldSpec):
-            yield from self._safe_problems(self.on_fault.safe)
         if self.bridge is not None:
             yield from self._describe_problems(self.bridge.describe)
-
-    def _safe_problems(self, safe: Mapping[str, Any]) -> Iterator[tuple[Keys, str]]:
-        for port, message in safe.items():
-            keys = ("on_fault", "safe", port)
-            if port not in self.outputs:
-                yield keys, f"no output {port!r}{suggest(port, self.outputs)}"
-                continue
-            name = self.outputs[port].type
-            try:
-                msgspec.convert(message, message_class(name))
-            except msgspec.ValidationError as exc:
-                yield keys, f"is no {name}: {exc}"
 
     def _describe_problems(self, describe: Mapping[str, Any]) -> Iterator[tuple[Keys, str]]:
         for port, description in describe.items():
@@ -144,6 +128,9 @@ class ScenarioFile(Settings):
     default. Changes no result."""
     bus: BusSpec = BusSpec()
     """How participants reach each other. Changes no result."""
+    types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}
+    """Message types of your own: declared here, in YAML files, or as classes in installed Python
+    modules; also a list of these ([message_types.md](../guide/message_types.md))."""
     extends: str | None = None
     """File of the same folder that this scenario changes; see below."""
 

@@ -17,7 +17,7 @@ from stepbus_orchestrator.diagnosis.conformance.harness.feeds import (
 )
 from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit, Trace
 from stepbus_orchestrator.diagnosis.conformance.outcome import Skipped
-from stepbus_schemas import Description, encode, message_class
+from stepbus_schemas import Description, encode
 
 _BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)
 
@@ -56,8 +56,9 @@ def _to_float32(value: float) -> float:
 def _each_float(change: Callable[[float], float], kit: Kit) -> Callable[..., bytes]:
     def edit(source: str, port: str, _step: int, data: bytes) -> bytes:
         type_name = kit.material.scenario.participant(source).outputs[port].type
-        fields = _map_floats(plain(type_name, data), change)
-        return encode(msgspec.convert(fields, message_class(type_name)))
+        types = kit.material.scenario.types
+        fields = _map_floats(plain(type_name, data, types), change)
+        return encode(msgspec.convert(fields, types[type_name]))
 
     return edit
 
@@ -117,8 +118,9 @@ def _turned(kit: Kit, reference: Trace, pairs: set[tuple[str, str]]) -> None:
     }
 
     def edit(source: str, port: str, _step: int, data: bytes) -> bytes:
-        output = kit.material.scenario.participant(source).outputs[port]
-        return reverse(output.type, data) if (source, port) in pairs else data
+        scenario = kit.material.scenario
+        output = scenario.participant(source).outputs[port]
+        return reverse(output.type, data, scenario.types) if (source, port) in pairs else data
 
     given = kit.play(edited(kit.feed, edit), descriptions=turned)
     one, other = (
@@ -143,8 +145,9 @@ def _by_name(kit: Kit, trace: Trace, inputs: Mapping[str, Description]) -> dict[
             type_name = kit.spec.outputs[port].type
             item = described.get(port, Description())
             names = item.names if item.like is None else inputs[item.like].names
-            fields = plain(type_name, data)
-            vectors = vectors_of(type_name)
+            types = kit.material.scenario.types
+            fields = plain(type_name, data, types)
+            vectors = vectors_of(type_name, types)
             found.setdefault(str(step), {})[port] = {
                 key: dict(zip(names, value, strict=True))
                 if key in vectors and value and len(value) == len(names)

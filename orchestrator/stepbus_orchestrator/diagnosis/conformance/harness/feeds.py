@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import Description, encode, json_schema, message_class
+from stepbus_schemas import SHIPPED, Description, Types, encode, json_schema
 
 Ports = Mapping[str, bytes]
 """Output port → encoded message."""
@@ -63,25 +63,25 @@ def _filled(rows: Mapping[int, Ports]) -> dict[int, Ports]:
 # --- messages and their vectors --------------------------------------------------------------
 
 
-def vectors_of(type_name: str) -> set[str]:
+def vectors_of(type_name: str, types: Types = SHIPPED) -> set[str]:
     """Return the fields of a message type that have one value for each name."""
-    fields = json_schema(type_name)["properties"]
+    fields = json_schema(type_name, types)["properties"]
     return {name for name, field in fields.items() if field.get("shape") == ["n"]}
 
 
-def plain(type_name: str, data: bytes) -> dict[str, Any]:
+def plain(type_name: str, data: bytes, types: Types = SHIPPED) -> dict[str, Any]:
     """Return a message as a map of plain values."""
-    message = msgspec.msgpack.decode(data, type=message_class(type_name))
+    message = msgspec.msgpack.decode(data, type=types[type_name])
     found: dict[str, Any] = msgspec.to_builtins(message)
     return found
 
 
-def reverse(type_name: str, data: bytes) -> bytes:
+def reverse(type_name: str, data: bytes, types: Types = SHIPPED) -> bytes:
     """Return a message with each of its vectors in reversed order."""
-    vectors = vectors_of(type_name)
-    fields = plain(type_name, data)
+    vectors = vectors_of(type_name, types)
+    fields = plain(type_name, data, types)
     turned = {k: v[::-1] if k in vectors and v else v for k, v in fields.items()}
-    return encode(msgspec.convert(turned, message_class(type_name)))
+    return encode(msgspec.convert(turned, types[type_name]))
 
 
 def reverse_description(description: Description) -> Description:

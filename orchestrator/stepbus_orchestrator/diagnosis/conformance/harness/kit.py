@@ -206,7 +206,9 @@ class Kit:
         for step in range(0, self.steps, self.spec.every):
             for port, output in self.spec.outputs.items():
                 topic = f"{self.spec.name}/{port}"
-                comparison = PortComparison(topic, output.type, Tolerance())
+                comparison = PortComparison(
+                    topic, output.type, Tolerance(), self.material.scenario.types
+                )
                 comparison.take(step, *(rows.get(step, {}).get(port) for rows in pair))
                 if comparison.divergence is not None:
                     self.differ(comparison.divergence.text("expected", what))

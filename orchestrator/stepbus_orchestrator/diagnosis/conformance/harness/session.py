@@ -55,7 +55,7 @@ class Session:
         self._command, self._cwd, self._logs = command, cwd, logs
         self._interrupt = interrupt
         self._run = new_token()
-        self._recorder = Recorder(self.spec, self.token, self.scenario.step_ns)
+        self._recorder = Recorder(self.spec, self.token, self.scenario.step_ns, self.scenario.types)
         self.transcript = self._recorder.transcript
         self._inbox: SimpleQueue[tuple[Callable[[Any], None], Any]] = SimpleQueue()
         self._stack = contextlib.ExitStack()

@@ -7,6 +7,7 @@ from typing import Any
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
     HANDSHAKE_STEP,
+    SHIPPED,
     Decoder,
     Fault,
     Hello,
@@ -14,7 +15,7 @@ from stepbus_schemas import (
     MessageError,
     Outputs,
     Ready,
-    message_class,
+    Types,
 )
 
 _DECODERS: Mapping[str, Decoder[Any]] = {
@@ -84,13 +85,15 @@ class Transcript:
 class Recorder:
     """Records what a participant sends, and which clauses it breaks."""
 
-    def __init__(self, spec: ParticipantSpec, token: str, step_ns: int) -> None:
+    def __init__(
+        self, spec: ParticipantSpec, token: str, step_ns: int, types: Types = SHIPPED
+    ) -> None:
         self.transcript = Transcript()
         self._spec = spec
         self._token = token
         self._step_ns = step_ns
         self._decoders = {
-            port: Decoder(message_class(output.type)) for port, output in spec.outputs.items()
+            port: Decoder(types[output.type]) for port, output in spec.outputs.items()
         }
 
     def add(self, channel: str, data: bytes, encoding: str) -> None:

@@ -1,0 +1,15 @@
+"""Message types of one's own (docs/guide/message_types.md)."""
+
+from .catalogue import SHIPPED, Types, class_declaration, name_of
+from .declaration import Declaration, declaration_of, declare, type_problems
+
+__all__ = [
+    "SHIPPED",
+    "Declaration",
+    "Types",
+    "class_declaration",
+    "declaration_of",
+    "declare",
+    "name_of",
+    "type_problems",
+]

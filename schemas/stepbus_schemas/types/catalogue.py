@@ -1,0 +1,118 @@
+"""The message types that a run knows: those that ship, and its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from stepbus_schemas.errors import WiringError
+from stepbus_schemas.messages import MESSAGE_TYPES, Message
+
+from .declaration import Declaration, declaration_of, declare, differences, normal
+
+
+class Types:
+    """Message types by name: `types["Thruster/1"]` is a class; those that ship are in all.
+
+    declarations: of the types that do not ship, by name. Immutable. Two are equal where their
+    declarations are.
+    """
+
+    def __init__(self, declarations: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+        self.declarations: Mapping[str, Declaration] = {
+            name: normal(row) for name, row in (declarations or {}).items()
+        }
+        self._own = {name: declare(name, row) for name, row in self.declarations.items()}
+
+    @classmethod
+    def of(cls, classes: Iterable[type[Message]]) -> Types:
+        """Return the types of message classes, which then are those of the catalogue.
+
+        Raises WiringError for a class that no declaration can say.
+        """
+        own = {name_of(item): item for item in classes if item not in _NAMES}
+        found = cls({name: class_declaration(item) for name, item in own.items()})
+        found._own |= own
+        return found
+
+    def __getitem__(self, name: str) -> type[Message]:
+        """Return the class of a message type such as `JointState/1`.
+
+        Raises WiringError when there is no such type, or no such version of it.
+        """
+        found = MESSAGE_TYPES.get(name) or self._own.get(name)
+        if found is not None:
+            return found
+        every = [*MESSAGE_TYPES, *self._own]
+        stem = name.partition("/")[0]
+        known = ", ".join([item for item in every if item.partition("/")[0] == stem] or every)
+        raise WiringError(f"unknown message type {name!r}; known: {known}")
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is such a type."""
+        return name in MESSAGE_TYPES or name in self._own
+
+    def __or__(self, other: Types) -> Types:
+        """Return both; classes and declarations of the other one come first."""
+        found = Types()
+        found.declarations = {**self.declarations, **other.declarations}
+        found._own = {**self._own, **other._own}
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Types) and list(self.declarations.items()) == list(
+            other.declarations.items()
+        )
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.declarations))
+
+    def __repr__(self) -> str:
+        return f"Types({', '.join(self.declarations)})"
+
+    def only(self, names: Iterable[str]) -> Types:
+        """Return some of them; those that ship are in it anyway."""
+        kept = [name for name in dict.fromkeys(names) if name in self._own]
+        found = Types()
+        found.declarations = {name: self.declarations[name] for name in kept}
+        found._own = {name: self._own[name] for name in kept}
+        return found
+
+    def misfits(self, other: Types, mine: str, others: str) -> list[str]:
+        """Return a sentence for each type that both declare, but differently.
+
+        mine, others: who says what, such as "the program".
+        """
+        return [
+            f"{name} differs: {field} is {one} in {mine}, {two} in {others}; use the same "
+            "declaration, or give the changed type a new version"
+            for name, row in self.declarations.items()
+            if name in other.declarations
+            for field, one, two in differences(row, other.declarations[name])[:1]
+        ]
+
+
+_NAMES: Mapping[type[msgspec.Struct], str] = {cls: name for name, cls in MESSAGE_TYPES.items()}
+
+SHIPPED = Types()
+"""The types that ship, and no others."""
+
+
+def name_of(cls: type[msgspec.Struct]) -> str:
+    """Return the versioned name of a message class, e.g. `JointState/1`.
+
+    A class of your own has it as `TYPE`; without, it is version 1 of its name.
+    """
+    return _NAMES.get(cls) or getattr(cls, "TYPE", "") or f"{cls.__name__}/1"
+
+
+def class_declaration(cls: type[Message]) -> Declaration:
+    """Return the declaration of a message class; raises WiringError where there is none."""
+    name = name_of(cls)
+    try:
+        (_,), parts = msgspec.json.schema_components([cls], ref_template="{name}")
+    except TypeError as exc:
+        raise WiringError(f"{name}: {exc}") from exc
+    return declaration_of(name, parts[cls.__name__])
