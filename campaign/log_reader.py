@@ -99,8 +99,11 @@ def _records(path: Path, log: Log) -> Iterator[tuple[object, Channel | None]]:
 
 def _every(scenario: bytes) -> dict[str, int]:
     """Return participant → its `every`, from the recorded scenario."""
-    rows = yaml.safe_load(scenario)["participants"]
-    return {name: row.get("every", 1) for name, row in rows.items()}
+    try:
+        rows = yaml.safe_load(scenario)["participants"]
+        return {name: row.get("every", 1) for name, row in rows.items()}
+    except (AttributeError, KeyError, TypeError, UnicodeDecodeError, yaml.YAMLError):
+        return {}  # damaged
 
 
 def _holes(topic: str, steps: list[int], chained: int) -> list[str]:
