@@ -74,6 +74,8 @@ def go_wrong(right):
         sys.exit(3)
     elif KIND == "kill":
         die(signal.SIGKILL)
+    elif KIND == "stop":
+        die(signal.SIGSTOP)
     elif KIND == "hang":
         Path("pid").write_text(f"{os.getpid()};")
         time.sleep(60)

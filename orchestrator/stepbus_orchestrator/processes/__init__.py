@@ -1,6 +1,6 @@
 """The processes of a run: started, watched, ended."""
 
-from .activity import Activity
+from .activity import Activity, activity
 from .bounded_log import BoundedLog
 from .child import Child
 from .credentials import ORCHESTRATOR, certificates, passwords
@@ -27,6 +27,7 @@ __all__ = [
     "Mesh",
     "Reaper",
     "Watchdog",
+    "activity",
     "certificates",
     "check_open_files",
     "low_latency",

@@ -334,7 +334,14 @@ def test_a_bridged_program_keeps_its_process(tmp_path, separate, form):
 def test_a_bridged_program_that_does_not_answer_is_ended(tmp_path):
     result = run_bridged(tmp_path, "json", "hang", in_process=True)
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
-    assert "step 7" in result.reason
+    assert re.search(r"step 7 .* has waited 1\.\d s for its program; deadline", result.reason)
+
+
+def test_a_bridged_program_that_is_stopped_is_named_as_such(tmp_path):
+    result = run_bridged(tmp_path, "json", "stop", in_process=True)
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "for its program, which has been stopped by a signal or a debugger" in result.reason
+    assert processes_in(tmp_path) == []
 
 
 def test_the_user_can_end_it(tmp_path):

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-from stepbus_orchestrator.processes import Activity, BoundedLog
+from stepbus_orchestrator.processes import Activity, BoundedLog, activity
 from stepbus_orchestrator.run.kernel.participants import KeptThread
 from stepbus_participant import HOST, Host, Ticket, last_error
 
@@ -148,9 +148,20 @@ class HostedParticipant:
         """Return why its log may lack its last words, such as a full disk; empty: it has them."""
         return self._bounded_log.problem()
 
+    @property
+    def has_programs(self) -> bool:
+        """Return whether it has started programs, as a bridge does."""
+        return bool(self._programs)
+
     def activity(self) -> Activity:
-        """Return nothing known: it is this process."""
-        return Activity()
+        """Return what its programs are doing; it is this process."""
+        found = [activity(program) for program in self._programs]
+        return Activity(
+            is_stopped=any(item.is_stopped for item in found),
+            waits_for_disk=any(item.waits_for_disk for item in found),
+            is_running=any(item.is_running for item in found),
+            cpu_s=sum(item.cpu_s for item in found),
+        )
 
     def signal(self, number: int) -> None:
         """End it by a signal that would end its process; others do nothing."""

@@ -87,8 +87,11 @@ class Watch:
 
     def _interrupt(self, holder: HostedParticipant, held_s: float) -> None:
         """Raise `Late` in what a participant executes, and end the programs it waits for."""
-        frame = sys._current_frames().get(self._thread_id)
-        self._late = KeptThread(held_s, _where(frame))
+        if holder.has_programs:
+            self._late = KeptThread(held_s, "", holder.activity().is_stopped)
+        else:
+            frame = sys._current_frames().get(self._thread_id)
+            self._late = KeptThread(held_s, _where(frame))
         holder.kill_programs()
         if self._is_main:
             signal.pthread_kill(self._thread_id, _SIGNAL)
@@ -103,7 +106,7 @@ class Watch:
         holder = self._current()
         if late is not None and holder is not None and holder[0].is_running():
             holder[0].late = late
-            raise Late(f"interrupted after {late.held_s:.1f} s at {late.where}")
+            raise Late(f"interrupted after {late.held_s:.1f} s {late.where and f'at {late.where}'}")
 
 
 def _where(frame: FrameType | None) -> str:

@@ -146,9 +146,13 @@ def kept_thread(
     is_ready = participant.phase == Phase.READY
     phase = "step" if is_ready else "ready"
     step = owed_step(participant.name, participants, barrier) if is_ready else -1
+    held = f"has been computing for {late.held_s:.1f} s, at {late.where}"
+    if not late.where:
+        stopped = ", which has been stopped by a signal or a debugger" * late.is_stopped
+        held = f"has waited {late.held_s:.1f} s for its program{stopped}"
     sentence = (
-        f"{at(step, step_ns)}: {participant.who()} has been computing for {late.held_s:.1f} s, at "
-        f"{late.where}; {deadline(participant.spec, phase)}; its log: {participant.process.log}"
+        f"{at(step, step_ns)}: {participant.who()} {held}; {deadline(participant.spec, phase)}; "
+        f"its log: {participant.process.log}"
     )
     if not is_ready:
         return StartFailed(sentence, participant=participant.name)
