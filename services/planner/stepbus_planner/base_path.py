@@ -1,10 +1,10 @@
-"""Plans paths of a base on the floor: straight segments around what stands there."""
+"""Plans routes of a base on the floor: curves around what stands there."""
 
 import heapq
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import pinocchio as pin
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 
+from .base_curve import BasePace, SmoothRoute, direct_routes, rounded_routes
 from .obstacles import Obstacles
 
 _CELL = 0.05
@@ -29,6 +30,12 @@ _LONGEST_ESCAPE = 0.6
 
 _ESCAPE_STEP = 0.02
 
+_STRAIGHT = 1e-6
+"""Change of the heading between two poses up to which the base drives straight [rad]."""
+
+_SAME = 1e-3
+"""Distance from the goal at which the base only turns [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Outline:
@@ -41,17 +48,25 @@ class _Outline:
 class BasePlanner:
     """Plans for a disc around the base's origin, within which it may turn anywhere.
 
-    radius: of the disc [m]. half_width: to both sides of a straight segment [m]. Straight where
-    that is free; else by A* on a grid (Hart, Nilsson, Raphael 1968), whose corners are then cut.
+    radius: of the disc [m]. half_width: to both sides of a straight segment [m]. pace: to find the
+    quickest. Curves straight to the goal where one is free; else by A* on a grid (Hart, Nilsson,
+    Raphael 1968), whose corners are then cut and rounded.
     """
 
-    def __init__(self, obstacles: Obstacles, radius: float, half_width: float) -> None:
+    def __init__(
+        self,
+        obstacles: Obstacles,
+        radius: float,
+        half_width: float,
+        pace: BasePace = BasePace(),  # noqa: B008
+    ) -> None:
         self._obstacles = obstacles
+        self._pace = pace
         self._radius = radius
         self._half_width = half_width
 
     def plan(self, request: PlanRequest, poses: Poses) -> Plan | None:
-        """Return the corners of a path in the frame of the request, or why there is none."""
+        """Return the poses of a route in the frame of the request, or why there is none."""
         if request.base is None:
             raise ValueError("no request of a base")
         start, goal = request.base
@@ -67,17 +82,48 @@ class BasePlanner:
             near, gap = _nearest(outlines, a)
             text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
             return Plan(id=request.id, cause="start_in_collision", text=text)
-        found = self._route(out, b, outlines)
+        leaves = bool(np.linalg.norm(out - a) > 0)
+        pose = (float(out[0]), float(out[1]), start[2])
+        if np.linalg.norm(b - out) < _SAME:
+            turn = SmoothRoute(poses=(pose, goal), seconds=0.0)
+            found: SmoothRoute | None = turn
+            shape = "turn"
+        else:
+            found, shape = self._smooth(pose, goal, outlines)
         if found is None:
             text = f"no path for the base within {_AROUND:g} m around start and goal"
             return Plan(id=request.id, cause="no_path", text=text)
-        points = [a, *found] if np.linalg.norm(out - a) > 0 else found
-        length = sum(float(np.linalg.norm(q - p)) for p, q in pairwise(points))
-        bends = len(points) - 2
-        shape = f"detour with {bends} corner{'s' if bends > 1 else ''}" if bends > 0 else "straight"
+        length = found.length + float(np.linalg.norm(out - a))
         text = f"base: {shape}, {length:.2f} m, {len(outlines)} obstacles"
-        route = [(float(p[0]), float(p[1]), goal[2]) for p in points[1:]]
-        return Plan(id=request.id, text=text, route=route)
+        return Plan(
+            id=request.id, text=text, route=list(found.poses if leaves else found.poses[1:])
+        )
+
+    def _smooth(
+        self, start: Point, goal: Point, outlines: Sequence[_Outline]
+    ) -> tuple[SmoothRoute | None, str]:
+        """Return a route and its description."""
+        for route in direct_routes(start, goal, self._pace):
+            if self._is_clear(route, outlines):
+                return route, "direct"
+        corners = self._route(np.array(start[:2]), np.array(goal[:2]), outlines)
+        if corners is None:
+            return None, ""
+        for route in rounded_routes(start, goal, corners, self._pace):
+            if self._is_clear(route, outlines):
+                break
+        else:
+            route = _with_corners(start, goal, corners)
+        bends = len(corners) - 2
+        return route, f"detour with {bends} corner{'s' if bends > 1 else ''}"
+
+    def _is_clear(self, route: SmoothRoute, outlines: Sequence[_Outline]) -> bool:
+        """Return whether the base may drive along a route; where it turns, its disc counts."""
+        poses = np.array(route.poses)
+        turns = np.abs(np.diff(poses[:, 2])) > _STRAIGHT
+        turning = np.concatenate([turns[:1], turns[1:] | turns[:-1], turns[-1:]])
+        needed = np.where(turning, self._radius, self._half_width)
+        return all((_distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
 
     def _outlines(
         self, placements: Mapping[str, Any], start: Point, skipped: set[str]
@@ -149,6 +195,12 @@ class BasePlanner:
         if path is None:
             return None
         return [a, *(low + _CELL * np.array(cell) for cell in path[1:-1]), b]
+
+
+def _with_corners(start: Point, goal: Point, corners: Sequence[Vector]) -> SmoothRoute:
+    """Return a route that turns on the spot at each corner."""
+    rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
+    return SmoothRoute(poses=(start, *rows), seconds=0.0)
 
 
 def _a_star(grid: Any, first: Any, last: Any) -> list[tuple[int, int]] | None:

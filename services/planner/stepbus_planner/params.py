@@ -42,6 +42,14 @@ class Params(Settings):
     """Distance of the base's origin to everything on its route: it can turn anywhere [m]."""
     base_half_width: Positive = 0.36
     """The same to both sides of a straight segment [m]."""
+    base_speed: Positive = 0.5
+    """How fast the base drives, to find its quickest route [m/s]."""
+    base_acceleration: Positive = 0.4
+    """[m/s²]"""
+    base_turn_speed: Positive = 0.8
+    """The same on the spot [rad/s]."""
+    base_turn_acceleration: Positive = 0.8
+    """[rad/s²]"""
     velocity_limit: PositivePerJoint = each(1.5)
     """Largest velocity of each joint, never above the URDF's [rad/s]."""
     acceleration_limit: PositivePerJoint = each(3.0)

@@ -101,7 +101,9 @@ class PlannerParticipant(Participant):
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
         self.planner = PathPlanner(setup.robot, obstacles, setup.planning, self.config.seed)
-        self._base_planner = BasePlanner(obstacles, setup.base_radius, setup.base_half_width)
+        self._base_planner = BasePlanner(
+            obstacles, setup.base_radius, setup.base_half_width, setup.base_pace
+        )
         self._obstacles = obstacles
         self._unknown = obstacles.unknown
 

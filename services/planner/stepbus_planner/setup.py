@@ -8,6 +8,7 @@ import numpy as np
 from stepbus_participant import Config, Problems
 from stepbus_schemas import WiringError
 
+from .base_curve import BasePace
 from .params import Params
 from .planning import PlanningSettings
 from .robot import PlannedRobot
@@ -26,7 +27,7 @@ class Setup:
 
     frame: link that identifies the robot among the poses. latency_ns: of an answer [ns];
     check_latency_ns: where a path is only checked. base_radius: that a base needs to turn,
-    base_half_width: that it needs to drive straight [m].
+    base_half_width: that it needs to drive straight [m]. base_pace: how fast it is.
     """
 
     robot: PlannedRobot
@@ -36,6 +37,7 @@ class Setup:
     check_latency_ns: int
     base_radius: float
     base_half_width: float
+    base_pace: BasePace
 
 
 def read_setup(config: Config, problems: Problems) -> Setup:
@@ -66,6 +68,12 @@ def read_setup(config: Config, problems: Problems) -> Setup:
         check_latency_ns=params.check_latency_ns,
         base_radius=params.base_radius,
         base_half_width=params.base_half_width,
+        base_pace=BasePace(
+            speed=params.base_speed,
+            acceleration=params.base_acceleration,
+            turn_speed=params.base_turn_speed,
+            turn_acceleration=params.base_turn_acceleration,
+        ),
     )
 
 

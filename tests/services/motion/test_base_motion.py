@@ -235,3 +235,45 @@ def test_a_base_that_is_pushed_far_away_does_not_push_back():
     base.x += 0.2
     base.wait(seconds=1.0)
     assert base.x == pytest.approx(0.2)
+
+
+def arc_route(count, length, curvature):
+    """Return poses of arcs of a curvature [1/m] that changes its sign half-way."""
+    x = y = yaw = 0.0
+    poses = []
+    for n in range(count):
+        step, turn = length / count, (1 if n < count / 2 else -1) * curvature * length / count
+        x, y = x + step * math.cos(yaw + turn / 2), y + step * math.sin(yaw + turn / 2)
+        yaw += turn
+        poses.append((x, y, yaw))
+    return poses
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_arcs_are_driven_in_one_go_forwards_and_backwards(sign):
+    route = arc_route(40, sign * 2.0, sign * 0.8)
+    base = DiffDrive(noise=0.05)
+    base.motion.start(Goal(id=0, type="go_to", base=route[-1]), base.state(), route)
+    assert base.wait().state == "succeeded"
+    assert (base.x, base.y, base.yaw) == pytest.approx(route[-1], abs=3e-3)
+    inside = [speed for speed in base.speeds if abs(speed) > 0.1]
+    assert {math.copysign(1, speed) for speed in inside} == {sign}
+    assert base.t < 2.0 / 0.5 + 0.5 / 0.4 + 1.5
+    for pose in route[::4]:
+        assert min(math.dist(pose[:2], row[:2]) for row in base.path) < 6e-3
+
+
+def test_a_sharp_curve_is_driven_no_faster_than_the_base_turns():
+    route = arc_route(40, 2.0, 2.0)
+    base = DiffDrive()
+    base.motion.start(Goal(id=0, type="go_to", base=route[-1]), base.state(), route)
+    assert base.wait().state == "succeeded"
+    assert max(map(abs, base.turns)) <= 0.8 * 1.21
+    assert max(base.speeds) == pytest.approx(0.4, abs=0.03)
+
+
+def test_near_things_a_curve_is_slower_than_a_line():
+    settings = BaseSettings()
+    assert settings.safe_speed(0.05, turns=False, curvature=1.0) < 0.75 * settings.safe_speed(
+        0.05, turns=False
+    )

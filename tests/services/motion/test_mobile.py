@@ -350,14 +350,14 @@ def test_after_a_collision_the_next_goal_may_leave_what_is_still_touched(robot):
 
 def test_motion_is_slower_near_an_obstacle_and_says_so(tmp_path):
     times = []
-    for touching in ([], [("hand", "pillar", 0.0, 0.02)]):
+    for touching in ([], [("hand", "pillar", 0.0, 0.006)]):
         robot = Robot(config(tmp_path))
         robot.step()
         robot.touching = touching
         robot.go(0, "move_joints", joints=["pan"], values=[1.0])
         times.append(robot.k * DT)
     assert times[1] > 1.8 * times[0]
-    assert without_eaik(robot.warnings) == ["hand is 20 mm from pillar: slower"]
+    assert without_eaik(robot.warnings) == ["hand is 6 mm from pillar: slower"]
 
 
 def test_an_arm_is_not_slowed_down_by_what_stands_near_the_base(robot):
@@ -507,11 +507,11 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
     with pytest.raises(WiringError) as caught:
         MobileController(
             config(tmp_path, plans=True, leave_out=("plan", "gripper"), pads=["left_pad"],
-                   base_speed=0, slowest=2, base_sped=1)
+                   base_speed=0, arm_creep=-2, base_sped=1)
         )  # fmt: skip
     text = str(caught.value)
     for part in ("none is of type GripperState/1", "none is of type GripperCommand/1",
-                 "base_speed: must be above 0, not 0", "slowest: must be at most 1, not 2",
+                 "base_speed: must be above 0, not 0", "arm_creep: must be above 0, not -2",
                  "unknown key 'base_sped'; did you mean 'base_speed'",
                  "a planner needs an input of type Plan/1"):  # fmt: skip
         assert part in text
@@ -524,7 +524,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         ({"tip": "chassis"}, "tip: no joint of this controller moves 'chassis'"),
         ({"pads": ["left_pad"]}, "pads: names 1 links"),
         ({"ignore": ["wheels"]}, "ignore: link 'wheels' is not in the model"),
-        ({"slowest": 0}, "slowest: must be above 0"),
+        ({"arm_brake": 0}, "arm_brake: must be above 0"),
     ],
 )
 def test_a_parameter_that_does_not_fit_the_robot_is_refused(tmp_path, params, text):
@@ -600,10 +600,10 @@ def test_that_eaik_is_missing_is_a_warning_and_given_once(tmp_path, monkeypatch)
 
 
 def test_a_duration_that_could_not_be_kept_is_reported_with_the_reason(robot):
-    robot.touching = [("hand", "post", 0.0, 0.01)]
-    end = robot.go(0, "move_joints", joints=["turn"], values=[0.3], duration=1.5)
+    robot.touching = [("hand", "post", 0.0, 0.003)]
+    end = robot.go(0, "move_joints", joints=["pan"], values=[0.9], duration=1.5)
     assert (end.state, end.cause) == ("succeeded", "slower")
-    assert re.match(r"took \d\.\d\d s instead of 1.50 s: hand is 10 mm from post; ", end.text)
+    assert re.match(r"took \d\.\d\d s instead of 1.50 s: hand is 3 mm from post; ", end.text)
 
 
 def test_a_duration_that_the_limits_do_not_allow_is_reported(robot):

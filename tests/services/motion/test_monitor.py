@@ -31,8 +31,11 @@ class Stand:
         self.monitor = CollisionMonitor(MonitorSettings(**given | settings))
         self.look(FLOOR)
 
-    def look(self, *rows, holding=False, dt=1.0):
-        return self.monitor.update(contacts(*rows), holding=holding, dt=dt)
+    def look(self, *rows, holding=False, dt=1.0, speed=1.0):
+        """Return what the monitor finds; speed: of every link of the robot [m/s]."""
+        return self.monitor.update(
+            contacts(*rows), holding=holding, dt=dt, speed_of=lambda _: (speed, speed)
+        )
 
     def take_can(self, *others):
         """Close the pads around a can; others: more contacts."""
@@ -106,7 +109,7 @@ def test_the_hand_around_what_is_held_does_not_slow_down_but_another_link_near_i
     stand.take_can(palm)
     assert stand.look(*PADS_AT_CAN, palm, holding=True).scale == 1.0
     watch = stand.look(*PADS_AT_CAN, palm, ("can", "chassis", 0.0, 0.04), holding=True)
-    assert (watch.scale, watch.near) == (pytest.approx(0.6), ("can", "chassis"))
+    assert (watch.scale < 0.2, watch.near) == (True, ("can", "chassis"))
 
 
 def test_what_is_held_must_not_be_pressed_on_the_robot_itself():
@@ -140,17 +143,36 @@ def test_a_touch_from_before_the_goal_counts_only_when_it_becomes_harder():
     assert stand.look(("elbow", "pillar", 16.0, 0.0)).collision is not None
 
 
-@pytest.mark.parametrize(("gap", "scale"), [(-0.01, 0.2), (0.0, 0.2), (0.04, 0.6), (0.08, 1.0)])
-def test_the_scale_is_linear_in_the_gap(gap, scale):
-    watch = Stand().look(FLOOR, ("elbow", "pillar", 0.0, gap))
-    assert watch.scale == pytest.approx(scale)
+@pytest.mark.parametrize("gap", [0.004, 0.01, 0.03, 0.079])
+def test_a_link_is_slow_enough_to_stop_before_what_is_near(gap):
+    stand = Stand(brake=1.0, reaction=0.05, clearance=0.002)
+    watch = stand.look(FLOOR, ("elbow", "pillar", 0.0, gap), speed=0.5)
+    v = watch.scale * 0.5
+    assert v * 0.05 + v**2 / 2.0 == pytest.approx(gap - 0.002)
     assert watch.near == ("elbow", "pillar")
 
 
-def test_the_scale_changes_no_faster_than_its_rate():
-    stand = Stand(rate=4.0)
-    scales = [stand.look(("elbow", "pillar", 0.0, 0.0), dt=0.1).scale for _ in range(3)]
-    assert scales == pytest.approx([0.6, 0.2, 0.2])
+@pytest.mark.parametrize("gap", [-0.01, 0.0, 0.002])
+def test_a_link_that_is_all_but_touching_creeps(gap):
+    watch = Stand(creep=0.02).look(FLOOR, ("elbow", "pillar", 0.0, gap), speed=0.5)
+    assert watch.scale == pytest.approx(0.04)
+
+
+def test_a_slow_link_is_not_slowed_down_and_nothing_is_near_farther_away():
+    assert Stand().look(("elbow", "pillar", 0.0, 0.04), speed=0.1).scale == 1.0
+    watch = Stand().look(("elbow", "pillar", 0.0, 0.09), speed=5.0)
+    assert (watch.scale, watch.near, watch.gap) == (1.0, None, 0.09)
+
+
+def test_a_link_that_passes_by_counts_with_a_share_of_its_speed():
+    towards, past = Stand(), Stand()
+    for stand, before in ((towards, 0.03), (past, 0.01)):
+        stand.look(("elbow", "pillar", 0.0, before), dt=0.1, speed=0.2)
+    rows = [
+        stand.look(("elbow", "pillar", 0.0, 0.01), dt=0.1, speed=0.2).scale
+        for stand in (towards, past)
+    ]
+    assert rows[0] < rows[1] == 1.0
 
 
 def test_pads_near_what_they_may_touch_do_not_slow_down():
@@ -165,13 +187,13 @@ def test_what_is_near_a_base_that_stands_slows_no_arm_down():
     near = ("chassis", "pillar", 0.0, 0.02)
     stand.monitor.start(moves="arm")
     assert stand.look(near).scale == 1.0
-    assert stand.look(near, ("chassis", "elbow", 0.0, 0.04)).scale == pytest.approx(0.6)
+    assert stand.look(near, ("chassis", "elbow", 0.0, 0.04)).near == ("chassis", "elbow")
     stand.monitor.start()
-    assert stand.look(near).scale == pytest.approx(0.4)
+    assert stand.look(near).scale < 1.0
 
 
 def test_links_of_the_robot_that_are_near_each_other_do_not_slow_the_base_down():
     stand = Stand()
     stand.monitor.start(moves="base")
     assert stand.look(("chassis", "elbow", 0.0, 0.02)).scale == 1.0
-    assert stand.look(("elbow", "pillar", 0.0, 0.04)).scale == pytest.approx(0.6)
+    assert stand.look(("elbow", "pillar", 0.0, 0.04)).scale < 1.0

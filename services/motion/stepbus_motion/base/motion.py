@@ -9,10 +9,10 @@ import numpy as np
 
 from stepbus_motion.motions.joint_motion import JointMotion, Motion, motion_to, stop_from
 from stepbus_motion.outcome import Outcome
-from stepbus_schemas import BaseCommand, BaseState, Goal, RunError
+from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 
 from .route import base_route
-from .segments import PlannedSegment, Reference, Segment, same_line, wrapped
+from .segments import Curve, PlannedSegment, Reference, Segment, same_line, wrapped
 from .settings import BaseSettings
 from .tracking import TrackingError, slow_wheels, tracking_command, tracking_error
 
@@ -30,7 +30,7 @@ class _Drive:
     brakes: the profile is a hard stop.
     """
 
-    segment: Segment
+    segment: Segment | Curve
     profile: Motion
     brakes: bool = False
     tau: float = 0.0
@@ -102,24 +102,24 @@ class BaseMotion:
         self._state = state
         return base_route(goal, state, self._settings.position).text
 
-    def start(self, goal: Goal, state: BaseState, via: Sequence[tuple[float, float]] = ()) -> str:
-        """Start a goal and return a sentence for its status; via: points on the way [m].
+    def start(self, goal: Goal, state: BaseState, route: Sequence[Point] = ()) -> str:
+        """Start a goal and return a sentence for its status; route: of a planner.
 
         Raises Refused for a goal that makes no sense; then nothing has changed.
         """
         self._state = state
-        route = base_route(goal, state, self._settings.position, via)
+        planned = base_route(goal, state, self._settings.position, route)
         self._behind = None
-        self._target = route.target
+        self._target = planned.target
         if self._drive is not None and not self._drive.is_over:
             # The old segment ends first, and the new one starts where the base then stands.
             self._brake(self._drive)
         else:
             self._drive = None
-        self._waiting = route.segments
+        self._waiting = planned.segments
         self._done = False
         self._next_segment()
-        return route.text
+        return planned.text
 
     def stop(self) -> None:
         """Come to rest as fast as motors and ground allow without slip."""
@@ -169,9 +169,11 @@ class BaseMotion:
         drive = self._drive
         if drive is None:
             return
-        turns = drive.segment.turns
-        limits, speed = self._settings.limits(turns=turns), abs(drive.now()[1])
-        wanted = min(self._settings.safe_speed(gap, turns=turns) / max(speed, 1e-9), 1.0)
+        segment, turns = drive.segment, drive.segment.turns
+        s, speed, _ = drive.now()
+        limits, speed = self._settings.limits_of(segment), abs(speed)
+        safe = self._settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
+        wanted = min(safe / max(speed, 1e-9), 1.0)
         rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
         hardest = _EMERGENCY * self._settings.braking(turns=turns).acceleration[0]
         fall = hardest / max(speed, 1e-9) * dt
@@ -276,7 +278,7 @@ class BaseMotion:
             segment = self._waiting.popleft()(self.state)
             if segment is not None:
                 start, goal = JointMotion.at_rest(np.zeros(1)), np.array([segment.length])
-                limits = self._settings.limits(turns=segment.turns)
+                limits = self._settings.limits_of(segment)
                 self._drive = _Drive(segment=segment, profile=motion_to(start, goal, limits))
         self._done = self._drive is None and self._halt is None
 
@@ -285,7 +287,9 @@ class BaseMotion:
         if drive.brakes and not hard:
             return
         now, turns = drive.profile.at(drive.tau).scaled(self._scale), drive.segment.turns
-        limits = self._settings.braking(turns=turns) if hard else self._settings.limits(turns=turns)
+        limits = self._settings.braking(turns=turns)
+        if not hard:
+            limits = self._settings.limits_of(drive.segment)
         profile = stop_from(now, limits)
         self._drive = _Drive(segment=drive.segment, profile=profile, brakes=hard)
         self._scale = 1.0

@@ -65,9 +65,8 @@ class Navigator:
         if plan.cause:
             self._verdict = Outcome(state="failed", cause="no_path", text=plan.text)
             return
-        via = [(x, y) for x, y, _ in plan.route[:-1]]
         try:
-            self._base.start(trip.goal, self._base.state, via)
+            self._base.start(trip.goal, self._base.state, plan.route)
         except Refused as exc:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return

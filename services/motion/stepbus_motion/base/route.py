@@ -4,13 +4,22 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-from msgspec.structs import replace
+from itertools import pairwise
 
 from stepbus_motion.outcome import FARTHEST, Refused
-from stepbus_schemas import BaseState, Goal
+from stepbus_schemas import BaseState, Goal, Point
 
-from .segments import PlannedSegment, straight, straight_to, turn_by, turn_to, wrapped
+from .segments import (
+    LEAST_ARC,
+    PlannedSegment,
+    arc_direction,
+    curve,
+    straight,
+    straight_to,
+    turn_by,
+    turn_to,
+    wrapped,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,12 +35,13 @@ class BaseRoute:
 
 
 def base_route(
-    goal: Goal, state: BaseState, position: float, via: Sequence[tuple[float, float]] = ()
+    goal: Goal, state: BaseState, position: float, route: Sequence[Point] = ()
 ) -> BaseRoute:
     """Return the segments that a goal needs from the base's state.
 
-    via: points on the way to the pose of a go_to [m]. position: closer to its target than twice
-    that, the base only turns [m]. Raises Refused for a goal that makes no sense.
+    route: poses on the way to the pose of a go_to, and that one, each x, y, yaw [m, rad]. Without
+    it, closer to its target than twice `position` [m], the base only turns. Raises Refused for a
+    goal that makes no sense.
     """
     if goal.type == "drive":
         _refuse_odd("by", goal.by)
@@ -44,29 +54,50 @@ def base_route(
         raise Refused("invalid", f"type {goal.type} needs base: x, y, yaw")
     for name, value in zip(("x", "y", "yaw"), goal.base, strict=True):
         _refuse_odd(name, value)
-    return _route_by(via, goal.base, state, position)
+    return _route_by(route, goal.base, state) if route else _route_to(goal.base, state, position)
 
 
-def _route_by(
-    via: Sequence[tuple[float, float]],
-    target: tuple[float, float, float],
-    state: BaseState,
-    position: float,
-) -> BaseRoute:
+def _route_by(route: Sequence[Point], target: Point, state: BaseState) -> BaseRoute:
+    """Return the segments along a planned route: arcs where they fit, else lines and turns."""
     segments: deque[PlannedSegment] = deque()
-    now = state
-    for n, (x, y) in enumerate(via):
-        after = via[n + 1] if n + 1 < len(via) else target[:2]
-        ahead = math.atan2(y - now.y, x - now.x)
-        following = math.atan2(after[1] - y, after[0] - x)
-        back = min(_turning(now, following + flip, ahead + math.pi) for flip in (0, math.pi)) < (
-            min(_turning(now, following + flip, ahead) for flip in (0, math.pi)) - 1e-9
-        )
-        heading = ahead + math.pi if back else ahead
-        segments += [turn_to(heading), straight_to(x, y, back=back)]
-        now = replace(now, x=x, y=y, yaw=heading)
-    rest = _route_to(target, now, position)
-    return BaseRoute(segments=segments + rest.segments, text=rest.text, target=target)
+    now, direction, way = (state.x, state.y, state.yaw), 0, 0
+    arcs: list[Point] = []
+    for n, pose in enumerate(route):
+        end, direction = pose, arc_direction(now, pose)
+        if arcs and direction != way:
+            segments.append(curve(arcs, back=way < 0))
+            arcs = []
+        if direction:
+            arcs, way = [*(arcs or [now]), pose], direction
+        elif math.dist(now[:2], pose[:2]) < LEAST_ARC:
+            segments.append(turn_to(pose[2]))
+        else:
+            end = _line(segments, now, pose, route[n + 1] if n + 1 < len(route) else None)
+        now = end
+    if arcs:
+        segments.append(curve(arcs, back=way < 0))
+    segments.append(turn_to(target[2]))
+    x, y, yaw = target
+    length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise([(state.x, state.y), *route]))
+    text = f"go {length:.3f} m to x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.1f}°"
+    return BaseRoute(segments=segments, text=text, target=target)
+
+
+def _line(segments: deque[PlannedSegment], now: Point, pose: Point, after: Point | None) -> Point:
+    """Add a turn and a straight line, forwards or backwards; return the pose at its end."""
+    x, y, yaw = pose
+    ahead = math.atan2(y - now[1], x - now[0])
+    following = [yaw]
+    if after is not None:
+        heading = math.atan2(after[1] - y, after[0] - x)
+        following = [heading, heading + math.pi]
+    forwards, backwards = (
+        min(_turning(now[2], last, ahead + flip) for last in following) for flip in (0, math.pi)
+    )
+    back = backwards < forwards - 1e-9
+    heading = ahead + math.pi if back else ahead
+    segments += [turn_to(heading), straight_to(x, y, back=back)]
+    return (x, y, heading)
 
 
 def _route_to(target: tuple[float, float, float], state: BaseState, position: float) -> BaseRoute:
@@ -77,15 +108,15 @@ def _route_to(target: tuple[float, float, float], state: BaseState, position: fl
     if length <= 2 * position:
         return BaseRoute(segments=deque([last]), text=text, target=target)
     ahead = math.atan2(y - state.y, x - state.x)
-    back = _turning(state, yaw, ahead + math.pi) < _turning(state, yaw, ahead) - 1e-9
+    back = _turning(state.yaw, yaw, ahead + math.pi) < _turning(state.yaw, yaw, ahead) - 1e-9
     first = turn_to(ahead + math.pi if back else ahead)
     segments = deque([first, straight_to(x, y, back=back), last])
     return BaseRoute(segments=segments, text=text, target=target)
 
 
-def _turning(state: BaseState, last: float, heading: float) -> float:
+def _turning(yaw: float, last: float, heading: float) -> float:
     """Return how much the base turns in all to drive at a heading and end at `last` [rad]."""
-    return abs(wrapped(heading - state.yaw)) + abs(wrapped(last - heading))
+    return abs(wrapped(heading - yaw)) + abs(wrapped(last - heading))
 
 
 def _refuse_odd(name: str, value: float) -> None:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from stepbus_motion.motions.joint_motion import MotionLimits
 
+from .segments import Curve, Segment
+
 _BRAKE_RISE = 0.04
 """Time in which the hardest braking builds up [s]."""
 
@@ -21,7 +23,7 @@ class BaseSettings:
     base is jammed [m, rad]. track: between the wheels, to tell which of them lags [m]. brake,
     turn_brake: of the hardest stop without slip [m/s², rad/s²]. clearance: what stands still comes
     no closer than that [m]. creep: slowest speed near things [m/s]. reaction: from a measurement to
-    its effect on the wheels [s]. reach: of the robot's farthest point from the axis of a turn [m].
+    its effect on the wheels [s]. reach: of the robot's farthest point from the axis of a turn [m]. half_width: of the robot [m].
     """
 
     speed: float = 0.5
@@ -30,7 +32,7 @@ class BaseSettings:
     turn_speed: float = 0.8
     turn_acceleration: float = 0.8
     turn_jerk: float = 4.0
-    along: float = 3.0
+    along: float = 6.0
     across: float = 40.0
     heading: float = 4.0
     position: float = 1e-3
@@ -48,12 +50,18 @@ class BaseSettings:
     creep: float = 0.03
     reaction: float = 0.04
     reach: float = 0.9
+    half_width: float = 0.3
 
-    def limits(self, *, turns: bool) -> MotionLimits:
-        """Return the limits of a turn or of a straight segment, shape (1,)."""
-        if turns:
+    def limits_of(self, segment: Segment | Curve) -> MotionLimits:
+        """Return the limits along a segment, shape (1,); on a curve the base also turns."""
+        if segment.turns:
             return MotionLimits.of_one(self.turn_speed, self.turn_acceleration, self.turn_jerk)
-        return MotionLimits.of_one(self.speed, self.acceleration, self.jerk)
+        sharpest = max(segment.sharpest, 1e-9)
+        return MotionLimits.of_one(
+            min(self.speed, self.turn_speed / sharpest),
+            min(self.acceleration, self.turn_acceleration / sharpest),
+            min(self.jerk, self.turn_jerk / sharpest),
+        )
 
     def braking(self, *, turns: bool) -> MotionLimits:
         """Return the limits of the hardest stop without slip, shape (1,)."""
@@ -61,13 +69,17 @@ class BaseSettings:
         brake = self.turn_brake if turns else self.brake
         return MotionLimits.of_one(speed, brake, brake / _BRAKE_RISE)
 
-    def safe_speed(self, gap: float, *, turns: bool) -> float:
+    def safe_speed(self, gap: float, *, turns: bool, curvature: float = 0.0) -> float:
         """Return the largest speed with which the base stops in time [m/s, rad/s].
 
         gap: to the nearest thing [m]. The path of reaction and braking, v·t + v²/2a, ends at
-        `clearance` (ISO 13855, 2010, section 5). In a turn the farthest point of the robot counts.
+        `clearance` (ISO 13855, 2010, section 5). In a turn the farthest point of the robot counts;
+        on a curve, of a curvature [1/m], the fastest one.
         """
         brake = self.turn_brake * self.reach if turns else self.brake
         room, before = max(gap - self.clearance, 0.0), brake * self.reaction
         speed = max(math.sqrt(before**2 + 2 * brake * room) - before, self.creep)
-        return speed / self.reach if turns else speed
+        if turns:
+            return speed / self.reach
+        turning = abs(curvature)
+        return speed / math.hypot(1.0 + turning * self.half_width, turning * self.reach)

@@ -1,6 +1,7 @@
 """Monitors the contacts of a robot: what it must not touch, and how close that is."""
 
-from collections.abc import Collection, Iterator
+import math
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -18,6 +19,12 @@ _CLOSE = 5e-3
 _CLOSER = 1e-5
 """Change of a distance in a step from which a link comes closer [m]."""
 
+_SIDEWAYS = 0.3
+"""Share of a link's speed that counts as coming closer, even if the gap has not become smaller."""
+
+_STANDING = 1e-3
+"""Speed below which the direction of a link is not known [m/s]."""
+
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
 
@@ -30,8 +37,9 @@ class MonitorSettings:
     may touch the goal's `touches` and what is held. ignore: wheels and casters, which may touch
     what they stand on at the start. force: above it a touch is a collision [N]. more_force: the
     same, on top of the force at the start of the goal [N].
-    within: below this distance the robot slows down [m]. slowest: share of the full speed at
-    distance 0. rate: largest change of that share [1/s].
+    within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
+    [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
+    slowest speed near things [m/s].
     """
 
     links: frozenset[str]
@@ -41,8 +49,19 @@ class MonitorSettings:
     force: float = 0.5
     more_force: float = 5.0
     within: float = 0.08
-    slowest: float = 0.2
-    rate: float = 4.0
+    brake: float = 1.0
+    reaction: float = 0.05
+    clearance: float = 2e-3
+    creep: float = 0.02
+
+    def safe_speed(self, gap: float) -> float:
+        """Return the largest speed of a link that can still stop within a gap [m, m/s].
+
+        The path of reaction and braking, v·t + v²/2a, ends at `clearance` (speed and separation
+        monitoring: ISO/TS 15066, 2016, section 5.5.4).
+        """
+        before, room = self.brake * self.reaction, max(gap - self.clearance, 0.0)
+        return max(math.sqrt(before**2 + 2.0 * self.brake * room) - before, self.creep)
 
 
 class _Row(NamedTuple):
@@ -92,8 +111,8 @@ class Watch:
     """What the monitor found in a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. held: link of the world between
-    the pads; empty: none. scale: share of the full speed, 0 to 1.
+    not touch; None: nothing is near. gap: to the closest thing that contacts report [m]. held: link of the world between
+    the pads; empty: none. scale: share of the full speed, 0 to 1, and `slow` the pair it is for.
     """
 
     collision: Collision | None
@@ -101,6 +120,7 @@ class Watch:
     gap: float
     held: str
     scale: float
+    slow: tuple[str, str, float] | None = None
 
 
 class CollisionMonitor:
@@ -110,8 +130,8 @@ class CollisionMonitor:
     grip; what is held may touch `touches` and what it touched when it was taken; wheels and casters
     may touch the ground. A touch that is there when a goal starts counts only once it becomes
     harder, so that the robot can leave. Near things, other than what is held and moves along, slow
-    the robot down: its scale goes linearly from `slowest` at distance 0 to 1 at `within` (speed and
-    separation monitoring, ISO/TS 15066, 2016, section 5.5.4).
+    the arm down, so that each link can stop before it touches them; a link that passes by counts
+    with a share of its speed.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -128,7 +148,6 @@ class CollisionMonitor:
         self._last: list[_Row] = []
         self._closing: list[_Row] = []
         self._gaps: dict[tuple[str, str], float] = {}
-        self._scale = 1.0
 
     @property
     def held(self) -> str:
@@ -147,11 +166,19 @@ class CollisionMonitor:
         self._grips, self._moves = grips, moves
         self._known = {(row.ours, row.other): row.force for row in self._last if row.force > 0.0}
 
-    def update(self, contacts: Contacts, *, holding: bool, dt: float) -> Watch:
+    def update(
+        self,
+        contacts: Contacts,
+        *,
+        holding: bool,
+        dt: float,
+        speed_of: Callable[[str], tuple[float, float]] = lambda _: (1.0, 1.0),
+    ) -> Watch:
         """Check the contacts of a step, dt [s] after the one before.
 
-        holding: whether the gripper holds something between its pads. Raises RunError for contacts
-        whose fields have different lengths.
+        holding: whether the gripper holds something between its pads. speed_of: speed of a link of
+        the robot, or of what it holds, now and at the arm's full rate [m/s]. Raises RunError for
+        contacts whose fields have different lengths.
         """
         counts = (len(contacts.pairs), len(contacts.force), len(contacts.distance))
         if len(set(counts)) > 1:
@@ -164,14 +191,18 @@ class CollisionMonitor:
         watched = [row for row in self._last if not self._is_allowed(row)]
         closing = self._closing = [row for row in watched if self._may_close(row)]
         nearest = min(closing, key=lambda row: row.distance, default=None)
-        gap = max(nearest.distance, 0.0) if nearest else self._settings.within
-        self._slow_down(gap, dt)
+        gap = max(nearest.distance, 0.0) if nearest else math.inf
+        if gap >= self._settings.within:
+            nearest = None
+        shares = [(self._share(row, dt, speed_of), row) for row in closing]
+        scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
         return Watch(
             collision=self._hardest(watched),
             near=(nearest.ours, nearest.other) if nearest else None,
             gap=gap,
             held=self._held,
-            scale=self._scale,
+            scale=scale,
+            slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
         )
 
     def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
@@ -201,12 +232,21 @@ class CollisionMonitor:
         rows = [row for row in self._last if (row.ours, row.other) == pair]
         return (rows[0].force, rows[0].distance) if rows else (0.0, None)
 
-    def _slow_down(self, gap: float, dt: float) -> None:
-        settings = self._settings
-        share = min(gap / settings.within, 1.0)
-        wanted = settings.slowest + (1.0 - settings.slowest) * share
-        most = settings.rate * dt
-        self._scale += min(max(wanted - self._scale, -most), most)
+    def _share(self, row: _Row, dt: float, speed_of: Callable[[str], tuple[float, float]]) -> float:
+        """Return the share of the full rate at which two links can stop before they touch."""
+        if row.distance >= self._settings.within:
+            return 1.0
+        speeds = [speed_of(link) for link in (row.ours, row.other) if self._is_ours(link)]
+        now = sum(speed for speed, _ in speeds)
+        full = sum(speed for _, speed in speeds)
+        before = self._gaps.get((row.ours, row.other))
+        if before is None:
+            closer = 1.0
+        elif now < _STANDING:
+            closer = _SIDEWAYS
+        else:
+            closer = min(max((before - row.distance) / (dt * now), _SIDEWAYS), 1.0)
+        return min(self._settings.safe_speed(row.distance) / max(full * closer, 1e-9), 1.0)
 
     def _hardest(self, watched: list[_Row]) -> Collision | None:
         settings = self._settings

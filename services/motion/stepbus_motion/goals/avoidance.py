@@ -19,12 +19,13 @@ class AvoidanceSettings:
 
     back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
     planner's path stops where something is closer [m]; must be less than the planner's margin.
-    replans: how often a goal may get another path.
+    replans: how often a goal may get another path. range: of the contacts [m].
     """
 
     back_off: float = 0.05
     stop_within: float = 0.004
     replans: int = 3
+    range: float = 0.08
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,19 +93,25 @@ class Avoidance:
             self._watch = None
             return None
         holding = now.gripper is not None and now.gripper.holding
-        watch = self._watch = self._monitor.update(now.contacts, holding=holding, dt=dt)
+        watch = self._watch = self._monitor.update(
+            now.contacts, holding=holding, dt=dt, speed_of=self._parts.arm.link_speeds()
+        )
         if watch.near is not None and not self._is_slow and has_goal:
             self._reports.warn(f"{_gap(watch)}: slower")
         self._is_slow = watch.near is not None
-        if watch.near is not None and watch.scale < self._least_scale:
-            self._least_scale, self.slowest = watch.scale, _gap(watch)
+        if watch.slow is not None and watch.scale < self._least_scale:
+            ours, other, gap = watch.slow
+            self._least_scale = watch.scale
+            self.slowest = f"{ours} is {gap * 1e3:.0f} mm from {other}"
         return watch.scale
 
     @property
     def gap(self) -> float:
-        """Return the distance to the nearest thing that must not be touched [m]."""
-        is_near = self._watch is not None and self._watch.near is not None
-        return self._watch.gap if self._watch is not None and is_near else math.inf
+        """Return the distance to the nearest thing that must not be touched [m].
+
+        What contacts do not report may be just beyond their range.
+        """
+        return min(self._watch.gap, self._settings.range) if self._watch is not None else math.inf
 
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .planner_search import PlannerQueries, PlannerSearch, refusal_of
 from .routes import Router
 from .segments import SegmentFitter
 from .settling import SettleWatch, Settling
+
+_LINK_RADIUS = 0.1
+"""How far the points of a link are from the axis about which it turns [m]."""
 
 _AT_ONCE = 1e-6
 """Distance of a target that needs no motion [rad]."""
@@ -112,6 +115,30 @@ class Manipulator:
     def at(self, t: float) -> JointMotion:
         """Return what to command at a time [s]."""
         return self._player.command(t)
+
+    def link_speeds(self) -> Callable[[str], tuple[float, float]]:
+        """Return a function: link → its speed now, and at the full rate of the motion [m/s].
+
+        What is no link of the robot moves as the tip. A turning link counts as wide as 0.1 m.
+        """
+        now, rate = self._player.nominal(), self._player.clock.rate
+        known: dict[str, tuple[float, float]] = {}
+
+        def speeds(link: str) -> tuple[float, float]:
+            if link not in known:
+                frame = link if link in self._robot.links else self._options.tip
+                full = self._speed_of(frame, now)
+                known[link] = (full * rate, full)
+            return known[link]
+
+        return speeds
+
+    def _speed_of(self, frame: str, now: JointMotion) -> float:
+        if not now.velocity.any():
+            return 0.0
+        _, jacobian = self._robot.jacobian(now.position, self._robot.frame_id(frame))
+        twist = jacobian @ now.velocity
+        return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))
 
     def start(self, goal: Goal, q: Vector, base: BaseState, t: float, *, held: str = "") -> str:
         """Start a goal and return a sentence for its status; the one before is forgotten.

@@ -10,7 +10,6 @@ from stepbus_participant import (
     NonNegative,
     Positive,
     PositivePerJoint,
-    Share,
     Text,
     Whole,
     each,
@@ -93,10 +92,15 @@ class Params(JointParams):
     """Links that may touch the ground. Default: those with `wheel` or `caster` in their names."""
     collision_force: Positive = 0.5
     """Above it a forbidden touch is a collision [N]."""
+    contact_range: Positive = 0.08
+    """How far contacts report things; the base is never faster than it could stop within that
+    [m]."""
     slow_within: Positive = 0.08
     """Closer than this to what it must not touch, the arm slows down [m]."""
-    slowest: Share = 0.2
-    """Share of the arm's full speed at distance 0."""
+    arm_brake: Positive = 1.0
+    """Braking of each link near things; their largest speed there follows from that [m/s²]."""
+    arm_creep: Positive = 0.02
+    """Slowest speed of a link near things [m/s]."""
     back_off: NonNegative = 0.05
     """How far the robot goes back from what it has touched [m]."""
     stop_within: NonNegative = 0.004
@@ -105,8 +109,6 @@ class Params(JointParams):
     """How often a goal may get another path."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what is wrong with the gripper and the speed."""
+        """Yield what is wrong with the gripper."""
         if len(self.pads) != 2:
             yield ("pads",), f"names {len(self.pads)} links; a gripper has two"
-        if self.slowest == 0.0:
-            yield ("slowest",), "must be above 0: the robot would never leave what is near"

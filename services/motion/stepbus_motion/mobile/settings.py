@@ -74,7 +74,10 @@ def read_mobile_settings(config: Config) -> MobileSettings:
         ),
         monitor=monitor if ports.contacts is not None else None,
         avoidance=AvoidanceSettings(
-            back_off=params.back_off, stop_within=params.stop_within, replans=params.replans
+            back_off=params.back_off,
+            stop_within=params.stop_within,
+            replans=params.replans,
+            range=params.contact_range,
         ),
     )
 
@@ -128,7 +131,8 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
         ignore=frozenset(ignore),
         force=params.collision_force,
         within=params.slow_within,
-        slowest=params.slowest,
+        brake=params.arm_brake,
+        creep=params.arm_creep,
     )
 
 

@@ -65,6 +65,10 @@ class MotionPlayer:
         """Return the joints at a time [s]."""
         return self.trajectory.at(self.clock.time_at(t)).scaled(self.clock.rate)
 
+    def nominal(self) -> JointMotion:
+        """Return the joints now, moving at the full rate."""
+        return self.trajectory.at(self.clock.s)
+
     def command(self, t: float) -> JointMotion:
         """Return what to command at a time [s].
 

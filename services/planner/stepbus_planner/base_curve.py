@@ -1,0 +1,193 @@
+"""Smooth routes of a base: curves that leave and reach a heading, as circular arcs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import Point
+
+_ARC = 0.05
+"""Length of the arcs that a curve is made of [m]."""
+
+_HANDLES = (0.35, 0.5)
+"""Lengths of a curve's tangents, as shares of the distance of its ends."""
+
+_TURNS = (0.0, 0.5, 1.0)
+"""Shares of the turn towards the goal that the base may make on the spot before it drives."""
+
+_CUTS = (0.45, 0.3, 0.15)
+"""Distances from a corner at which a curve around it begins, the largest first [m]."""
+
+_STOP = 0.3
+"""What each stop on the way costs besides [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasePace:
+    """How fast a base is, to compare routes [m/s, m/s², rad/s, rad/s²]."""
+
+    speed: float = 0.5
+    acceleration: float = 0.4
+    turn_speed: float = 0.8
+    turn_acceleration: float = 0.8
+
+    def line(self, length: float, curvature: float) -> float:
+        """Return how long a curve takes [s]; curvature: the largest [1/m]."""
+        speed = min(self.speed, self.turn_speed / max(curvature, 1e-9))
+        return _STOP + _trapezoid(length, speed, self.acceleration)
+
+    def turn(self, angle: float) -> float:
+        """Return how long a turn on the spot takes [s]."""
+        if abs(angle) < 1e-9:
+            return 0.0
+        return _STOP + _trapezoid(abs(angle), self.turn_speed, self.turn_acceleration)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothRoute:
+    """Poses along a route, each x, y, yaw [m, rad]; the first one is the start.
+
+    Between two poses the base turns on the spot, where they have the same position, or drives an
+    arc. seconds: estimated.
+    """
+
+    poses: tuple[Point, ...]
+    seconds: float
+
+    @property
+    def length(self) -> float:
+        """Return the length of the route [m]."""
+        return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(self.poses))
+
+
+def wrapped(angle: float) -> float:
+    """Return the same angle between -π and π [rad]."""
+    return math.remainder(angle, 2 * math.pi)
+
+
+def direct_routes(start: Point, goal: Point, pace: BasePace) -> list[SmoothRoute]:
+    """Return curves from a pose to another one, forwards and backwards, the quickest first."""
+    a, b = np.array(start[:2]), np.array(goal[:2])
+    chord = math.atan2(*(b - a)[::-1])
+    found = []
+    for back, share, ends_at_goal in product((False, True), _TURNS, (True, False)):
+        flip = math.pi if back else 0.0
+        first = start[2] + share * wrapped(chord + flip - start[2])
+        last = goal[2] if ends_at_goal else chord + flip
+        for handle in _HANDLES:
+            points = _bezier(a, first - flip, b, last - flip, handle)
+            found.append(_route((start, goal), points, (first, last), pace, back=back))
+    return sorted(found, key=lambda route: route.seconds)
+
+
+def rounded_routes(
+    start: Point, goal: Point, corners: Sequence[Vector], pace: BasePace
+) -> Iterator[SmoothRoute]:
+    """Yield routes along corners that are cut, the largest cut first, forwards and backwards.
+
+    corners: from start to goal, each of shape (2,) [m].
+    """
+    for cut in _CUTS:
+        points = _cut(corners, cut)
+        both = []
+        for back in (False, True):
+            flip = math.pi if back else 0.0
+            first, last = (math.atan2(*(q - p)[::-1]) + flip for p, q in _ends(points))
+            both.append(_route((start, goal), points, (first, last), pace, back=back))
+        yield from sorted(both, key=lambda route: route.seconds)
+
+
+def _ends(points: Vector) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
+    return (points[0], points[1]), (points[-2], points[-1])
+
+
+def _route(
+    ends: tuple[Point, Point],
+    points: Vector,
+    headings: tuple[float, float],
+    pace: BasePace,
+    *,
+    back: bool,
+) -> SmoothRoute:
+    """Return the route along points, with turns on the spot at both ends where they are needed.
+
+    headings: of the base at the first and the last point [rad].
+    """
+    (start, goal), (first, last) = ends, headings
+    yaws = _yaws(points, first, last, back=back)
+    poses: list[Point] = [start]
+    if abs(wrapped(first - start[2])) > 1e-9:
+        poses.append((start[0], start[1], first))
+    rows = zip(points[1:].tolist(), yaws[1:], strict=True)
+    poses += [(x, y, wrapped(yaw)) for (x, y), yaw in rows]
+    if abs(wrapped(goal[2] - yaws[-1])) > 1e-9:
+        poses.append(goal)
+    else:
+        poses[-1] = goal
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    curvature = float((np.abs(np.diff(yaws)) / steps).max())
+    seconds = pace.turn(wrapped(first - start[2])) + pace.turn(wrapped(goal[2] - yaws[-1]))
+    seconds += pace.line(float(steps.sum()), curvature)
+    return SmoothRoute(poses=tuple(poses), seconds=seconds)
+
+
+def _yaws(points: Vector, first: float, last: float, *, back: bool) -> list[float]:
+    """Return the headings at points on a curve, without jumps by a full turn.
+
+    An arc through two poses has its chord half-way between both headings.
+    """
+    chords = np.arctan2(np.diff(points[:, 1]), np.diff(points[:, 0])) + (math.pi if back else 0.0)
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    turns = [wrapped(b - a) for a, b in pairwise(chords)]
+    yaws = [first]
+    at = first + wrapped(float(chords[0]) - first)
+    for turn, before, after in zip(turns, lengths[:-1], lengths[1:], strict=True):
+        # The heading between two chords, nearer to that of the shorter one.
+        yaws.append(at + turn * float(before / (before + after)))
+        at += turn
+    return [*yaws, yaws[-1] + wrapped(last - yaws[-1])]
+
+
+def _bezier(a: Vector, first: float, b: Vector, last: float, handle: float) -> Vector:
+    """Return points _ARC apart on a cubic curve with given directions at its ends [rad]."""
+    far = handle * float(np.linalg.norm(b - a))
+    c = a + far * np.array([math.cos(first), math.sin(first)])
+    d = b - far * np.array([math.cos(last), math.sin(last)])
+    t = np.linspace(0.0, 1.0, 201)[:, None]
+    dense = (1 - t) ** 3 * a + 3 * (1 - t) ** 2 * t * c + 3 * (1 - t) * t**2 * d + t**3 * b
+    return _apart(dense)
+
+
+def _cut(corners: Sequence[Vector], most: float) -> Vector:
+    """Return points along corners, each of which is replaced by a parabola."""
+    t = np.linspace(0.0, 1.0, 41)[:, None]
+    parts = [corners[0][None]]
+    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
+        near = min(math.dist(corner, before), math.dist(corner, after)) / 2
+        ends = [
+            corner + min(most, near) / math.dist(other, corner) * (other - corner)
+            for other in (before, after)
+        ]
+        parts.append((1 - t) ** 2 * ends[0] + 2 * (1 - t) * t * corner + t**2 * ends[1])
+    return _apart(np.concatenate([*parts, corners[-1][None]]))
+
+
+def _apart(dense: Vector) -> Vector:
+    """Return points along others, about _ARC apart; the ends are the same."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))])
+    s = np.linspace(0.0, along[-1], max(math.ceil(along[-1] / _ARC), 2) + 1)
+    points: Vector = np.stack([np.interp(s, along, dense[:, n]) for n in (0, 1)], axis=1)
+    points[[0, -1]] = dense[[0, -1]]
+    return points
+
+
+def _trapezoid(length: float, speed: float, acceleration: float) -> float:
+    if length < speed**2 / acceleration:
+        return 2.0 * math.sqrt(length / acceleration)
+    return length / speed + speed / acceleration
