@@ -273,7 +273,7 @@ class Plan(Message, frozen=True):
     route: Annotated[
         list[Point],
         meta(
-            "of a base: x, y, yaw at the end of each arc, turn or line, in the frame of the request",
+            "of a base: x, y, yaw at the end of each arc, turn or line, as `base` of the request",
             "m, m, rad",
             "k 3",
         ),

@@ -23,7 +23,8 @@ class BaseSettings:
     base is jammed [m, rad]. track: between the wheels, to tell which of them lags [m]. brake,
     turn_brake: of the hardest stop without slip [m/s², rad/s²]. clearance: what stands still comes
     no closer than that [m]. creep: slowest speed near things [m/s]. reaction: from a measurement to
-    its effect on the wheels [s]. reach: of the robot's farthest point from the axis of a turn [m]. half_width: of the robot [m].
+    its effect on the wheels [s]. reach: of the robot's farthest point from the axis of a turn,
+    half_width: of the robot [m].
     """
 
     speed: float = 0.5

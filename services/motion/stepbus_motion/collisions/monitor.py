@@ -111,8 +111,9 @@ class Watch:
     """What the monitor found in a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch; None: nothing is near. gap: to the closest thing that contacts report [m]. held: link of the world between
-    the pads; empty: none. scale: share of the full speed, 0 to 1, and `slow` the pair it is for.
+    not touch; None: nothing is near. gap: to the closest thing that contacts report [m]. held: link
+    of the world between the pads; empty: none. scale: share of the full speed, 0 to 1; slow: the
+    pair that it is for, and their distance [m].
     """
 
     collision: Collision | None
