@@ -18,9 +18,8 @@ import msgspec
 import numpy as np
 from mcap.reader import make_reader
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import Options, Recording, load
 from stepbus_orchestrator import run_scenario as run
-from stepbus_orchestrator.recording import Recording
 
 TYPES = ("cola", "juice", "water", "soup")
 _ROW = re.compile(
