@@ -77,6 +77,7 @@ __all__ = [
     "Imu",
     "InputAbsent",
     "Interrupted",
+    "InvalidInput",
     "JointCommand",
     "JointReference",
     "JointState",

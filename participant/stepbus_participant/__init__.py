@@ -15,7 +15,7 @@ from .parameters.settings import *
 from .parameters.types_file import load_types
 from .participant import Participant, PortType
 from .session import Input, OutputError, read_stamp, stamp
-from .step import InputAbsent, Step
+from .step import InputAbsent, InvalidInput, Step
 from .suggestions import suggest
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "Host",
     "Input",
     "InputAbsent",
+    "InvalidInput",
     "LoopbackBus",
     "MessageFault",
     "Method",

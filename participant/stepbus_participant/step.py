@@ -17,6 +17,18 @@ class InputAbsent(RunError, LookupError):
     """An input was read before its source published for the first time."""
 
 
+class InvalidInput(RunError):
+    """What an input carries cannot be used: the run ends, and its source is to blame.
+
+    port: name of the input. text: what is wrong with it.
+    """
+
+    def __init__(self, port: str, text: str) -> None:
+        super().__init__(f"input {port!r}: {text}")
+        self.port = port
+        self.text = text
+
+
 class Step:
     """The inputs of one step, and its time.
 

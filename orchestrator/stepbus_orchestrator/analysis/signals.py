@@ -75,11 +75,11 @@ def _interval(steps: NDArray[np.int64]) -> int:
 
 def read_signal(port: Port, quantities: Sequence[str]) -> Signal | None:
     """Return a port as arrays; None when it has no messages, or none of a constant width."""
-    return _signal(port, port, quantities)
+    return signal_of(port, port, quantities)
 
 
-def _signal(port: Port, source: Port | Batch, quantities: Sequence[str]) -> Signal | None:
-    """Return what `source` has of a port."""
+def signal_of(port: Port, source: Port | Batch, quantities: Sequence[str]) -> Signal | None:
+    """Return what `source` has of a port, as `read_signal`."""
     arrays = source.arrays(*quantities)
     if not len(source.steps):
         return None
@@ -153,12 +153,12 @@ def tracking_pieces(
     held = None if reference is None else _Held(reference)
     for batch in recording.batches(series, most_bytes):
         yield Tracking(
-            state=None if state is None else _signal(state, batch[state.topic], _STATE[1]),
+            state=None if state is None else signal_of(state, batch[state.topic], _STATE[1]),
             reference=None if held is None else held.take(batch[held.topic]),
             commands={
                 port.topic: signal
                 for port in commands
-                if (signal := _signal(port, batch[port.topic], _COMMAND[1])) is not None
+                if (signal := signal_of(port, batch[port.topic], _COMMAND[1])) is not None
             },
         )
 
@@ -175,7 +175,7 @@ class _Held:
     def take(self, batch: Batch) -> Signal | None:
         """Return a piece; one without messages where the last one still holds."""
         before = self._before
-        found = _signal(self._port, batch, _REFERENCE[1])
+        found = signal_of(self._port, batch, _REFERENCE[1])
         if found is None and before is not None and not len(batch.steps):
             found = before.slice(slice(0, 0))
         if found is None:

@@ -63,6 +63,7 @@ class Recorder:
             for port, output in spec.outputs.items()
         }
         self._channels: dict[tuple[str, str], int] = {}
+        self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
         self._chain_channel: int | None = None
         self._calls_channel: int | None = None
 
@@ -97,6 +98,11 @@ class Recorder:
         if self._calls_channel is None:
             self._calls_channel = self._file.add_channel(layout.CALLS_TOPIC, layout.CALLS_TYPE, {})
         self._add(self._calls_channel, call.step, encode(call))
+
+    @property
+    def silent(self) -> frozenset[tuple[str, str]]:
+        """Return the ports without a message, as (participant, port)."""
+        return frozenset(self._silent)
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Keep the outputs of one participant until their step is written."""
@@ -173,6 +179,7 @@ class Recorder:
                 message = self._decoded(name, port, step, data)
                 valid.append((port, data))
                 self._add(self._channels[name, port], step, data)
+                self._silent.discard((name, port))
                 if self._on_event is not None and isinstance(message, Event):
                     self._on_event(name, port, step, message)
             if published.fault is not None:

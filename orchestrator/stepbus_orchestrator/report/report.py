@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.analysis.findings import findings
 from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_participant import extra_hint
@@ -22,12 +23,12 @@ _MOST_LINES = 6
 _NO_DYNAMICS = "joints and base follow their commands at once"
 
 
-def write_report(path: Path) -> list[str]:
+def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
     """Plot a recording and return what a summary should say of it.
 
-    path: the recording, which is read piece by piece. The plots are beside it, in report.png.
-    Returns nothing for a recording without joint states, and one line that says why for one that
-    cannot be plotted.
+    path: the recording, which is read piece by piece. has_plots: whether to plot, beside it, in
+    report.png. One that cannot be plotted gets a line that says why; one without joint states is
+    not.
     """
     lines: list[str] = []
     try:
@@ -36,11 +37,14 @@ def write_report(path: Path) -> list[str]:
             for piece in tracking_pieces(recording):
                 tracking.take(piece)
                 summary.take(piece)
+            problems = [f"attention {line}" for line in findings(recording)]
             if tracking.state is None:
-                return []
-            lines = summary.lines(tracking_pieces(recording, has_commands=False))
+                return problems
+            lines = [*summary.lines(tracking_pieces(recording, has_commands=False)), *problems]
             if _lacks_dynamics(recording):
                 lines.append(f"dynamics  off: {_NO_DYNAMICS}")
+            if not has_plots:
+                return lines
             target = path.with_name(REPORT_FILE)
             draw_report(_title(recording), tracking, device_panels(recording), target)
     except ImportError as exc:

@@ -120,6 +120,8 @@ class _Run:
             failure = self._close_recording(failure)
             self._timing.event("end", text=str(failure) if failure else reason)
             self._timing.close()
+        if failure is None and self._loop is not None:
+            self._events.add_silent(self._scenario, self._recorder.silent, self._loop.state.steps)
         result = self._result(reason, failure)
         try:
             result.save()

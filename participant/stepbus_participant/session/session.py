@@ -8,6 +8,7 @@ from collections.abc import Callable
 from stepbus_participant.bus import Bus
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
+from stepbus_participant.step import InvalidInput
 from stepbus_schemas import (
     SHIPPED,
     Fault,
@@ -132,8 +133,15 @@ class Session:
             )
         return ready
 
+    def _peer_fault(self, exc: InvalidInput) -> PeerFault:
+        source = self._welcome.inputs[exc.port]
+        where = f"{source.source}.{source.port} (input {exc.port})"
+        return PeerFault(source.source, f"{where}: {exc.text}")
+
     def _report(self, exc: Exception) -> None:
         """Report the fault to the orchestrator, and wait for its stop (P10.1)."""
+        if isinstance(exc, InvalidInput) and exc.port in self._welcome.inputs:
+            exc = self._peer_fault(exc)
         fault = Fault(
             name=self._welcome.name,
             token=self._welcome.token,

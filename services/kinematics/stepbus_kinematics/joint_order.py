@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stepbus_participant import suggest
+from stepbus_participant import InvalidInput, suggest
 from stepbus_schemas import Description, RunError, WiringError
 
 from .model import Vector
@@ -37,14 +37,13 @@ class JointOrder:
     def pick(self, values: Sequence[float] | None, quantity: str) -> Vector:
         """Return one quantity of a message, shape (n,), in your order.
 
-        Raises RunError for a message without it, or with another number of values.
+        Raises RunError for a message without it, InvalidInput for another number of values.
         """
         if values is None:
             raise RunError(f"input {self._port!r} carries no {quantity}")
         if len(values) != self._length:
-            raise RunError(
-                f"input {self._port!r} carries {len(values)} {quantity} values for "
-                f"{self._length} joints"
+            raise InvalidInput(
+                self._port, f"carries {len(values)} {quantity} values for {self._length} joints"
             )
         return np.array([values[i] for i in self._index])
 

@@ -1,14 +1,16 @@
 """Errors of the plant during a run; mistakes found before it starts are WiringErrors.
 
 RunError
-├─ CommandError (ValueError)       an invalid joint command
+├─ InvalidInput
+│  └─ CommandError (ValueError)    an invalid command; its sender is to blame
 └─ PhysicsError (ArithmeticError)  the physics engine failed, or its state is not finite
 """
 
+from stepbus_participant import InvalidInput
 from stepbus_schemas import RunError
 
 
-class CommandError(RunError, ValueError):
+class CommandError(InvalidInput, ValueError):
     """An invalid joint command."""
 
 

@@ -29,9 +29,12 @@ class PlantParticipant(Participant):
     Bases, grippers and contact sensors have ports of their own types, named after the device. Each
     output of type Poses/1 carries the true poses of the links in `params.poses`, or once, if it is
     called `planogram`, where they belong. Warnings about commands go to outputs of type Event/1, or
-    to the log if there is none. The scenario gives the plant `publishes: first`. Until its first
-    command, a joint swings freely in mode torque and holds its position in modes velocity and
-    position.
+    to the log if there is none. Until its first command, a joint swings freely in mode torque and
+    holds its position in modes velocity and position.
+
+    With `publishes: first`, it publishes the state of a step, then reads the command of that step
+    and advances. With `publishes: last`, it reads the command, advances to the step, and publishes
+    the state there; a command with `delay: 1` leads to the same states.
     """
 
     def __init__(self, config: Config) -> None:
@@ -127,16 +130,22 @@ class PlantParticipant(Participant):
         self._warnings, self._events = [], []
         return event
 
-    def update(self, step: Step) -> None:
-        """Execute new commands and advance the world by one step."""
+    def update(self, step: Step) -> Mapping[str, Message] | None:
+        """Execute new commands and advance the world by one step; return its state if it is due."""
+        is_last = self.config.publishes == "last"
+        # The state of the first step is that before any command.
+        advances = not is_last or step.index > 0
         for port, driver in self._drivers.items():
             if step.is_new(port):
                 driver.apply(step.read(port))
-            driver.before_step()
+            if advances:
+                driver.before_step()
         warnings = [f"step {step.index}: {text}" for text in self.plant.warnings.take()]
         self._report(warnings, self._warnings, logging.WARNING)
-        self.plant.advance()
-        self._report(self.plant.script.take_events(), self._events, logging.INFO)
+        if advances:
+            self.plant.advance()
+            self._report(self.plant.script.take_events(), self._events, logging.INFO)
+        return self.output(step) if is_last else None
 
     def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
         """Queue messages for the next output, or log them if there is no Event port."""

@@ -94,7 +94,7 @@ def test_velocity_that_is_not_sensed_is_asked_for() -> None:
 
 def test_a_vector_of_the_wrong_length_is_refused() -> None:
     controller = make_controller(controller_config(**PD))
-    with pytest.raises(RunError, match="'reference' carries 1 position values for 2 joints"):
+    with pytest.raises(RunError, match="'reference': carries 1 position values for 2 joints"):
         controller.update(0, reference=reference(0.1))
 
 

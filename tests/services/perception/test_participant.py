@@ -187,7 +187,7 @@ def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
     messages, described = seen
     stand = start(config(tmp_path), described)
     with pytest.raises(
-        RunError, match="input 'joint_state' carries 1 position values for 7 joints"
+        RunError, match="input 'joint_state': carries 1 position values for 7 joints"
     ):
         stand.update(0, **{**messages, "joint_state": JointState(position=[0.0])})
     truth = start(config(tmp_path, ["poses"], source="truth"), described)

@@ -25,12 +25,8 @@ def see(folder, **more):
 
 
 def steps_with_images(participant, port, steps):
-    stand, found = Stand(participant), []
-    for step in range(steps):
-        if port in participant.output(None):
-            found.append(step)
-        stand.update(step)
-    return found
+    stand = Stand(participant)
+    return [step for step in range(steps) if port in stand.update(step)]
 
 
 def test_a_box_is_seen_at_its_pixels_with_its_depth_and_colour(tmp_path):

@@ -149,7 +149,7 @@ def test_a_command_without_sense_is_refused(tmp_path, command, text):
     ],
 )
 def test_what_a_gripper_cannot_do_is_told(tmp_path, command, text):
-    shown = run(make_gripper(tmp_path), 2, gripper=command)
+    shown = run(make_gripper(tmp_path), 1, gripper=command)
     assert text in shown["warnings"].text
 
 

@@ -17,6 +17,7 @@ def config(takes="JointCommand/1", gives="JointState/1", every=1, **params):
         inputs={"command": InputConfig(source="controller", port="command", type=takes)},
         outputs={"joint_state": OutputConfig(type=gives), "copy": OutputConfig(type=gives)},
         params={"world": "world.yaml", **params},
+        publishes="first",
     )
 
 

@@ -66,6 +66,7 @@ def make_plant(
         inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
         outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
         params={"world": "world.yaml", **params},
+        publishes="first",
     )
     participant = PlantParticipant(config)
     participant.start({port: Description() for port in inputs})

@@ -129,6 +129,7 @@ def make_stand(
         inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
         outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
         params={"world": "world.yaml", "dynamics": dynamics},
+        publishes="first",
     )
     participant = PlantParticipant(config)
     participant.start({port: Description(names=names.get(port, [])) for port in inputs})

@@ -52,7 +52,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="host all participants in one process: quicker, the same recording",
     )
-    parser.add_argument("--no-report", action="store_true", help="make no report.png")
+    parser.add_argument("--no-report", action="store_true", help="make no report.png, only figures")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
 
 
@@ -85,7 +85,7 @@ def _execute(args: argparse.Namespace) -> int:
     )
     with interruptible() as interrupt:
         result = _run(scenario, options, pace, interrupt, quiet=args.json)
-        lines = [] if args.no_report else _report(result, interrupt)
+        lines = _report(result, interrupt, has_plots=not args.no_report)
         if args.json:
             say_json(result)
         else:
@@ -104,15 +104,15 @@ def _run(
         return run(scenario, options, display, interrupt)
 
 
-def _report(result: Result, interrupt: threading.Event) -> list[str]:
-    """Make the plots and return the lines of the summary about the recording."""
+def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> list[str]:
+    """Make the plots, and return the lines of the summary about the recording."""
     if not result.recording.exists() or result.steps == 0:
         return []
     if interrupt.is_set() and not result.exit_code:
         return [_NO_REPORT]
     try:
         with abortable():
-            return write_report(result.recording)
+            return write_report(result.recording, has_plots=has_plots)
     except KeyboardInterrupt:
         return [_NO_REPORT]
 

@@ -79,14 +79,13 @@ class BaseDriver:
         if command.wheels is None:
             for field, value in (("vx", command.vx), ("wz", command.wz)):
                 if not math.isfinite(value):
-                    raise CommandError(
-                        f"input {self._port!r}: {field} is {value}, not a finite number"
-                    )
+                    raise CommandError(self._port, f"{field} is {value}, not a finite number")
             velocities = self._base.wheel_velocities(command.vx, command.wz)
         elif command.vx != 0.0 or command.wz != 0.0:
             raise CommandError(
-                f"input {self._port!r}: has both wheels and vx {command.vx:g}, wz {command.wz:g}; "
-                "give the velocity of the base or of its wheels"
+                self._port,
+                f"has both wheels and vx {command.vx:g}, wz {command.wz:g}; "
+                "give the velocity of the base or of its wheels",
             )
         else:
             velocities = list(command.wheels)

@@ -154,11 +154,12 @@ class GripperDriver:
         """
         for field, value in (("width", command.width), ("force", command.force)):
             if not math.isfinite(value):
-                raise CommandError(f"input {self._port!r}: {field} is {value}, not a finite number")
+                raise CommandError(self._port, f"{field} is {value}, not a finite number")
         if command.force < 0.0:
             raise CommandError(
-                f"input {self._port!r}: force {command.force:g} N is negative; the width decides "
-                "whether to open or to close"
+                self._port,
+                f"force {command.force:g} N is negative; the width decides "
+                "whether to open or to close",
             )
         self._check_range(command)
         self._command = command

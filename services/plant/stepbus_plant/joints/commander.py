@@ -162,4 +162,4 @@ class Commander:
             drive.teleport(index, position)
 
     def _reject(self, text: str) -> NoReturn:
-        raise CommandError(f"input {self._port!r}: {text}")
+        raise CommandError(self._port, text)

@@ -1,0 +1,214 @@
+"""What makes a run look better than it was: torques that are cut, targets beyond stops.
+
+Each finding is one line of the summary. A recording is read once, piece by piece.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, split_topic
+from stepbus_participant import SettingsError
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import Description
+
+from .signals import Signal, signal_of
+
+STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
+_ASKING = frozenset(
+    (STATE, COMMAND, REFERENCE, "BaseCommand/1", "GripperCommand/1", "Goal/1", "PlanRequest/1")
+)
+"""Types that are for somebody; a status, an event or a picture may be for the recording only."""
+
+_TOLERANCE = 1e-6
+_PERMANENT = 0.5
+_FULL_TURN = 2 * math.pi + 1e-3
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Limits of one joint, as its plant describes them, in SI units."""
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    effort: float = math.inf
+    type: str = ""
+
+    @property
+    def is_rotary(self) -> bool:
+        """Return whether it turns."""
+        return self.type != "prismatic"
+
+
+@dataclass
+class _Count:
+    """How often the values of one joint were beyond a limit; worst: the farthest."""
+
+    messages: int = 0
+    cut: int = 0
+    full: int = 0
+    worst: float = 0.0
+
+    def take(self, values: Any, limit: float) -> None:
+        size = np.abs(values)
+        cut = size > limit * (1 + _TOLERANCE)
+        self.messages += len(values)
+        self.cut += int(np.count_nonzero(cut))
+        self.full += int(np.count_nonzero(size >= limit * (1 - _TOLERANCE)))
+        self._keep(values)
+
+    def take_targets(self, values: Any, joint: Joint) -> None:
+        beyond = (values < joint.lower - _TOLERANCE) | (values > joint.upper + _TOLERANCE)
+        self.messages += len(values)
+        self.cut += int(np.count_nonzero(beyond))
+        self._keep(values[beyond])
+
+    def _keep(self, values: Any) -> None:
+        if len(values):
+            farthest = float(values[np.argmax(np.abs(values))])
+            self.worst = max(self.worst, farthest, key=abs)
+
+    @property
+    def share(self) -> str:
+        return f"{math.ceil(100 * self.cut / self.messages)} % of the steps"
+
+
+@dataclass
+class _Watched:
+    """A port whose values have limits. receiver: who applies them; empty for a reference."""
+
+    port: Port
+    receiver: str
+    joints: Mapping[str, Joint]
+    own: Mapping[str, float]
+    torques: dict[str, _Count] = field(default_factory=dict)
+    targets: dict[str, _Count] = field(default_factory=dict)
+
+    def take(self, signal: Signal) -> None:
+        modes = signal.modes - {"brake"}
+        for name in signal.names:
+            joint = self.joints.get(name)
+            if joint is None:
+                continue
+            if self.port.type == REFERENCE or modes == {"position"}:
+                quantity = "position" if self.port.type == REFERENCE else "values"
+                if (values := signal.of(quantity, name)) is not None:
+                    self.targets.setdefault(name, _Count()).take_targets(values, joint)
+            elif modes == {"torque"} and (values := signal.of("values", name)) is not None:
+                limit = min(joint.effort, self.own.get(name, math.inf))
+                self.torques.setdefault(name, _Count()).take(values, limit)
+
+    def lines(self) -> Iterator[str]:
+        who = self.port.topic.replace("/", ".", 1)
+        for name, count in self.torques.items():
+            joint = self.joints[name]
+            unit = "N·m" if joint.is_rotary else "N"
+            if count.cut:
+                yield (
+                    f"{self.receiver} cuts {name} of {who} to {joint.effort:g} {unit} in "
+                    f"{count.share}: up to {abs(count.worst):.4g} {unit} were commanded"
+                )
+            elif count.full > _PERMANENT * count.messages and count.worst:
+                share = math.floor(100 * count.full / count.messages)
+                yield f"{who}: {name} is saturated in {share} % of the steps"
+        for name, count in self.targets.items():
+            if count.cut:
+                yield f"{who}: {_beyond(name, self.joints[name], count)}"
+
+
+def _beyond(name: str, joint: Joint, count: _Count) -> str:
+    unit = "rad" if joint.is_rotary else "m"
+    stop = joint.lower if count.worst < joint.lower else joint.upper
+    text = f"{name} is sent to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
+    if joint.is_rotary and abs(count.worst) > _FULL_TURN:
+        radians = math.radians(count.worst)
+        text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"
+    return text
+
+
+def findings(recording: Recording) -> list[str]:
+    """Return what a recording shows to be wrong with its run, one sentence each."""
+    rows = _participants(recording)
+    plants = {
+        split_topic(port.topic)[0]: _joints(port.description)
+        for port in recording.of_type(STATE)
+        if port.description.limits
+    }
+    watched = list(_watched(recording, rows, plants))
+    for batch in recording.batches([row.port for row in watched]):
+        for row in watched:
+            signal = signal_of(row.port, batch[row.port.topic], _quantities(row.port))
+            if signal is not None:
+                row.take(signal)
+    return [*_wiring(recording, rows), *(line for row in watched for line in row.lines())]
+
+
+def _quantities(port: Port) -> tuple[str, ...]:
+    return ("position",) if port.type == REFERENCE else ("mode", "values")
+
+
+def _participants(recording: Recording) -> dict[str, dict[str, Any]]:
+    text = recording.attachments.get(SCENARIO_ATTACHMENT, b"").decode(errors="replace")
+    try:
+        data = parse_yaml(SCENARIO_ATTACHMENT, text)
+    except SettingsError:
+        return {}
+    rows = data.get("participants") if isinstance(data, dict) else None
+    return (
+        rows if isinstance(rows, dict) and all(isinstance(r, dict) for r in rows.values()) else {}
+    )
+
+
+def _sources(row: Mapping[str, Any]) -> set[str]:
+    """Return the topics that a participant reads."""
+    origins = (
+        item.get("from", "") if isinstance(item, dict) else item
+        for item in (row.get("inputs") or {}).values()
+    )
+    return {str(origin).replace(".", "/", 1) for origin in origins}
+
+
+def _watched(
+    recording: Recording,
+    rows: Mapping[str, Mapping[str, Any]],
+    plants: Mapping[str, Mapping[str, Joint]],
+) -> Iterator[_Watched]:
+    """Yield the ports with limits: commands with those of their plant, references with all."""
+    for port in recording.of_type(COMMAND):
+        efforts = port.description.limits.get("effort", ())
+        own = dict(zip(port.names, efforts, strict=False))
+        for name, joints in plants.items():
+            if port.topic in _sources(rows.get(name, {})):
+                yield _Watched(port, name, joints, own)
+    every = {name: joint for joints in plants.values() for name, joint in joints.items()}
+    for port in recording.of_type(REFERENCE):
+        yield _Watched(port, "", every, {})
+
+
+def _joints(description: Description) -> dict[str, Joint]:
+    def column(name: str, default: Any) -> list[Any]:
+        values = description.limits.get(name) or ()
+        found = [default if value is None else value for value in values]
+        return found or [default] * len(description.names)
+
+    types = description.details.get("type") or [""] * len(description.names)
+    columns = (column("lower", -math.inf), column("upper", math.inf), column("effort", math.inf))
+    joints = map(Joint, *columns, types)
+    return dict(zip(description.names, joints, strict=False))
+
+
+def _wiring(recording: Recording, rows: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield outputs that nobody reads, and plants without a command."""
+    read = {topic for row in rows.values() for topic in _sources(row)}
+    for topic, port in recording.ports.items():
+        if rows and port.type in _ASKING and topic not in read:
+            yield f"nobody reads {topic.replace('/', '.', 1)} ({port.type})"
+    for port in recording.of_type(STATE):
+        name = split_topic(port.topic)[0]
+        types = {recording.ports[t].type for t in _sources(rows.get(name, {})) if t in recording}
+        if name in rows and not types & {COMMAND, "BaseCommand/1", "GripperCommand/1"}:
+            yield f"{name} reads no command: nothing moves its joints"

@@ -1,0 +1,108 @@
+"""What makes a run look better than it was has a line in its summary."""
+
+import pytest
+from support.paths import TESTS
+
+from stepbus_orchestrator import Options, cli, load
+from stepbus_orchestrator.analysis.findings import findings
+from stepbus_orchestrator.cli.setup.starters.starter import write_starter
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.run_scenario import run
+
+DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"
+
+
+def run_it(folder, out, *overrides):
+    return run(load(folder, overrides), Options(out=out, in_process=True))
+
+
+def found(tmp_path, *overrides):
+    result = run_it("two_link", tmp_path / "run", "duration=500ms", *overrides)
+    assert result.exit_code == 0, result.reason
+    return findings(Recording(result.recording))
+
+
+@pytest.mark.parametrize("name", ["two_link", "baxter", "store"])
+def test_shipped_scenarios_have_none(name):
+    assert findings(Recording(TESTS / "golden" / f"{name}.mcap")) == []
+
+
+def test_a_torque_that_the_plant_cuts_is_named(tmp_path):
+    limits = ["controller.params.effort_limit=100", "plant.params.effort.joint1=10"]
+    (line,) = found(tmp_path, *limits)
+    assert line == (
+        "plant cuts joint1 of controller.command to 10 N·m in 86 % of the steps: "
+        "up to 100 N·m were commanded"
+    )
+
+
+def test_a_joint_that_saturates_for_most_of_the_run_is_named(tmp_path):
+    (line,) = found(tmp_path, "controller.params.effort_limit=10")
+    assert line.startswith("controller.command: joint1 is saturated in ")
+
+
+def test_degrees_where_radians_belong_are_asked_for(tmp_path):
+    lines = found(tmp_path, "mission.params.amplitude=57")
+    assert (
+        "mission.reference: joint2 is sent to 57 rad, beyond its stop at 6.283 rad; is it in "
+        "degrees? 57° is 0.9948 rad"
+    ) in lines
+
+
+def test_a_plant_without_a_command_and_a_command_without_a_reader_are_named(tmp_path):
+    assert found(tmp_path, "plant.inputs={}") == [
+        "nobody reads controller.command (JointCommand/1)",
+        "plant reads no command: nothing moves its joints",
+    ]
+
+
+def test_the_summary_has_the_findings_and_the_figures_without_a_report(tmp_path, capsys):
+    words = ["run", "two_link", "--in-process", "--no-report", "--set", "duration=500ms"]
+    limit = ["--set", "plant.params.effort.joint1=10"]
+    assert cli.main([*words, *limit, "--out", str(tmp_path / "run")]) == 0
+    said = capsys.readouterr().out
+    assert "\nattention plant cuts joint1 of controller.command to 10 N·m in " in said
+    assert "\ntracking RMSE of the whole run: joint1 " in said
+    assert not (tmp_path / "run/report.png").exists()
+
+
+def test_an_output_that_never_published_is_a_warning(tmp_path):
+    write_starter(tmp_path / "arm", "python")
+    program = tmp_path / "arm/controller.py"
+    text = program.read_text()
+    program.write_text(
+        text.replace('return {"command": stepbus.Joint', '{"command": stepbus.Joint')
+    )
+    result = run_it(tmp_path / "arm", tmp_path / "run", "duration=100ms")
+    (warned,) = result.warnings
+    assert (warned.source, warned.level) == ("controller.command", "warning")
+    assert warned.text == "never published in 20 steps (JointCommand/1)"
+
+
+def test_a_delayed_command_suits_a_plant_that_publishes_last(tmp_path):
+    first = run_it("two_link", tmp_path / "first", "duration=200ms")
+    last = run_it("two_link", tmp_path / "last", "duration=200ms", "plant.publishes=last", DELAYED)
+    assert not last.warnings
+    for topic in ("plant/joint_state", "controller/command"):
+        states = [dict(Recording(r.recording).messages(topic)) for r in (first, last)]
+        # One that publishes first closes the run with the state after its last step.
+        states[0].pop(40, None)
+        assert states[0] == states[1]
+        assert len(states[1]) == 40
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ("[float('nan'), 0.0]", "values of joint joint1 is nan, not a finite number"),
+        ("[0.0]", "values has 1 values for 2 joints (joint1, joint2)"),
+    ],
+)
+def test_a_command_that_no_plant_can_use_blames_its_sender(tmp_path, values, text):
+    write_starter(tmp_path / "arm", "python")
+    program = tmp_path / "arm/controller.py"
+    program.write_text(program.read_text().replace("values=torque", f"values={values}"))
+    result = run_it(tmp_path / "arm", tmp_path / "run", "duration=100ms")
+    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")
+    assert f"controller.command (input command): {text} (seen by plant" in result.reason
