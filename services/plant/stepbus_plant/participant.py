@@ -12,13 +12,17 @@ from .devices import camera
 from .devices import planogram as plan
 from .devices import registry as devices
 from .devices.registry import Driver
+from .devices.sensors import registry as sensors
 from .params import Params
 from .plant import Plant
 from .world.file import load_world
 
 _TYPES = {
     "inputs": ("JointCommand/1", *devices.INPUTS),
-    "outputs": ("JointState/1", "Event/1", "Poses/1", camera.TYPE, *devices.OUTPUTS),
+    "outputs": (
+        *("JointState/1", "Event/1", "Poses/1", camera.IMAGE, camera.CLOUD),
+        *(*devices.OUTPUTS, *sensors.SECTIONS),
+    ),
 }
 _log = logging.getLogger("stepbus_plant")
 
@@ -26,7 +30,7 @@ _log = logging.getLogger("stepbus_plant")
 class PlantParticipant(Participant):
     """Publishes a JointState on each of its outputs and executes a JointCommand from each input.
 
-    Bases, grippers and contact sensors have ports of their own types, named after the device. Each
+    Bases, grippers and sensors have ports of their own types, named after the device. Each
     output of type Poses/1 carries the true poses of the links in `params.poses`, or once, if it is
     called `planogram`, where they belong. Warnings about commands go to outputs of type Event/1, or
     to the log if there is none. Until its first command, a joint swings freely in mode torque and
@@ -53,7 +57,11 @@ class PlantParticipant(Participant):
             self._poses = self.plant.pose_sensor(params.poses)
             self._poses_period = _period(params.poses_period_ns, config.step_ns * config.every)
             self._views = self.plant.cameras.views(
-                name for name, port in outputs if port.type == camera.TYPE
+                {
+                    name: port.type
+                    for name, port in outputs
+                    if port.type in (camera.IMAGE, camera.CLOUD)
+                }
             )
             self._links = self.plant.describe_poses(self._poses) if self._pose_ports else None
             self._planogram = self.plant.planogram(self._poses)
@@ -62,6 +70,9 @@ class PlantParticipant(Participant):
                 for name, port in outputs
                 if port.type in devices.OUTPUTS
             }
+            self._sensors = self.plant.sensors.ports(
+                {name: port.type for name, port in outputs if port.type in sensors.SECTIONS}
+            )
         except WiringError as exc:
             self.plant.close()
             raise WiringError(f"{config.name}: {exc}") from exc
@@ -84,6 +95,7 @@ class PlantParticipant(Participant):
             **dict.fromkeys(self._pose_ports, self._links or Description()),
             **{port: device.describe() for port, device in self._devices.items()},
             **self._views.describe(),
+            **{port: sensor.describe() for port, (sensor, _) in self._sensors.items()},
         }
 
     def start(self, inputs: Mapping[str, Description]) -> None:
@@ -119,9 +131,20 @@ class PlantParticipant(Participant):
                 messages[plan.PORT] = self._planogram
         messages.update({port: device.sense() for port, device in self._devices.items()})
         messages.update(self._views.images(self.plant.t_ns))
+        messages.update(self._readings(self.plant.t_ns))
         if self._warnings or self._events:
             messages.update(dict.fromkeys(self._event_ports, self._event()))
         return messages
+
+    def _readings(self, t_ns: int) -> dict[str, Message]:
+        """Return the readings of the sensors that are due; ports may share one."""
+        due = {id(s): s for s, period_ns in self._sensors.values() if t_ns % period_ns == 0}
+        found = {key: sensor.sense(t_ns) for key, sensor in due.items()}
+        return {
+            port: found[id(sensor)]
+            for port, (sensor, _) in self._sensors.items()
+            if id(sensor) in found
+        }
 
     def _event(self) -> Event:
         """Return what has happened since the last event, warnings first."""

@@ -13,6 +13,7 @@ from .devices.camera import Cameras
 from .devices.planogram import planogram
 from .devices.poses import PoseSensor
 from .devices.registry import Devices
+from .devices.sensors.registry import WorldSensors
 from .errors import PhysicsError
 from .joints.calls import JointCalls
 from .joints.commander import Commander
@@ -34,8 +35,8 @@ class Plant:
     command, a joint swings freely in mode torque and stands still in modes velocity and position.
 
     period_ns: length of a communication step [ns]. seed: of the sensor noise. warnings: about
-    commands without effect. physics: the engine that holds the world. devices, cameras: those that
-    the world declares. script: scripted changes of the world. t_ns: simulation time [ns].
+    commands without effect. physics: the engine that holds the world. devices, cameras, sensors:
+    those that the world declares. script: scripted changes of it. t_ns: simulation time [ns].
     Raises WiringError when the world or a parameter is invalid.
     """
 
@@ -47,6 +48,7 @@ class Plant:
         self._step_ns = step_ns
         self._period_ns = period_ns
         self.t_ns = 0
+        self._seed = seed
         self.physics = Physics(world, step_ns, params)
         try:
             self._equip(params)
@@ -86,13 +88,26 @@ class Plant:
         devices = problems.attempt((), lambda: Devices(world, physics, self._bodies))
         cameras = problems.attempt(
             (),
-            lambda: Cameras(world, physics.client, self._bodies, period_ns, enabled=params.cameras),
+            lambda: Cameras(
+                world,
+                physics.client,
+                self._bodies,
+                period_ns,
+                enabled=params.cameras,
+                seed=self._seed,
+            ),
+        )
+        sensors = problems.attempt(
+            (),
+            lambda: WorldSensors(world, physics.client, self._bodies, period_ns, self._seed),
         )
         names = list(world.cameras)
         problems.attempt((), lambda: check_script(params.script, physics, self._bodies, names))
-        if len(problems) or joints is None or devices is None or cameras is None:
+        if joints is None or devices is None or cameras is None or sensors is None:
             raise problems.error()
+        problems.refuse()
         self._joints, self.devices, self.cameras = joints, devices, cameras
+        self.sensors = sensors
         self.script = Script(params.script, physics, self._bodies, cameras)
 
     def _plan_reading(self) -> None:

@@ -53,7 +53,12 @@ def write_scene(folder: Path, world: str = WORLD, *, tilt: str = DOWN) -> None:
 
 
 def make_plant(
-    folder: Path, outputs: dict[str, str], inputs: dict[str, str] | None = None, **params: object
+    folder: Path,
+    outputs: dict[str, str],
+    inputs: dict[str, str] | None = None,
+    *,
+    seed: int = 0,
+    **params: object,
 ) -> PlantParticipant:
     """Return a started plant of the world in a folder; outputs, inputs: port → type."""
     inputs = inputs or {}
@@ -61,7 +66,7 @@ def make_plant(
         name="plant",
         step_ns=STEP_NS,
         every=1,
-        seed=0,
+        seed=seed,
         folder=folder,
         inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
         outputs={n: OutputConfig(type=t) for n, t in outputs.items()},

@@ -13,15 +13,18 @@ from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.world.declaration import CameraSettings
 from stepbus_plant.world.file import World
-from stepbus_schemas import Description, Image, WiringError
+from stepbus_schemas import Description, Image, Message, PointCloud, WiringError
 
 from .poses import PoseSensor, link_indices
+from .sensors.errors import Errors
 
-TYPE = "Image/1"
+IMAGE, CLOUD = "Image/1", "PointCloud/1"
+TYPES = {"rgb": IMAGE, "depth": IMAGE, "points": CLOUD}
+"""What a port shows of a camera → its message type."""
 
-Quantity = Literal["rgb", "depth"]
+Quantity = Literal["rgb", "depth", "points"]
 Rendering = tuple[Image, Image]
-"""Colours and depth, in the order of `Quantity`."""
+"""Colours and depth."""
 
 # Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.
 _LIGHT = {
@@ -42,8 +45,13 @@ class Camera:
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
     """
 
-    def __init__(self, row: CameraSettings, client: int, bodies: Sequence[str]) -> None:
+    def __init__(
+        self, name: str, row: CameraSettings, client: int, bodies: Sequence[str], seed: int
+    ) -> None:
         self.row = row
+        # All pixels have one offset, and noise of their own.
+        self._offset = Errors(seed, f"cameras/{name}/bias", 0.0, row.depth_bias, 1)
+        self._noise = Errors(seed, f"cameras/{name}/depth", row.depth_noise, 0.0, 0)
         self.period_ns = row.period_ns
         self._client = client
         self._pose = PoseSensor(client, bodies, [row.link])
@@ -97,11 +105,32 @@ class Camera:
         colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (row.height, row.width, 4))[..., :3]
         return self._image("rgb8", colours), self._image("32FC1", self._depth(buffer))
 
+    def cloud(self, rendering: Rendering) -> PointCloud:
+        """Return the points of pixels with a depth, row by row, in the frame of the link."""
+        row, every = self.row, slice(None, None, self.row.stride)
+        colours = np.frombuffer(rendering[0].data, np.uint8).reshape(row.height, row.width, 3)
+        depth = np.frombuffer(rendering[1].data, "<f4").reshape(row.height, row.width)
+        rows, columns = range(0, row.height, row.stride), range(0, row.width, row.stride)
+        v, u = np.meshgrid(rows, columns, indexing="ij")
+        z = depth[every, every].astype(np.float64)
+        seen = np.isfinite(z)
+        x = (u - (row.width - 1) / 2) * z / self._focal
+        y = (v - (row.height - 1) / 2) * z / self._focal
+        points = np.stack([x[seen], y[seen], z[seen]], axis=1).astype("<f4")
+        return PointCloud(
+            count=len(points),
+            points=points.tobytes(),
+            colours=np.ascontiguousarray(colours[every, every][seen]).tobytes(),
+        )
+
     def _depth(self, buffer: Any) -> np.ndarray:
         """Return metres from OpenGL's depth buffer, which is 0 at `near` and 1 at `far`."""
         near, far = self.row.near, self.row.far
         depth = np.asarray(buffer, dtype=np.float64)
         metres = far * near / (far - (far - near) * depth)
+        if self.row.depth_noise or self.row.depth_bias:
+            metres = self._noise.disturb(metres.ravel()).reshape(metres.shape)
+            metres += self._offset.disturb(np.zeros(1))[0]
         return np.where(depth < 1.0, metres, np.inf).astype("<f4")
 
     def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: np.ndarray) -> Image:
@@ -126,12 +155,19 @@ class Cameras:
     """All cameras that a world file declares; each is on or off.
 
     bodies: names of the engine's bodies, in its order. period_ns: length of the plant's step [ns].
-    enabled: false keeps all cameras off.
+    enabled: false keeps all cameras off. seed: of the noise.
     Raises WiringError that lists every mistake, each with its line.
     """
 
     def __init__(
-        self, world: World, client: int, bodies: Sequence[str], period_ns: int, *, enabled: bool
+        self,
+        world: World,
+        client: int,
+        bodies: Sequence[str],
+        period_ns: int,
+        *,
+        enabled: bool,
+        seed: int = 0,
     ) -> None:
         links = link_indices(client, bodies) if world.cameras else {}
         world.source.refuse(
@@ -141,7 +177,9 @@ class Cameras:
                 for problem in _problems(name, row, links, period_ns)
             ]
         )
-        self._cameras = {name: Camera(row, client, bodies) for name, row in world.cameras.items()}
+        self._cameras = {
+            name: Camera(name, row, client, bodies, seed) for name, row in world.cameras.items()
+        }
         self._on = dict.fromkeys(self._cameras, enabled)
         self._enabled = enabled
 
@@ -154,19 +192,26 @@ class Cameras:
         """Switch a camera on or off; it stays off if cameras are disabled."""
         self._on[name] = on and self._enabled
 
-    def views(self, ports: Iterable[str]) -> Views:
+    def views(self, ports: Mapping[str, str]) -> Views:
         """Return the images of ports; a port's name selects camera and quantity.
 
-        Raises WiringError that lists the ports with unknown names.
+        ports: name → message type. Raises WiringError that lists the ports with unknown names.
         """
         known: dict[str, _View] = {}
         for quantity in get_args(Quantity):
             if len(self._cameras) == 1:
                 known[quantity] = _View(self.names[0], quantity)
             known |= {f"{name}_{quantity}": _View(name, quantity) for name in self._cameras}
-        ports = list(ports)
-        text = f"name it one of {', '.join(known)}" if known else "the world has no 'cameras'"
-        mistakes = [f"{port}: has type {TYPE}; {text}" for port in ports if port not in known]
+        mistakes = []
+        for port, port_type in ports.items():
+            fitting = [name for name, view in known.items() if TYPES[view.quantity] == port_type]
+            if port not in fitting:
+                text = (
+                    f"name it one of {', '.join(fitting)}"
+                    if known
+                    else "the world has no 'cameras'"
+                )
+                mistakes.append(f"{port}: has type {port_type}; {text}")
         if mistakes:
             raise WiringError("\n".join(mistakes))
         return Views(self, {port: known[port] for port in ports})
@@ -197,19 +242,36 @@ class Views:
         row = camera.row
         return Description(
             names=[view.camera],
-            shape=[row.height, row.width, 3 if view.quantity == "rgb" else 1],
+            shape=_shape(row, view.quantity),
             details={"link": [row.link], "period": [format_duration(camera.period_ns)]},
         )
 
-    def images(self, t_ns: int) -> dict[str, Image]:
+    def images(self, t_ns: int) -> dict[str, Message]:
         """Return the image of each port whose camera is due at a time [ns]."""
         due = [name for name in self._names if self._cameras.due(name, t_ns)]
         rendered = {name: self._cameras.camera(name).render() for name in due}
         return {
-            port: rendered[view.camera][get_args(Quantity).index(view.quantity)]
+            port: self._message(view, rendered[view.camera])
             for port, view in self._views.items()
             if view.camera in rendered
         }
+
+    def _message(self, view: _View, rendering: Rendering) -> Message:
+        match view.quantity:
+            case "rgb":
+                return rendering[0]
+            case "depth":
+                return rendering[1]
+            case _:
+                return self._cameras.camera(view.camera).cloud(rendering)
+
+
+def _shape(row: CameraSettings, quantity: Quantity) -> list[int]:
+    """Return the shape of an image; of a cloud, its largest one."""
+    if quantity == "points":
+        rows, columns = (-(-size // row.stride) for size in (row.height, row.width))
+        return [rows * columns, 3]
+    return [row.height, row.width, 3 if quantity == "rgb" else 1]
 
 
 def _problems(

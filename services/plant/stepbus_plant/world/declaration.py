@@ -30,6 +30,8 @@ from stepbus_participant import (
 )
 from stepbus_participant.parameters import Keys, read
 
+from .sensors import ImuSettings, LidarSettings, TransformSettings, WrenchSettings
+
 Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=4096)]
@@ -164,6 +166,12 @@ class CameraSettings(Settings):
     """Near clipping distance [m]."""
     far: Positive = 3.0
     """Far clipping distance [m]."""
+    depth_noise: NonNegative = 0.0
+    """Standard deviation of Gaussian noise of each depth [m]."""
+    depth_bias: NonNegative = 0.0
+    """Standard deviation of the constant offset of all depths that each run draws [m]."""
+    stride: Count = 1
+    """A point cloud has every n-th pixel of every n-th row."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no camera can have."""
@@ -264,6 +272,14 @@ class WorldFile(Settings):
     """Sensors of contact and proximity."""
     cameras: dict[str, CameraSettings] = {}
     """Cameras."""
+    imus: dict[str, ImuSettings] = {}
+    """Inertial units."""
+    wrenches: dict[str, WrenchSettings] = {}
+    """Force-torque sensors."""
+    lidars: dict[str, LidarSettings] = {}
+    """Planar lidars."""
+    transforms: dict[str, TransformSettings] = {}
+    """Transforms of links."""
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """[m/s²]"""
     physics_step_ns: Duration | None = None

@@ -1,0 +1,1 @@
+"""Sensors that a world declares: inertial units, force-torque sensors, lidars, transforms."""
