@@ -2,7 +2,16 @@
 
 from typing import Annotated, Literal
 
-from stepbus_participant import ModelFile, Names, Positive, Settings, Share, Text, needed_when
+from stepbus_participant import (
+    ModelFile,
+    Names,
+    NonNegative,
+    Positive,
+    Settings,
+    Share,
+    Text,
+    needed_when,
+)
 
 
 class Params(Settings):
@@ -23,6 +32,9 @@ class Params(Settings):
     """Simulation time without images before a warning in the log [s]."""
     min_confidence: Annotated[Share, needed_when(source="camera")] = 0.2
     """Detections below it are dropped."""
+    depth_noise: Annotated[NonNegative, needed_when(source="camera")] = 0.0
+    """Standard deviation of depth at 1 m, which grows with the square of the distance: filters take
+    it out, and the noise of colours [m]. 0: no filter."""
     landmark: Annotated[str, needed_when(source="camera")] = ""
     """Type under which landmarks are published: round marks whose links have names that begin with
     it. Default: there are none."""

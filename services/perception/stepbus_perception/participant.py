@@ -41,7 +41,7 @@ class CameraSource:
 
         self._frame = frame
         self._mount = settings.mount
-        self._detector = Detector(catalog, settings.min_confidence)
+        self._detector = Detector(catalog, settings.min_confidence, settings.depth_noise)
         self._port = settings.joint_state
         self._order = JointOrder(self._port, described.names, settings.mount.joints)
 

@@ -17,8 +17,8 @@ class CameraSettings:
 
     images: the two input ports. joint_state: input port. mount: where the camera is.
     timeout: simulation time without images after which a warning is due [s]. min_confidence:
-    finds below it are dropped. landmark: type of landmarks; empty: there are none.
-    landmark_radius: [m].
+    finds below it are dropped. depth_noise: at 1 m [m]. landmark: type of landmarks; empty: there
+    are none. landmark_radius: [m].
     """
 
     images: tuple[str, str]
@@ -26,6 +26,7 @@ class CameraSettings:
     mount: CameraMount
     timeout: float
     min_confidence: float
+    depth_noise: float
     landmark: str
     landmark_radius: float
 
@@ -65,6 +66,7 @@ def read_settings(config: Config) -> PerceptionSettings:
             mount=_mount(config, params),
             timeout=params.timeout,
             min_confidence=params.min_confidence,
+            depth_noise=params.depth_noise,
             landmark=params.landmark,
             landmark_radius=params.landmark_radius,
         )

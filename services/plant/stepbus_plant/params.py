@@ -39,6 +39,30 @@ class Resolution(Settings):
     """[N·m]"""
 
 
+class OdometryErrors(Settings):
+    """What odometry of every base does not notice."""
+
+    wheel: NonNegative = 0.0
+    """Standard deviation of the radius of each wheel, relative to the one that is assumed [-]."""
+    slip: NonNegative = 0.0
+    """Standard deviation of how far each wheel slips, after 1 m; it grows with the root of the
+    distance [m]."""
+
+
+class CameraErrors(Settings):
+    """What all cameras disturb."""
+
+    depth: NonNegative = 0.0
+    """Standard deviation of depth at 1 m; it grows with the square of the distance [m]."""
+    color: NonNegative = 0.0
+    """Standard deviation of each colour of a pixel; full light is 255 [-]."""
+    blur: NonNegative = 0.0
+    """Standard deviation of the blur of colours [pixel]."""
+    light: Literal["even", "lamp"] = "even"
+    """`even`: light from above, without shadows. `lamp`: a lamp at one side, drawn from the seed,
+    which makes shadows and highlights; images then take twice as long."""
+
+
 class Params(Settings):
     """What `params` of the plant may say."""
 
@@ -54,6 +78,10 @@ class Params(Settings):
     resolution: Resolution = Resolution()
     """Resolution of the sensor [rad, rad/s, N·m]; readings are rounded to its multiples, after
     adding noise. Default: exact."""
+    odometry: OdometryErrors = OdometryErrors()
+    """What odometry does not notice. Default: nothing."""
+    camera: CameraErrors = CameraErrors()
+    """What images are disturbed by. Default: nothing."""
     actuation: Actuation = "direct"
     """How to apply torques, unless the world file says so for a joint."""
     effort: dict[str, NonNegative] = {}

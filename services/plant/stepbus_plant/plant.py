@@ -10,6 +10,7 @@ from stepbus_participant import Problems, suggest
 from stepbus_schemas import Description, JointState, Poses, WiringError
 
 from .devices.camera import Cameras
+from .devices.lens import Lens
 from .devices.planogram import planogram
 from .devices.poses import PoseSensor
 from .devices.registry import Devices
@@ -85,7 +86,9 @@ class Plant:
         problems = Problems()
         problems.attempt((), physics.prepare)
         joints = problems.attempt((), lambda: _select(params.joints, physics))
-        devices = problems.attempt((), lambda: Devices(world, physics, self._bodies))
+        devices = problems.attempt(
+            (), lambda: Devices(world, physics, self._bodies, params.odometry, self._seed)
+        )
         cameras = problems.attempt(
             (),
             lambda: Cameras(
@@ -93,6 +96,7 @@ class Plant:
                 physics.client,
                 self._bodies,
                 period_ns,
+                Lens(params.camera, self._seed),
                 enabled=params.cameras,
                 seed=self._seed,
             ),

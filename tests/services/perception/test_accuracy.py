@@ -10,6 +10,8 @@ from support.services.perception import TOPS, Item, fill_shelves, open_store
 from stepbus_perception.catalog import read_catalog
 from stepbus_perception.detection.detector import Detection, Detector
 from stepbus_perception.images import make_view
+from stepbus_plant.devices.lens import Lens
+from stepbus_plant.params import CameraErrors
 
 pytestmark = pytest.mark.slow
 
@@ -67,25 +69,47 @@ def judge(score, store, found):
 
 
 @pytest.fixture(scope="module")
+def noisy_score(tmp_path_factory):
+    errors = CameraErrors(depth=0.004, color=4.0, blur=0.7, light="lamp")
+    return scored(tmp_path_factory, Lens(errors, 3), depth_noise=0.004, at_least=0.2)
+
+
+def test_noise_blur_and_shadows_hide_nothing(noisy_score):
+    assert noisy_score.visible > 60
+    assert noisy_score.wrong == noisy_score.missing == []
+
+
+@pytest.mark.parametrize("kind", list(RIM))
+def test_noise_and_blur_cost_two_millimetres(noisy_score, kind):
+    horizontal, vertical, _ = np.max(noisy_score.errors[kind], axis=0)
+    assert horizontal < 4.0
+    assert vertical < 2.0
+
+
+@pytest.fixture(scope="module")
 def score(tmp_path_factory):
+    return scored(tmp_path_factory)
+
+
+def scored(tmp_path_factory, lens=None, depth_noise=0.0, at_least=SURE):
     result = Score()
-    with open_store(tmp_path_factory.mktemp("store")) as store:
+    with open_store(tmp_path_factory.mktemp("store"), lens=lens) as store:
         fill_shelves(store)
-        detector = Detector(read_catalog("poses", store.description), 0.2)
+        detector = Detector(read_catalog("poses", store.description), 0.2, depth_noise)
         for images, camera in views(store, VIEWS):
             view = make_view(images)
             found = detector.find(view, camera)
             judge(result, store, found)
             there = [item for item in store.items if fully_visible(item, view, camera)]
             result.visible += len(there)
-            result.missing += [item for item in there if not sure(item, found)]
+            result.missing += [item for item in there if not sure(item, found, at_least)]
     return result
 
 
-def sure(item, found):
+def sure(item, found, at_least):
     return any(
         find.type == item.type
-        and find.confidence >= SURE
+        and find.confidence >= at_least
         and math.dist(find.position, item.position) < 0.005
         for find in found
     )

@@ -13,6 +13,7 @@ import pybullet as bullet
 
 from stepbus_perception.geometry import Pose, rotation
 from stepbus_plant.devices.camera import Camera
+from stepbus_plant.devices.lens import Lens
 from stepbus_plant.world.declaration import CameraSettings
 from stepbus_schemas import Description, Image, Poses
 
@@ -63,6 +64,7 @@ class Store:
     height: int = 240
     items: list[Item] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         path = self.folder / "camera.urdf"
@@ -71,7 +73,8 @@ class Store:
         row = CameraSettings(
             link="camera", period_ns=8_000_000, width=self.width, height=self.height
         )
-        self._sensor = Camera(row, self.client, ["camera"])
+        self._sensor = Camera("camera", row, self.client, ["camera"], 0, lens=self.lens)
+        self._views = 0
 
     def add(self, item: Item) -> None:
         self._load(item.type, SHAPES[item.type], COLORS[item.type], item.position, item.yaw)
@@ -98,7 +101,8 @@ class Store:
         bullet.resetBasePositionAndOrientation(
             self._camera, position, orientation, physicsClientId=self.client
         )
-        rgb, depth = self._sensor.render()
+        self._views += 1
+        rgb, depth = self._sensor.render(self._views)
         return {"rgb": rgb, "depth": depth}
 
     @property
@@ -140,11 +144,13 @@ def _visual(name: str, text: str, color: tuple[float, float, float]) -> str:
 
 
 @contextmanager
-def open_store(folder: Path, *items: Item, **size: int) -> Iterator[Store]:
-    """Yield a store with some items."""
+def open_store(
+    folder: Path, *items: Item, lens: Lens | None = None, **size: int
+) -> Iterator[Store]:
+    """Yield a store with some items; lens: of its camera."""
     client = bullet.connect(bullet.DIRECT)
     try:
-        store = Store(folder, client, **size)
+        store = Store(folder, client, lens=lens, **size)
         for item in items:
             store.add(item)
         yield store

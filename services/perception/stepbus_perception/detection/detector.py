@@ -13,6 +13,7 @@ from stepbus_perception.images import View
 from stepbus_schemas import WiringError
 
 from .colours import Palette
+from .denoise import denoised
 from .faces import Mask, Patch, Scene
 from .outlines import fit
 from .splitting import split
@@ -66,11 +67,12 @@ class _Candidate:
 class Detector:
     """Detects the top faces of items: first by colour, then by outline.
 
-    min_confidence: detections below it are dropped.
+    min_confidence: detections below it are dropped. depth_noise: standard deviation of depth at
+    1 m, which grows with the square of the distance; 0: images are taken as they are [m].
     Raises WiringError for types without a top face.
     """
 
-    def __init__(self, catalog: Catalog, min_confidence: float) -> None:
+    def __init__(self, catalog: Catalog, min_confidence: float, depth_noise: float = 0.0) -> None:
         flat = [item_type.name for item_type in catalog.types if not item_type.faces]
         if flat:
             raise WiringError(
@@ -83,12 +85,15 @@ class Detector:
             for color in self._palette.classes
         ]
         self._min_confidence = min_confidence
+        self._depth_noise = depth_noise
 
     def find(self, view: View, camera: Pose) -> list[Detection]:
         """Return the items in a view, by type, then by x.
 
         camera: pose of the optical frame in a frame with z up; the detections are in that frame.
         """
+        if self._depth_noise:
+            view = denoised(view, self._depth_noise)
         scene = Scene(view, camera)
         numbers = self._palette.classify(view.rgb)
         found = [

@@ -4,21 +4,39 @@ import math
 
 from stepbus_plant.errors import CommandError
 from stepbus_plant.joints.commander import Commander
+from stepbus_plant.noise import Noise
+from stepbus_plant.params import OdometryErrors
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
 from stepbus_plant.world.declaration import BaseSettings
 from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
 
+_NONE = OdometryErrors()
+
 
 class Base:
     """A differential drive and its odometry.
 
-    Odometry integrates the wheel angles; it does not notice slip. It treats the path between two
+    Odometry integrates the wheel angles; it does not notice slip, which `errors` adds: the physics
+    has none of that size. It treats the path between two
     readings as a circular arc, which is exact for constant wheel velocities (R. Siegwart, I.
     Nourbakhsh: Introduction to Autonomous Mobile Robots, 2004, section 5.2.4).
     """
 
-    def __init__(self, row: BaseSettings, left: Joint, right: Joint, physics: Physics) -> None:
+    def __init__(
+        self,
+        row: BaseSettings,
+        left: Joint,
+        right: Joint,
+        physics: Physics,
+        *,
+        errors: OdometryErrors = _NONE,
+        noise: Noise | None = None,
+    ) -> None:
+        self._errors, self._noise = errors, noise or Noise(0, "")
+        one, other = self._noise.at(0).normal(0.0, 1.0, 2).tolist()
+        self._scale = (1.0 + errors.wheel * one, 1.0 + errors.wheel * other)
+        self._readings = 0
         self.joints = (left, right)
         self._row = row
         self._physics = physics
@@ -38,15 +56,28 @@ class Base:
     def sense(self) -> BaseState:
         """Return the current odometry; call it at every step."""
         angles, velocities = self._read()
-        arc, turn = self.base_motion(angles[0] - self._angles[0], angles[1] - self._angles[1])
+        arc, turn = self.base_motion(
+            *self._disturbed(angles[0] - self._angles[0], angles[1] - self._angles[1])
+        )
         self._angles = angles
         # sinc() gives the chord of the arc.
         chord = arc if turn == 0.0 else arc * math.sin(turn / 2) / (turn / 2)
         self._x += chord * math.cos(self._yaw + turn / 2)
         self._y += chord * math.sin(self._yaw + turn / 2)
         self._yaw += turn
-        vx, wz = self.base_motion(*velocities)
+        vx, wz = self.base_motion(*(v * k for v, k in zip(velocities, self._scale, strict=True)))
         return BaseState(x=self._x, y=self._y, yaw=self._yaw, vx=vx, wz=wz)
+
+    def _disturbed(self, left: float, right: float) -> tuple[float, float]:
+        """Return the angles that the wheels would have turned by had they not slipped [rad]."""
+        self._readings += 1
+        left, right = left * self._scale[0], right * self._scale[1]
+        if not self._errors.slip:
+            return left, right
+        radius = self._row.wheel_radius
+        one, other = self._noise.at(self._readings).normal(0.0, self._errors.slip / radius, 2)
+        left += float(one) * math.sqrt(abs(left) * radius)
+        return left, right + float(other) * math.sqrt(abs(right) * radius)
 
     def base_motion(self, left: float, right: float) -> tuple[float, float]:
         """Return travel and turn of the base from the wheel angles; likewise for velocities."""

@@ -11,10 +11,12 @@ import pybullet as bullet
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
+from stepbus_plant.params import CameraErrors
 from stepbus_plant.world.declaration import CameraSettings
 from stepbus_plant.world.file import World
 from stepbus_schemas import Description, Image, Message, PointCloud, WiringError
 
+from .lens import Lens
 from .poses import PoseSensor, link_indices
 from .sensors.errors import Errors
 
@@ -26,17 +28,6 @@ Quantity = Literal["rgb", "depth", "points"]
 Rendering = tuple[Image, Image]
 """Colours and depth."""
 
-# Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.
-_LIGHT = {
-    "shadow": 0,
-    "lightDirection": (0.3, 0.2, 1.0),
-    "lightColor": (1.0, 1.0, 1.0),
-    "lightDistance": 2.0,
-    "lightAmbientCoeff": 0.6,
-    "lightDiffuseCoeff": 0.4,
-    "lightSpecularCoeff": 0.0,
-}
-
 
 class Camera:
     """A pinhole RGB-D camera without lens distortion.
@@ -46,9 +37,17 @@ class Camera:
     """
 
     def __init__(
-        self, name: str, row: CameraSettings, client: int, bodies: Sequence[str], seed: int
+        self,
+        name: str,
+        row: CameraSettings,
+        client: int,
+        bodies: Sequence[str],
+        seed: int,
+        *,
+        lens: Lens | None = None,
     ) -> None:
         self.row = row
+        self._name, self._lens = name, lens or Lens(CameraErrors(), seed)
         # All pixels have one offset, and noise of their own.
         self._offset = Errors(seed, f"cameras/{name}/bias", 0.0, row.depth_bias, 1)
         self._noise = Errors(seed, f"cameras/{name}/depth", row.depth_noise, 0.0, 0)
@@ -86,8 +85,8 @@ class Camera:
         values: list[float] = matrix.T.ravel().tolist()
         return values
 
-    def render(self) -> Rendering:
-        """Return the current colour image, and the depth along z [m].
+    def render(self, t_ns: int = 0) -> Rendering:
+        """Return the current colour image, and the depth along z [m]; t_ns: of its noise.
 
         Depth is +inf where there is nothing between `near` and `far` (REP 117 and 118 of ROS).
         """
@@ -100,10 +99,12 @@ class Camera:
             renderer=bullet.ER_TINY_RENDERER,
             flags=bullet.ER_NO_SEGMENTATION_MASK,
             physicsClientId=self._client,
-            **_LIGHT,
+            **self._lens.light,
         )
         colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (row.height, row.width, 4))[..., :3]
-        return self._image("rgb8", colours), self._image("32FC1", self._depth(buffer))
+        colours = self._lens.colors(colours, self._name, t_ns)
+        depth = self._lens.depth(self._depth(buffer), self._name, t_ns)
+        return self._image("rgb8", colours), self._image("32FC1", depth)
 
     def cloud(self, rendering: Rendering) -> PointCloud:
         """Return the points of pixels with a depth, row by row, in the frame of the link."""
@@ -155,7 +156,7 @@ class Cameras:
     """All cameras that a world file declares; each is on or off.
 
     bodies: names of the engine's bodies, in its order. period_ns: length of the plant's step [ns].
-    enabled: false keeps all cameras off. seed: of the noise.
+    lens: what they make of the scene. enabled: false keeps all cameras off. seed: of the noise.
     Raises WiringError that lists every mistake, each with its line.
     """
 
@@ -165,6 +166,7 @@ class Cameras:
         client: int,
         bodies: Sequence[str],
         period_ns: int,
+        lens: Lens,
         *,
         enabled: bool,
         seed: int = 0,
@@ -178,7 +180,8 @@ class Cameras:
             ]
         )
         self._cameras = {
-            name: Camera(name, row, client, bodies, seed) for name, row in world.cameras.items()
+            name: Camera(name, row, client, bodies, seed, lens=lens)
+            for name, row in world.cameras.items()
         }
         self._on = dict.fromkeys(self._cameras, enabled)
         self._enabled = enabled
@@ -249,7 +252,7 @@ class Views:
     def images(self, t_ns: int) -> dict[str, Message]:
         """Return the image of each port whose camera is due at a time [ns]."""
         due = [name for name in self._names if self._cameras.due(name, t_ns)]
-        rendered = {name: self._cameras.camera(name).render() for name in due}
+        rendered = {name: self._cameras.camera(name).render(t_ns) for name in due}
         return {
             port: self._message(view, rendered[view.camera])
             for port, view in self._views.items()

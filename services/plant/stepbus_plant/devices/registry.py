@@ -7,6 +7,8 @@ from stepbus_participant import suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
+from stepbus_plant.noise import Noise
+from stepbus_plant.params import OdometryErrors
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 from stepbus_plant.world.declaration import BaseSettings, GripperSettings
@@ -62,11 +64,18 @@ class Devices:
     """All devices that a world file declares.
 
     bodies: names of the engine's bodies, in its order. owners: joint → the base or gripper it
-    belongs to. Raises WiringError that lists every wrong joint and link of a device, each with its
-    line.
+    belongs to. errors, seed: of odometry. Raises WiringError that lists every wrong joint and link
+    of a device, each with its line.
     """
 
-    def __init__(self, world: World, physics: Physics, bodies: Sequence[str]) -> None:
+    def __init__(
+        self,
+        world: World,
+        physics: Physics,
+        bodies: Sequence[str],
+        errors: OdometryErrors,
+        seed: int,
+    ) -> None:
         joints = {joint.name: joint for joint in physics.joints}
         indices = link_indices(physics.client, bodies)
         watched = {
@@ -81,7 +90,14 @@ class Devices:
             ]
         )
         self._bases = {
-            name: Base(row, joints[row.left], joints[row.right], physics)
+            name: Base(
+                row,
+                joints[row.left],
+                joints[row.right],
+                physics,
+                errors=errors,
+                noise=Noise(seed, name),
+            )
             for name, row in world.bases.items()
         }
         self._grippers = {

@@ -1,0 +1,85 @@
+"""What a real camera makes of a scene: a lamp, blur, and noise of colour and depth."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_plant.noise import Noise
+from stepbus_plant.params import CameraErrors
+
+_WHITE = (1.0, 1.0, 1.0)
+# Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.
+_EVEN = {
+    "shadow": 0,
+    "lightDirection": (0.3, 0.2, 1.0),
+    "lightColor": _WHITE,
+    "lightDistance": 2.0,
+    "lightAmbientCoeff": 0.6,
+    "lightDiffuseCoeff": 0.4,
+    "lightSpecularCoeff": 0.0,
+}
+_LAMP = {
+    "shadow": 1,
+    "lightColor": _WHITE,
+    "lightDistance": 3.0,
+    "lightAmbientCoeff": 0.45,
+    "lightDiffuseCoeff": 0.5,
+    "lightSpecularCoeff": 0.1,
+}
+_TILT = (0.3, 0.7)
+"""Between the lamp's direction and the vertical [rad]."""
+
+
+class Lens:
+    """Light, blur and noise of all cameras of a plant; seed: of the plant."""
+
+    def __init__(self, errors: CameraErrors, seed: int) -> None:
+        self._errors, self._seed = errors, seed
+        self.light: Mapping[str, Any] = _EVEN if errors.light == "even" else self._lamp()
+        reach = math.ceil(3 * errors.blur)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (errors.blur or 1.0)) ** 2)
+        self._weights = weights / weights.sum()
+
+    def _lamp(self) -> Mapping[str, Any]:
+        tilt, turn = Noise(self._seed, "lamp").at(0).random(2).tolist()
+        tilt, turn = _TILT[0] + tilt * (_TILT[1] - _TILT[0]), 2 * math.pi * turn
+        sideways = math.tan(tilt)
+        direction = (sideways * math.cos(turn), sideways * math.sin(turn), 1.0)
+        return {**_LAMP, "lightDirection": direction}
+
+    def colors(self, pixels: NDArray[np.uint8], camera: str, t_ns: int) -> NDArray[np.uint8]:
+        """Return what a camera makes of colours, shape (h, w, 3), at a time [ns]."""
+        errors = self._errors
+        if not errors.blur and not errors.color:
+            return pixels
+        seen = self._blurred(pixels.astype(np.float64)) if errors.blur else pixels
+        if errors.color:
+            seen = seen + Noise(self._seed, f"{camera} color").at(t_ns).normal(
+                0.0, errors.color, pixels.shape
+            )
+        return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
+
+    def depth(self, metres: NDArray[np.float32], camera: str, t_ns: int) -> NDArray[np.float32]:
+        """Return what a camera makes of depth, shape (h, w) [m]; of nothing it makes nothing."""
+        if not self._errors.depth:
+            return metres
+        draws = Noise(self._seed, f"{camera} depth").at(t_ns).standard_normal(metres.shape)
+        known = np.isfinite(metres)
+        near = np.where(known, metres, 0.0)
+        noisy = near + self._errors.depth * near**2 * draws
+        return np.where(known, noisy, np.inf).astype("<f4")
+
+    def _blurred(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        for axis in (0, 1):
+            reach = len(self._weights) // 2
+            sides = [(reach, reach) if a == axis else (0, 0) for a in range(3)]
+            padded = np.pad(pixels, sides, mode="edge")
+            length = pixels.shape[axis]
+            rows = [np.take(padded, range(n, n + length), axis) for n in range(2 * reach + 1)]
+            pixels = sum(
+                (w * row for w, row in zip(self._weights, rows, strict=True)), np.zeros(())
+            )
+        return pixels
