@@ -6,7 +6,7 @@ A long recording is read in pieces: each piece is a `Tracking` of some consecuti
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -110,57 +110,100 @@ def signal_of(port: Port, source: Port | Batch, quantities: Sequence[str]) -> Si
 class Tracking:
     """What the classic plots of joint control need, or a piece of it.
 
-    state, reference: the first port of each type; absent where there is none. commands: all ports
-    of commands, by topic.
-    joints: those that state and reference share, in the state's order.
+    states, references: by topic, of every port that has joints the ports before it lack: those of
+    several plants and missions, one for each robot. commands: all ports of commands.
     """
 
-    state: Signal | None
-    reference: Signal | None
+    states: Mapping[str, Signal] = field(default_factory=dict)
+    references: Mapping[str, Signal] = field(default_factory=dict)
     commands: Mapping[str, Signal] = field(default_factory=dict)
 
     @property
+    def state(self) -> Signal | None:
+        """Return the first state."""
+        return next(iter(self.states.values()), None)
+
+    @property
+    def reference(self) -> Signal | None:
+        """Return the first reference."""
+        return next(iter(self.references.values()), None)
+
+    @property
+    def measured(self) -> list[str]:
+        """Return the joints that are measured, in the order of the states."""
+        return list(dict.fromkeys(name for state in self.states.values() for name in state.names))
+
+    @property
     def joints(self) -> list[str]:
-        """Return the joints that are both measured and in the reference."""
-        if self.state is None or self.reference is None:
-            return []
-        return [name for name in self.state.names if name in self.reference.names]
+        """Return the joints that are both measured and in a reference."""
+        wanted = {name for reference in self.references.values() for name in reference.names}
+        return [name for name in self.measured if name in wanted]
+
+    def state_of(self, joint: str) -> Signal | None:
+        """Return the state that measures a joint."""
+        return _with(joint, self.states)
+
+    def reference_of(self, joint: str) -> Signal | None:
+        """Return the reference of a joint."""
+        return _with(joint, self.references)
+
+    def unit(self, joint: str) -> str:
+        """Return the unit of a joint's position: m of a prismatic one, else rad."""
+        state = self.state_of(joint)
+        is_prismatic = state is not None and state.joint_types.get(joint) == "prismatic"
+        return "m" if is_prismatic else "rad"
 
     def error(self, joint: str) -> Array:
         """Return reference minus measured position, shape (m,), at the steps of the state."""
-        state, reference = self.state, self.reference
+        state, reference = self.state_of(joint), self.reference_of(joint)
         measured = None if state is None else state.of("position", joint)
         if state is None or reference is None or measured is None:
             return np.full(0 if state is None else len(state.steps), np.nan)
         return reference.held_at(state.steps, "position", joint) - measured
 
 
+def _with(joint: str, signals: Mapping[str, Signal]) -> Signal | None:
+    return next((signal for signal in signals.values() if joint in signal.names), None)
+
+
 def read_tracking(recording: Recording) -> Tracking:
     """Return the joint signals of a recording in one piece; what it takes grows with its length."""
     pieces = tracking_pieces(recording, sys.maxsize)
-    return next(pieces, Tracking(state=None, reference=None))
+    return next(pieces, Tracking())
 
 
 def tracking_pieces(
     recording: Recording, most_bytes: int = BATCH_BYTES, *, has_commands: bool = True
 ) -> Iterator[Tracking]:
     """Yield the joint signals of a recording, piece by piece; a short one is one piece."""
-    state, reference = (
-        next(iter(recording.of_type(name)), None) for name, _ in (_STATE, _REFERENCE)
-    )
+    states, references = (_with_joints(recording.of_type(name)) for name, _ in (_STATE, _REFERENCE))
     commands = recording.of_type(_COMMAND[0]) if has_commands else []
-    series = [port for port in (state, reference, *commands) if port is not None]
-    held = None if reference is None else _Held(reference)
-    for batch in recording.batches(series, most_bytes):
+    held = [_Held(port) for port in references]
+    for batch in recording.batches([*states, *references, *commands], most_bytes):
         yield Tracking(
-            state=None if state is None else signal_of(state, batch[state.topic], _STATE[1]),
-            reference=None if held is None else held.take(batch[held.topic]),
-            commands={
-                port.topic: signal
-                for port in commands
-                if (signal := signal_of(port, batch[port.topic], _COMMAND[1])) is not None
-            },
+            states=_present((p.topic, signal_of(p, batch[p.topic], _STATE[1])) for p in states),
+            references=_present((one.topic, one.take(batch[one.topic])) for one in held),
+            commands=_present(
+                (p.topic, signal_of(p, batch[p.topic], _COMMAND[1])) for p in commands
+            ),
         )
+
+
+def _with_joints(ports: Iterable[Port]) -> list[Port]:
+    """Return the ports with messages that have joints which those before them lack."""
+    found: list[Port] = []
+    known: set[str] = set()
+    for port in ports:
+        # One without names has joints that only its messages number.
+        is_new = not set(port.names) <= known if port.names else not found
+        if port.last_step >= 0 and is_new:
+            found.append(port)
+            known |= set(port.names)
+    return found
+
+
+def _present(signals: Iterable[tuple[str, Signal | None]]) -> dict[str, Signal]:
+    return {topic: signal for topic, signal in signals if signal is not None}
 
 
 class _Held:

@@ -17,14 +17,15 @@ _FEWEST = 4
 class SinusoidFit:
     """One joint that follows a sinusoid.
 
-    wanted, measured: amplitudes [rad]. lag_s: how far the measured one is behind [s]; NaN for a
-    joint that never moved.
+    wanted, measured: amplitudes in `unit`, which is rad or m. lag_s: how far the measured one is
+    behind [s]; NaN for a joint that never moved.
     """
 
     joint: str
     wanted: float
     measured: float
     lag_s: float
+    unit: str = "rad"
 
     @property
     def excess(self) -> float:
@@ -91,13 +92,15 @@ class _Motion:
     acceleration: _Span = field(default_factory=_Span)
     line: _LeastSquares = field(default_factory=_LeastSquares)
     first: float | None = None
+    unit: str = "rad"
     strayed: float = 0.0
 
     def take(self, piece: Tracking, joint: str) -> None:
         """Take the next piece of a recording."""
-        reference, state = piece.reference, piece.state
+        reference, state = piece.reference_of(joint), piece.state_of(joint)
         if reference is None or state is None:
             return
+        self.unit = piece.unit(joint)
         q, a = reference.of("position", joint), reference.of("acceleration", joint)
         if q is not None:
             self.position.take(q)
@@ -133,17 +136,23 @@ class JointMotions:
 
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
-        if piece.state is not None and len(piece.state.t):
-            self._last_s = float(piece.state.t[-1])
+        ends = [float(state.t[-1]) for state in piece.states.values() if len(state.t)]
+        self._last_s = max([self._last_s, *ends])
         for joint in piece.joints:
             self._motions.setdefault(joint, _Motion()).take(piece, joint)
 
-    def at_rest(self) -> tuple[str, float] | None:
-        """Return which of the joints that should stand still moves most, and how far [rad]."""
+    def at_rest(self, unit: str = "rad") -> tuple[str, float] | None:
+        """Return which of the joints that should stand still moves most, and how far.
+
+        unit: of the joints that are compared, rad or m.
+        """
         rows = [
             (joint, motion.strayed)
             for joint, motion in self._motions.items()
-            if motion.position.count and motion.position.width == 0.0 and motion.first is not None
+            if motion.position.count
+            and motion.position.width == 0.0
+            and motion.first is not None
+            and motion.unit == unit
         ]
         return max(rows, key=lambda row: row[1], default=None)
 
@@ -156,7 +165,8 @@ class JointMotions:
         for joint, motion in self._motions.items():
             line = motion.candidate()
             if line is not None:
-                wave = _Wave(joint, line, _IS_SINUSOID * motion.acceleration.width)
+                most = _IS_SINUSOID * motion.acceleration.width
+                wave = _Wave(joint, line, most, motion.unit)
                 if wave.over_periods(after_s, self._last_s):
                     waves.append(wave)
         if waves:
@@ -166,13 +176,14 @@ class JointMotions:
         return [fit for wave in waves if (fit := wave.fit()) is not None]
 
     def lines(self, pieces: Iterable[Tracking], after_s: float) -> list[str]:
-        """Return what a summary says of the joints that follow a sinusoid, angles in degrees."""
+        """Return what a summary says of the joints that follow a sinusoid, in degrees or m."""
         fits = self.fits(pieces, after_s)
         lines = [f"sinusoid  {fit.joint}: {_amplitude(fit)}" for fit in fits]
-        still = self.at_rest()
-        if fits and still is not None:
-            joint, angle = still
-            lines.append(f"at rest   {joint} moves most, {np.degrees(angle):.4f}°")
+        for unit in ("rad", "m"):
+            still = self.at_rest(unit)
+            if fits and still is not None:
+                joint, strayed = still
+                lines.append(f"at rest   {joint} moves most, {_length(strayed, unit, 4)}")
         return lines
 
 
@@ -183,8 +194,9 @@ class _Wave:
     line for it to be one.
     """
 
-    def __init__(self, joint: str, line: tuple[float, float], most: float) -> None:
+    def __init__(self, joint: str, line: tuple[float, float], most: float, unit: str) -> None:
         self._joint = joint
+        self._unit = unit
         self._line = line
         self._most = most
         self._off = 0.0
@@ -201,7 +213,7 @@ class _Wave:
 
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
-        reference, state = piece.reference, piece.state
+        reference, state = piece.reference_of(self._joint), piece.state_of(self._joint)
         if reference is None or state is None:
             return
         q, a = reference.of("position", self._joint), reference.of("acceleration", self._joint)
@@ -227,6 +239,7 @@ class _Wave:
             wanted=abs(first),
             measured=abs(second),
             lag_s=float(np.angle(first / second)) / self._omega if second else float("nan"),
+            unit=self._unit,
         )
 
 
@@ -253,8 +266,13 @@ class _Phasor:
 
 
 def _amplitude(fit: SinusoidFit) -> str:
-    wanted = f"{np.degrees(fit.wanted):.3f}°"
+    wanted = _length(fit.wanted, fit.unit, 3)
     if not fit.measured:
         return f"did not move; its reference has {wanted}"
-    measured = f"{np.degrees(fit.measured):.3f}°"
+    measured = _length(fit.measured, fit.unit, 3)
     return f"{measured} of {wanted} ({100 * fit.excess:+.2f} %), lag {1e3 * fit.lag_s:.1f} ms"
+
+
+def _length(value: float, unit: str, digits: int) -> str:
+    """Return an angle in degrees, or a distance in m to a thousandth of a millimetre."""
+    return f"{np.degrees(value):.{digits}f}°" if unit == "rad" else f"{value:.6f} m"

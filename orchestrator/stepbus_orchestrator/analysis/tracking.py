@@ -19,11 +19,11 @@ class TrackingError:
 
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
-        if piece.state is None:
-            return
-        chosen = piece.state.t >= self._after_s
         for joint in piece.joints:
-            error = piece.error(joint)[chosen]
+            state = piece.state_of(joint)
+            error = piece.error(joint)
+            if state is not None:
+                error = error[state.t >= self._after_s]
             total, count = self._sums.get(joint, (0.0, 0))
             known = int(np.count_nonzero(~np.isnan(error)))
             # A simulation that diverges leaves numbers whose squares are too large for any.
@@ -32,7 +32,7 @@ class TrackingError:
             self._sums[joint] = (total + squares, count + known)
 
     def rmse(self) -> dict[str, float]:
-        """Return joint → root mean square [rad]; none for a joint without a reference."""
+        """Return joint → root mean square [rad or m]; none for a joint without a reference."""
         return {
             joint: float(np.sqrt(total / count))
             for joint, (total, count) in self._sums.items()
@@ -41,7 +41,7 @@ class TrackingError:
 
 
 def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
-    """Return the root mean square of each joint's tracking error in one piece [rad]."""
+    """Return the root mean square of each joint's tracking error in one piece [rad or m]."""
     error = TrackingError(after_s)
     error.take(tracking)
     return error.rmse()

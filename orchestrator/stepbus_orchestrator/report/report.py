@@ -11,7 +11,7 @@ from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
 from .device_panels import Panel, device_panels
-from .joint_panels import draw_panels
+from .joint_panels import draw_panels, panel_rows
 from .summary import Summary
 from .tracking_curves import TrackingCurves
 from .tracking_panels import draw_tracking
@@ -38,7 +38,7 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
                 tracking.take(piece)
                 summary.take(piece)
             problems = [f"attention {line}" for line in findings(recording)]
-            if tracking.state is None:
+            if not tracking.measured:
                 return problems
             lines = [*summary.lines(tracking_pieces(recording, has_commands=False)), *problems]
             if _lacks_dynamics(recording):
@@ -79,7 +79,9 @@ def draw_report(
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     width = 26 if devices else 16
-    figure = Figure(figsize=(width, 10), dpi=100 if not devices else 75, layout="constrained")
+    has_panels = len(tracking.measured) > _MOST_LINES
+    height = max(10.0, 2.5 * panel_rows(tracking)) if has_panels else 10.0
+    figure = Figure(figsize=(width, height), dpi=100 if not devices else 75, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=16)
     joints: Any = figure
@@ -87,7 +89,7 @@ def draw_report(
         halves: Any = figure.subfigures(1, 2)
         joints = halves[0]
         _draw_devices(halves[1], devices)
-    if tracking.state is not None and len(tracking.state.names) > _MOST_LINES:
+    if has_panels:
         draw_panels(joints, tracking)
     else:
         draw_tracking(joints, tracking)

@@ -1,6 +1,6 @@
 """What the summary of a run says of its joints."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 
 from stepbus_orchestrator.analysis.signals import Tracking
 from stepbus_orchestrator.analysis.sinusoid import JointMotions
@@ -16,13 +16,15 @@ class Summary:
 
     def __init__(self) -> None:
         self._last_s = 0.0
+        self._units: dict[str, str] = {}
         self._motions = JointMotions()
         self._whole, self._settled = TrackingError(0.0), TrackingError(_SETTLED_S)
 
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
-        if piece.state is not None:
-            self._last_s = float(piece.state.t[-1])
+        ends = [float(state.t[-1]) for state in piece.states.values()]
+        self._last_s = max([self._last_s, *ends])
+        self._units |= {joint: piece.unit(joint) for joint in piece.joints}
         for part in (self._motions, self._whole, self._settled):
             part.take(piece)
 
@@ -35,7 +37,15 @@ class Summary:
         when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
         lines = self._motions.lines(pieces, _SETTLED_S if settled else 0.0)
         if len(rmse) > _MOST_NAMED:
-            worst = max(rmse, key=lambda joint: rmse[joint])
-            return [*lines, f"tracking RMSE {when}: at most {rmse[worst]:.3g} rad ({worst})"]
-        values = ", ".join(f"{joint} {value:.3g} rad" for joint, value in rmse.items())
+            return [*lines, f"tracking RMSE {when}: at most {', '.join(self._worst(rmse))}"]
+        units = self._units
+        values = ", ".join(f"{joint} {value:.3g} {units[joint]}" for joint, value in rmse.items())
         return [*lines, f"tracking RMSE {when}: {values}"]
+
+    def _worst(self, rmse: Mapping[str, float]) -> Iterator[str]:
+        """Yield the worst joint of each unit."""
+        for unit in ("rad", "m"):
+            joints = [joint for joint in rmse if self._units[joint] == unit]
+            if joints:
+                worst = max(joints, key=lambda joint: rmse[joint])
+                yield f"{rmse[worst]:.3g} {unit} ({worst})"

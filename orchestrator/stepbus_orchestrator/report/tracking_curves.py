@@ -92,52 +92,74 @@ class _Slope:
 
 
 class TrackingCurves:
-    """The lines of state, reference, command and tracking error.
+    """The lines of states, references, commands and tracking errors, as `Tracking` has them.
 
-    state, reference: of the first port of each type; None without one. joints: those both have.
+    measured: joints, in the order of the states. joints: those of them with a reference.
     """
 
     def __init__(self) -> None:
-        self.state: SignalCurves | None = None
-        self.reference: SignalCurves | None = None
+        self.measured: list[str] = []
         self.joints: list[str] = []
+        self._states: dict[str, SignalCurves] = {}
+        self._references: dict[str, SignalCurves] = {}
         self._commands: dict[str, SignalCurves] = {}
         self._errors: dict[str, Curve] = {}
 
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
-        self.state = _extended(self.state, piece.state)
-        self.reference = _extended(self.reference, piece.reference)
-        for topic, signal in piece.commands.items():
-            known = _extended(self._commands.get(topic), signal)
-            if known is not None:
-                self._commands[topic] = known
-        self.joints = piece.joints or self.joints
-        if piece.state is not None:
-            for joint in piece.joints or piece.state.names:
-                error = piece.error(joint) if piece.joints else _behind(piece.state, joint)
-                self._errors.setdefault(joint, Curve()).add(piece.state.t, error[:, None])
+        for known, signals in (
+            (self._states, piece.states),
+            (self._references, piece.references),
+            (self._commands, piece.commands),
+        ):
+            for topic, signal in signals.items():
+                known.setdefault(topic, SignalCurves(signal)).take(signal)
+        self.measured = _united(self.measured, piece.measured)
+        self.joints = _united(self.joints, piece.joints)
+        for joint in piece.joints or piece.measured:
+            state = piece.state_of(joint)
+            if state is not None:
+                error = piece.error(joint) if piece.joints else _behind(state, joint)
+                self._errors.setdefault(joint, Curve()).add(state.t, error[:, None])
 
     @property
-    def command(self) -> SignalCurves | None:
-        """Return the first port that commands torques."""
-        return next((curves for curves in self._commands.values() if curves.is_torque), None)
+    def has_targets(self) -> bool:
+        """Return whether a plant reports the targets of its motors."""
+        return any("target" in state.fields for state in self._states.values())
+
+    @property
+    def torques(self) -> list[SignalCurves]:
+        """Return the ports that command torques."""
+        return [curves for curves in self._commands.values() if curves.is_torque]
+
+    def state_of(self, joint: str) -> SignalCurves | None:
+        """Return the state that measures a joint."""
+        return _with(joint, self._states)
+
+    def reference_of(self, joint: str) -> SignalCurves | None:
+        """Return the reference of a joint."""
+        return _with(joint, self._references)
+
+    def is_prismatic(self, joint: str) -> bool:
+        """Return whether a joint slides."""
+        state = self.state_of(joint)
+        return state is not None and state.joint_types.get(joint) == "prismatic"
 
     def error(self, joint: str) -> Line:
         """Return reference minus measured position; without references, the targets of motors."""
         return self._errors[joint].line(0)
 
 
-def _extended(curves: SignalCurves | None, signal: Signal | None) -> SignalCurves | None:
-    if signal is None:
-        return curves
-    curves = curves or SignalCurves(signal)
-    curves.take(signal)
-    return curves
+def _united(known: Sequence[str], more: Sequence[str]) -> list[str]:
+    return list(dict.fromkeys((*known, *more)))
+
+
+def _with(joint: str, curves: Mapping[str, SignalCurves]) -> SignalCurves | None:
+    return next((one for one in curves.values() if joint in one.names), None)
 
 
 def _behind(state: Signal, joint: str) -> Array:
-    """Return target minus measured position of a joint, shape (m,) [rad]."""
+    """Return target minus measured position of a joint, shape (m,) [rad or m]."""
     target, position = state.of("target", joint), state.of("position", joint)
     unknown = np.full(len(state.t), np.nan)
     return unknown if target is None or position is None else target - position

@@ -1,17 +1,18 @@
 """The classic plots of joint control: error, position, velocity and torque, all joints in each."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from .style import legend, line, write_instead
-from .tracking_curves import TrackingCurves
+from .tracking_curves import SignalCurves, TrackingCurves
 
 
 def draw_tracking(figure: Any, tracking: TrackingCurves) -> None:
     """Plot error, position, velocity and torque, all joints in each."""
     axes = figure.subplots(2, 2, sharex=True).flatten()
-    for axis, panel in zip(axes, (draw_error, _trajectory, _velocity, _torque), strict=True):
+    for axis, panel in zip(axes, (draw_error, _trajectory, _velocity, draw_torque), strict=True):
         panel(axis, tracking)
         axis.grid(visible=True, alpha=0.3)
         axis.margins(x=0.01)
@@ -22,78 +23,103 @@ def draw_tracking(figure: Any, tracking: TrackingCurves) -> None:
 def draw_error(axis: Any, tracking: TrackingCurves) -> None:
     """Plot reference minus measured position; without a reference the targets of the motors."""
     axis.set_title("tracking error: reference − measured")
-    axis.set_ylabel("error [rad]")
-    state = tracking.state
-    if state is None or not (tracking.joints or "target" in state.fields):
+    joints = tracking.joints or tracking.measured
+    axis.set_ylabel(f"error {_unit(tracking, joints, 'rad', 'm')}")
+    if not (tracking.joints or tracking.has_targets):
         write_instead(axis, "no joint reference in this recording")
         return
     axis.axhline(0.0, color="black", linewidth=0.8)
     if not tracking.joints:
         axis.set_title("error of the motors: target − measured")
-    for index, joint in enumerate(tracking.joints or state.names):
-        line(axis, tracking.error(joint), joint, index)
+    for index, joint in enumerate(joints):
+        line(axis, tracking.error(joint), _label(tracking, joint, joints, "m"), index)
     legend(axis)
 
 
 def _trajectory(axis: Any, tracking: TrackingCurves) -> None:
     """Plot measured positions over the reference."""
     axis.set_title("position" + _against_what(tracking))
-    axis.set_ylabel("position [rad]")
-    _against(axis, tracking, "position")
+    axis.set_ylabel(f"position {_unit(tracking, tracking.measured, 'rad', 'm')}")
+    _against(axis, tracking, "position", "m")
 
 
 def _velocity(axis: Any, tracking: TrackingCurves) -> None:
     """Plot measured velocities over the reference; their finite difference where not sensed."""
-    state = tracking.state
-    sensed = state is not None and "velocity" in state.fields
+    states = [tracking.state_of(joint) for joint in tracking.measured]
+    sensed = all(state is not None and "velocity" in state.fields for state in states)
     title = "velocity" + _against_what(tracking)
     axis.set_title(title + ("" if sensed else " (finite difference)"))
-    axis.set_ylabel("velocity [rad/s]")
-    _against(axis, tracking, "velocity")
+    axis.set_ylabel(f"velocity {_unit(tracking, tracking.measured, 'rad/s', 'm/s')}")
+    _against(axis, tracking, "velocity", "m/s")
 
 
 def _against_what(tracking: TrackingCurves) -> str:
-    return "" if tracking.reference is None else " against reference"
+    return " against reference" if tracking.joints else ""
 
 
-def _against(axis: Any, tracking: TrackingCurves, quantity: str) -> None:
-    state, reference = tracking.state, tracking.reference
-    if state is None:
-        return
-    for index, joint in enumerate(state.names):
-        measured = state.of(quantity, joint)
-        if measured is None and quantity == "velocity":
+def _against(axis: Any, tracking: TrackingCurves, quantity: str, length: str) -> None:
+    joints, named = tracking.measured, False
+    for index, joint in enumerate(joints):
+        state, reference = tracking.state_of(joint), tracking.reference_of(joint)
+        measured = None if state is None else state.of(quantity, joint)
+        if measured is None and state is not None and quantity == "velocity":
             measured = state.slope(joint)
         if measured is not None:
-            line(axis, measured, joint, index)
+            line(axis, measured, _label(tracking, joint, joints, length), index)
         wanted = None if reference is None else reference.of(quantity, joint)
         if wanted is not None:
-            line(axis, wanted, "reference" if index == 0 else "_", index, dashed=True)
+            line(axis, wanted, "_" if named else "reference", index, dashed=True)
+            named = True
     legend(axis)
 
 
-def _torque(axis: Any, tracking: TrackingCurves) -> None:
-    """Plot commanded torques and the limits they come near to."""
-    axis.set_title("torque")
-    axis.set_ylabel("torque [N·m]")
-    signal, quantity = tracking.command, "values"
-    if signal is None:
-        signal, quantity = tracking.state, "effort"
-    if signal is None or quantity not in signal.fields:
+def draw_torque(axis: Any, tracking: TrackingCurves) -> None:
+    """Plot commanded torques and the limits they come near to; forces of prismatic joints."""
+    rows = _torques(tracking)
+    joints = [joint for joint, _, _ in rows]
+    turns = [not tracking.is_prismatic(joint) for joint in joints]
+    axis.set_title("torque" if all(turns) else "torque, force" if any(turns) else "force")
+    axis.set_ylabel(f"{axis.get_title()} {_unit(tracking, joints, 'N·m', 'N')}")
+    if not rows:
         write_instead(axis, "no torques in this recording")
         return
-    largest = signal.largest(quantity)
-    for index, joint in enumerate(signal.names):
+    largest, limits = 0.0, set[float]()
+    for joint, signal, quantity in rows:
         values = signal.of(quantity, joint)
         if values is not None:
-            line(axis, values, joint, index)
-    for limit in sorted(set(_limits(tracking))):
+            index = tracking.measured.index(joint) if joint in tracking.measured else 0
+            line(axis, values, _label(tracking, joint, joints, "N"), index)
+        largest = max(largest, signal.largest(quantity))
+        limits |= _limits(signal, tracking.state_of(joint))
+    for limit in sorted(limits):
         if np.isfinite(limit) and 0 < limit < 2.5 * largest:
             for sign in (-1, 1):
                 axis.axhline(sign * limit, color="black", linestyle=":", linewidth=1)
     legend(axis)
 
 
-def _limits(tracking: TrackingCurves) -> list[float]:
-    signals = (tracking.command, tracking.state)
-    return [limit for s in signals if s is not None for limit in s.limits.get("effort", [])]
+def _torques(tracking: TrackingCurves) -> list[tuple[str, SignalCurves, str]]:
+    """Return joint, signal and quantity of each commanded torque; without one, what is measured."""
+    commanded = [(joint, s, "values") for s in tracking.torques for joint in s.names]
+    if commanded:
+        return commanded
+    states = ((joint, tracking.state_of(joint)) for joint in tracking.measured)
+    return [(j, s, "effort") for j, s in states if s is not None and "effort" in s.fields]
+
+
+def _limits(*signals: SignalCurves | None) -> set[float]:
+    return {limit for s in signals if s is not None for limit in s.limits.get("effort", [])}
+
+
+def _unit(tracking: TrackingCurves, joints: Sequence[str], angle: str, length: str) -> str:
+    """Return the unit of an axis; both where some joints turn and others slide."""
+    prismatic = [tracking.is_prismatic(joint) for joint in joints]
+    units = [angle] if not any(prismatic) else [length] if all(prismatic) else [angle, length]
+    return ", ".join(f"[{unit}]" for unit in units)
+
+
+def _label(tracking: TrackingCurves, joint: str, joints: Sequence[str], length: str) -> str:
+    """Return a joint's name, with the unit of one that slides where others turn."""
+    prismatic = [tracking.is_prismatic(other) for other in joints]
+    is_odd = tracking.is_prismatic(joint) and not all(prismatic)
+    return f"{joint} [{length}]" if is_odd else joint

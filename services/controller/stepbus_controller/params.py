@@ -30,6 +30,9 @@ class Params(SmoothingParams):
     """URDF or xacro of the robot; a law that needs no model can do with `joints`."""
     joints: Names | None = None
     """Joints under control, in the order of every vector. Default: all of the model."""
+    prefix: str = ""
+    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
+    one URDF share a world. All other parameters name joints as the URDF does."""
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """In the frame of the robot's base [m/s²]."""
     effort_limit: PositivePerJoint | None = None

@@ -50,6 +50,7 @@ class ControllerParticipant(Participant):
         self._smoother: Smoother | None = make_smoother(*filters)
         self._velocity_smoother: Smoother | None = make_smoother(*filters)
         self._robot = make_robot(config, params)
+        self._names = [params.prefix + joint for joint in self._robot.joints]
         self.law = make_law(config, params, self._robot)
         self._limit: list[float] = self._robot.effort_limit.tolist()
         self._dt = config.every * config.step_ns * 1e-9
@@ -61,19 +62,25 @@ class ControllerParticipant(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the controller's joints in its own order, and its effort limits."""
-        names = list(self._robot.joints)
-        command = Description(names=names, limits={"effort": self._limit})
+        command = Description(names=self._names, limits={"effort": self._limit})
         described = {self._command_port: command}
         if self._status_port is not None:
-            described[self._status_port] = Description(names=names)
+            described[self._status_port] = Description(names=self._names)
         return described
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for those that are missing."""
         ports = (self._state_port, self._reference_port)
         self._state_order, self._reference_order = joint_orders(
-            self.config.name, inputs, ports, self._robot.joints
+            self.config.name, inputs, ports, self._names
         )
+        sensed = inputs[self._state_port]
+        slides = {
+            name
+            for name, joint_type in zip(sensed.names, sensed.details.get("type", ()), strict=False)
+            if joint_type == "prismatic"
+        }
+        self._units = {name: "N" if name in slides else "N·m" for name in self._names}
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the torques of this step and the tracking error."""
@@ -141,7 +148,7 @@ class ControllerParticipant(Participant):
             )
         values: list[float] = vector.tolist()
         if not all(map(math.isfinite, values)):
-            rows = dict(zip(self._robot.joints, values, strict=True))
+            rows = dict(zip(self._names, values, strict=True))
             raise RunError(
                 f"{self.config.name}: step {step}: the torques are {rows}; is a gain too high, "
                 "or an input not finite?"
@@ -156,9 +163,9 @@ class ControllerParticipant(Participant):
         self._has_reported_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
         if saturated != self._saturated:
-            rows = zip(self._robot.joints, wanted, values, saturated, self._saturated, strict=True)
+            rows = zip(self._names, wanted, values, saturated, self._saturated, strict=True)
             warnings += [
-                f"{name} saturates: {w:.1f} N·m wanted, {value:.1f} commanded"
+                f"{name} saturates: {w:.1f} {self._units[name]} wanted, {value:.1f} commanded"
                 for name, w, value, now, before in rows
                 if now and not before
             ]

@@ -50,7 +50,8 @@ def make_robot(config: Config, params: Params) -> Robot:
         limit = model.effort_limit if model is not None else np.zeros(len(names))
         for name, value in zip(names, limit.tolist(), strict=True):
             if not 0 < value < np.inf:
-                text = f"is {value:g} N·m for {name!r} in the model; set it here"
+                unit = "N·m" if model is None else model.effort_unit(name)
+                text = f"is {value:g} {unit} for {name!r} in the model; set it here"
                 problems.add(("effort_limit",), text)
     problems.refuse()
     return Robot(joints=names, effort_limit=limit, model=model)

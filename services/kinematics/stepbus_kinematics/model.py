@@ -24,14 +24,16 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, kw_only=True)
 class Overload:
-    """A joint that needs more torque than its motor has [N·m]."""
+    """A joint that needs more torque than its motor has, or force, in `unit`."""
 
     joint: str
     required: float
     available: float
+    unit: str = "N·m"
 
     def __str__(self) -> str:
-        return f"{self.joint} needs {self.required:.1f} N·m and has {self.available:.1f} N·m"
+        has = f"has {self.available:.1f} {self.unit}"
+        return f"{self.joint} needs {self.required:.1f} {self.unit} and {has}"
 
 
 class RobotModel:
@@ -42,7 +44,8 @@ class RobotModel:
     are at neutral. gravity: in the base, shape (3,) [m/s²]. bounded: every joint needs position
     limits. links: which the model must have.
 
-    lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m].
+    lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
+    prismatic ones, here and everywhere, [m, m/s, N].
     model, data: Pinocchio's, of the joints that move. full, stance: its model of all joints, and
     their positions when those that move are at neutral.
     Raises WiringError that lists all that is wrong with the file, the joints or the links.
@@ -105,6 +108,18 @@ class RobotModel:
         self.upper: Vector = np.where(continuous, np.inf, model.upperPositionLimit[position])
         self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
         self.effort_limit: Vector = np.array(model.upperEffortLimit)[self._in_velocity]
+
+    def unit(self, joint: str) -> str:
+        """Return the unit of a joint's position: m of a prismatic one, else rad."""
+        return "m" if self._is_prismatic(joint) else "rad"
+
+    def effort_unit(self, joint: str) -> str:
+        """Return the unit of a joint's effort: N of a prismatic one, else N·m."""
+        return "N" if self._is_prismatic(joint) else "N·m"
+
+    def _is_prismatic(self, joint: str) -> bool:
+        name: str = self.full.joints[self.full.getJointId(joint)].shortname()
+        return name.startswith("JointModelP") and "Planar" not in name
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -206,4 +221,5 @@ class RobotModel:
             joint=self.joints[checked[worst]],
             required=float(required[worst]),
             available=float(available[worst]),
+            unit=self.effort_unit(self.joints[checked[worst]]),
         )

@@ -142,10 +142,9 @@ class _Planning:
             robot.joints, values, robot.lower, robot.upper, inside, strict=True
         ):
             if not fits:
-                raise NoPlan(
-                    "bad_request",
-                    f"{field}: {name} at {value:.3f} rad is outside {low:.3f} to {high:.3f} rad",
-                )
+                unit = robot.unit(name)
+                text = f"{value:.3f} {unit} is outside {low:.3f} to {high:.3f} {unit}"
+                raise NoPlan("bad_request", f"{field}: {name} at {text}")
         return np.clip(q, robot.lower, robot.upper)
 
     def _make_scene(self, poses: Poses | None) -> Scene:
@@ -241,9 +240,11 @@ class _Planning:
         points = dense(path, self._settings.resolution)
         torque = np.abs([self._robot.inverse_dynamics(q, rest, rest) for q in points]).max(axis=0)
         worst = int(np.argmax(torque / limits.effort))
+        joint = self._robot.joints[worst]
+        unit = self._robot.effort_unit(joint)
         return (
-            f"on the path, {self._robot.joints[worst]} needs {torque[worst]:.1f} N·m to stand "
-            f"still, but motions may use {limits.effort[worst]:.1f} N·m"
+            f"on the path, {joint} needs {torque[worst]:.1f} {unit} to stand still, but motions "
+            f"may use {limits.effort[worst]:.1f} {unit}"
         )
 
     def _stays_free(self, motion: Trajectory, checker: Checker) -> bool:

@@ -18,7 +18,7 @@ def signal(**fields):
 def tracking(measured):
     wanted = np.sin(OMEGA * T)
     reference = signal(position=wanted, acceleration=-(OMEGA**2) * wanted)
-    return Tracking(state=signal(position=measured), reference=reference)
+    return Tracking(states={"a": signal(position=measured)}, references={"b": reference})
 
 
 def motions(pieces):
@@ -32,7 +32,9 @@ def cut(whole, at):
     """Return a tracking in two pieces."""
     rows = slice(0, at), slice(at, None)
     parts = [(whole.state.slice(r), whole.reference.slice(r)) for r in rows]
-    return [Tracking(state=state, reference=reference) for state, reference in parts]
+    return [
+        Tracking(states={"a": state}, references={"b": reference}) for state, reference in parts
+    ]
 
 
 def test_amplitude_and_lag_are_those_of_the_measured_sinusoid():
@@ -64,5 +66,5 @@ def test_a_reference_that_leaves_its_sinusoid_in_a_later_piece_is_none():
     acceleration = -(OMEGA**2) * wanted
     acceleration[900] += 1e-3
     reference = signal(position=wanted, acceleration=acceleration)
-    pieces = cut(Tracking(state=signal(position=wanted), reference=reference), 500)
+    pieces = cut(Tracking(states={"a": signal(position=wanted)}, references={"b": reference}), 500)
     assert motions(pieces).fits(pieces, after_s=2.0) == []

@@ -20,7 +20,7 @@ from stepbus_orchestrator.report.joint_panels import draw_panels
 from stepbus_orchestrator.report.report import draw_report
 from stepbus_orchestrator.report.summary import Summary
 from stepbus_orchestrator.report.tracking_curves import TrackingCurves
-from stepbus_orchestrator.report.tracking_panels import draw_error
+from stepbus_orchestrator.report.tracking_panels import draw_error, draw_tracking
 from stepbus_participant import extra_hint
 from stepbus_schemas import (
     BaseState,
@@ -121,8 +121,8 @@ def test_spans_of_holding_last_until_it_is_lost(holding, spans):
 
 
 def test_positions_that_are_commanded_are_not_shown_as_torques(record):
-    assert curves(read_tracking(record(**arm("position")))).command is None
-    command = curves(read_tracking(record(**arm("torque")))).command
+    assert curves(read_tracking(record(**arm("position")))).torques == []
+    (command,) = curves(read_tracking(record(**arm("torque")))).torques
     assert command.of("values", "j")[1].tolist() == [7.0] * 4
 
 
@@ -149,11 +149,11 @@ def test_many_joints_have_a_panel_each_in_degrees():
         joint_types={"j6": "prismatic"},
     )
     figure = Figure(layout="constrained")
-    draw_panels(figure, curves(Tracking(state=state, reference=None)))
+    draw_panels(figure, curves(Tracking(states={"a": state})))
     shown = [axis for axis in figure.axes if axis.axison]
     assert [axis.get_title() for axis in shown] == names
     assert shown[0].lines[0].get_ydata() == pytest.approx([180.0] * 3)
-    assert shown[6].lines[0].get_ydata() == pytest.approx([1e3 * np.pi] * 3)
+    assert shown[6].lines[0].get_ydata() == pytest.approx([np.pi] * 3)
 
 
 def curve(count, piece, columns=1, **options):
@@ -210,8 +210,10 @@ def test_the_lines_of_several_pieces_are_those_of_one(record):
     for found in ("position", "velocity"):
         assert np.array_equal(lines(whole, found), lines(cut, found), equal_nan=True)
     assert np.array_equal(whole.error("j"), cut.error("j"), equal_nan=True)
-    assert np.array_equal(whole.command.of("values", "j"), cut.command.of("values", "j"))
-    assert np.allclose(whole.state.slope("j"), cut.state.slope("j"), atol=1e-12, rtol=0)
+    assert np.array_equal(whole.torques[0].of("values", "j"), cut.torques[0].of("values", "j"))
+    assert np.allclose(
+        whole.state_of("j").slope("j"), cut.state_of("j").slope("j"), atol=1e-12, rtol=0
+    )
 
 
 def reference(n):
@@ -219,7 +221,7 @@ def reference(n):
 
 
 def lines(found, quantity):
-    return found.reference.of(quantity, "j")
+    return found.reference_of("j").of(quantity, "j")
 
 
 def test_a_report_takes_as_much_memory_for_a_long_recording_as_for_a_short_one(
@@ -255,7 +257,7 @@ def test_the_summary_names_the_worst_of_many_joints():
     offset = zero + 0.01 * np.arange(7)
     state = Signal(names=names, steps=steps, t=t, fields={"position": offset})
     reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
-    summary, tracking = Summary(), Tracking(state=state, reference=reference)
+    summary, tracking = Summary(), Tracking(states={"a": state}, references={"b": reference})
     summary.take(tracking)
     assert summary.lines([tracking]) == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
 
@@ -273,3 +275,40 @@ def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, m
     (line,) = write_report(tmp_path / "run.mcap")
     assert line.startswith("no plots  matplotlib")
     assert line.endswith("is not installed" + extra_hint("matplotlib"))
+
+
+def sliding():
+    """Return a recording of an arm whose joint `slide` follows 0.1 m · sin t, and `turn` 0.1 rad."""
+    steps = np.arange(2000)
+    t = steps * 0.005
+    wave = 0.1 * np.sin(t)[:, None] * np.ones((1, 2))
+    names, types = ["turn", "slide"], {"turn": "revolute", "slide": "prismatic"}
+    state = Signal(names=names, steps=steps, t=t, fields={"position": wave}, joint_types=types)
+    wanted = {"position": wave, "velocity": wave, "acceleration": -wave}
+    reference = Signal(names=names, steps=steps, t=t, fields=wanted)
+    command = Signal(
+        names=names, steps=steps, t=t, fields={"values": wave}, modes=frozenset({"torque"})
+    )
+    return Tracking(states={"a": state}, references={"b": reference}, commands={"c": command})
+
+
+def test_a_prismatic_joint_is_summed_up_in_metres():
+    summary, tracking = Summary(), sliding()
+    summary.take(tracking)
+    turn, slide, rmse = summary.lines([tracking])
+    assert turn.startswith("sinusoid  turn: 5.730° of 5.730°")
+    assert slide.startswith("sinusoid  slide: 0.100000 m of 0.100000 m")
+    assert rmse == "tracking RMSE after 2 s: turn 0 rad, slide 0 m"
+
+
+def test_a_prismatic_joint_is_plotted_in_metres_and_newtons():
+    figure = Figure()
+    draw_tracking(figure, curves(sliding()))
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        "error [rad], [m]",
+        "position [rad], [m]",
+        "velocity [rad/s], [m/s]",
+        "torque, force [N·m], [N]",
+    ]
+    labels = [axis.get_legend_handles_labels()[1] for axis in figure.axes]
+    assert [row[-1] for row in labels] == ["slide [m]", "slide [m]", "slide [m/s]", "slide [N]"]

@@ -194,3 +194,16 @@ def test_ports_that_do_not_fit_are_named() -> None:
     del config.inputs["reference"]
     with pytest.raises(WiringError, match=r"controller\.inputs: none is of type JointReference/1"):
         ControllerParticipant(config)
+
+
+def test_a_prefix_names_one_of_two_robots_of_one_urdf() -> None:
+    names = ["right/joint1", "right/joint2", "left/joint1", "left/joint2"]
+    config = controller_config(**{**PD, "kp": {"joint1": 100, "joint2": 50}}, prefix="left/")
+    controller = make_controller(config, names)
+    state = JointState(position=[0.0] * 4, velocity=[0.0] * 4)
+    published = controller.update(0, joint_state=state, reference=reference(9, 9, 0.1, -2))
+    assert controller.participant.describe()["command"].names == ["left/joint1", "left/joint2"]
+    assert published["command"].values == [10.0, -50.0]
+    assert published["status"].warnings == [
+        "left/joint2 saturates: -100.0 N·m wanted, -50.0 commanded"
+    ]

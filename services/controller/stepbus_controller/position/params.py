@@ -8,6 +8,9 @@ class Params(Settings):
 
     joints: Names
     """Joints under control, in the order of the commands."""
+    prefix: str = ""
+    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
+    one URDF share a world. All other parameters name joints without it."""
     feed_forward: bool = True
     """Whether velocities are commanded; without them the joints lag behind."""
     effort_limit: NonNegativePerJoint | None = None

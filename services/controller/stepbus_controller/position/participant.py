@@ -37,22 +37,22 @@ class PositionController(Participant):
         self._status_port = ports.optional_output_of("ControllerStatus/1")
         ports.outputs_are("JointCommand/1", "ControllerStatus/1")
         params = config.read(Params, ports.problems)
-        self._joints = params.joints
+        self._names = [params.prefix + joint for joint in params.joints]
         self._feeds_forward = params.feed_forward
         limit = params.effort_limit
-        self._effort_limit = None if limit is None else limit.of(self._joints)
+        self._effort_limit = None if limit is None else limit.of(params.joints)
         self._period = config.every * config.step_ns * 1e-9
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the commands."""
         ports = filter(None, (self._command_port, self._status_port))
-        return {port: Description(names=list(self._joints)) for port in ports}
+        return {port: Description(names=self._names) for port in ports}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for those that are missing."""
         ports = (self._reference_port, self._state_port)
         self._reference_order, self._state_order = joint_orders(
-            self.config.name, inputs, ports, self._joints
+            self.config.name, inputs, ports, self._names
         )
 
     def update(self, step: Step) -> Mapping[str, Message]:

@@ -37,6 +37,9 @@ class Params(Settings):
     """What the reference does; a class of yours has `__init__(joints, params)` and `at(t)`."""
     joints: Names
     """Joints of the reference, in its order."""
+    prefix: str = ""
+    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
+    one URDF share a world. All other parameters name joints without it."""
     end_when_done: bool = False
     """Whether the run ends when the task is done."""
     amplitude: Annotated[PerJoint, when(task="sine")] = each(1.0)

@@ -34,7 +34,7 @@ class MissionParticipant(Participant):
         self._event_port = ports.optional_output_of("Event/1")
         ports.outputs_are("JointReference/1", "Event/1")
         params = config.read(Params, ports.problems)
-        self._joints = params.joints
+        self._joints = [params.prefix + joint for joint in params.joints]
         self._lengths = [len(self._joints)] * 3
         self._end_when_done = params.end_when_done
         self._task = params.task
@@ -45,7 +45,7 @@ class MissionParticipant(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the reference."""
-        described = {self._reference_port: Description(names=list(self._joints))}
+        described = {self._reference_port: Description(names=self._joints)}
         if self._event_port is not None:
             described[self._event_port] = Description()
         return described

@@ -11,6 +11,9 @@ class Params(Settings):
 
     model: ModelFile
     """URDF from which to draw poses."""
+    prefix: str = ""
+    """What the plant puts before the names of this robot's links: `left/` where two bodies of one
+    URDF share a world."""
     frame: Text
     """Link that poses are given in."""
     arms: dict[str, Text]

@@ -56,7 +56,7 @@ class RoundTrip(Participant):
         ports.outputs_are("Goal/1", "Event/1")
         params = config.read(Params, ports.problems)
         self._frame, self._arms, self._home = params.frame, params.arms, params.home
-        self._count = params.poses
+        self._prefix, self._count = params.prefix, params.poses
         self._position = params.position_tolerance
         self._orientation = params.orientation_tolerance
         self._source = _make_source(config, params)
@@ -80,13 +80,13 @@ class RoundTrip(Participant):
         Raises WiringError for links that it does not.
         """
         names = inputs[self._poses_port].names
-        links = [self._frame, *self._arms.values()]
-        missing = [n for n in links if n not in names]
+        links = {name: self._prefix + name for name in (self._frame, *self._arms.values())}
+        missing = [n for n in links.values() if n not in names]
         if missing:
             rows = (f"{self.config.name}: input {self._poses_port!r} has no link {n!r}"
                     f"{suggest(n, names)}" for n in missing)  # fmt: skip
             raise WiringError("\n".join(rows))
-        self._index = {name: names.index(name) for name in links}
+        self._index = {name: names.index(named) for name, named in links.items()}
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the next goal when the last one is over, and its result."""

@@ -12,6 +12,9 @@ from stepbus_participant.parameters import Keys
 class Params(JointParams):
     """Parameters of `stepbus_motion.arm`."""
 
+    prefix: str = ""
+    """What the plant puts before the names of this robot's joints: `left/` where two bodies of one
+    URDF share a world. Parameters and goals name joints and links as the URDF does."""
     acceleration_limit: PositivePerJoint = each(4.0)
     """Largest accelerations [rad/s²]."""
     jerk_limit: PositivePerJoint = each(40.0)

@@ -50,7 +50,7 @@ class ArmController(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the commands, and the delay of smoothing."""
-        names = list(self._arm.robot.joints)
+        names = [self._arm.prefix + joint for joint in self._arm.robot.joints]
         described = {self._command_port: Description(names=names)}
         if self._status_port is not None:
             described[self._status_port] = Description(names=names)
@@ -76,6 +76,7 @@ class ArmController(Participant):
             inputs[port],
             arm.robot,
             period=self._period,
+            prefix=arm.prefix,
             smoother=arm.smoother,
         )
         self._manipulator = searching_manipulator(

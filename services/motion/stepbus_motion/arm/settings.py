@@ -20,6 +20,7 @@ class ArmSettings:
     limits: MotionLimits
     settling: Settling
     tries_unholdable: bool
+    prefix: str
     smoother: Smoother | None
 
 
@@ -43,5 +44,6 @@ def read_arm_settings(config: Config, problems: Problems, period: float) -> ArmS
         limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
         settling=make_settling(params),
         tries_unholdable=params.not_holdable == "try",
+        prefix=params.prefix,
         smoother=make_smoother(params.smoothing, params.time_constant, params.window, period),
     )

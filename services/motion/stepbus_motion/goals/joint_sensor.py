@@ -19,7 +19,8 @@ class JointReading(NamedTuple):
 class JointSensor:
     """Maps the joints of an input to the robot's, and gives the robot the plant's effort limits.
 
-    name: of the participant, for messages. period: between two measurements [s]. smoother: None:
+    name: of the participant, for messages. prefix: what the input puts before the robot's names.
+    period: between two measurements [s]. smoother: None:
     no smoothing. Raises WiringError for joints that the plant does not sense.
     """
 
@@ -31,10 +32,13 @@ class JointSensor:
         robot: RobotModel,
         *,
         period: float,
+        prefix: str = "",
         smoother: Smoother | None = None,
     ) -> None:
         try:
-            self._order = JointOrder(port, described.names, robot.joints)
+            self._order = JointOrder(
+                port, described.names, [prefix + joint for joint in robot.joints]
+            )
         except WiringError as exc:
             lines = [f"{name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc

@@ -64,7 +64,9 @@ class SettleWatch:
 
     def _off(self, error: Vector, q: Vector) -> str:
         worst = int(np.argmax(np.abs(error)))
-        text = f"{self._robot.joints[self._moved[worst]]} is {math.degrees(error[worst]):.3f}°"
+        joint, off = self._robot.joints[self._moved[worst]], float(error[worst])
+        slides = self._robot.unit(joint) == "m"
+        text = f"{joint} is {f'{1e3 * off:.3f} mm' if slides else f'{math.degrees(off):.3f}°'}"
         if not self._tip:
             return f"{text} off"
         wanted, got = (

@@ -66,8 +66,8 @@ def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> tuple[Vector, Ind
     for name, index, value in zip(goal.joints, named, goal.values, strict=True):
         low, high = robot.lower[index], robot.upper[index]
         if not low <= value <= high:
-            text = f"{name} cannot go to {value:g} rad, its limits are [{low:g}, {high:g}]"
-            raise Refused("invalid", text)
+            text = f"{name} cannot go to {value:g} {robot.unit(name)}"
+            raise Refused("invalid", f"{text}, its limits are [{low:g}, {high:g}]")
         target[index] = value
     return target, np.array(named, dtype=np.intp)
 

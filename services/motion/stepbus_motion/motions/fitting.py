@@ -90,8 +90,10 @@ def _torque_factor(states: Sequence[JointMotion], robot: RobotModel, share: floa
         static = robot.gravity_torque(state.position)
         if (np.abs(static) > limit).any():
             worst = int(np.argmax(np.abs(static) - limit))
-            text = f"{robot.joints[worst]} needs {abs(static[worst]):.1f} N·m on the path"
-            raise Refused("not_holdable", f"not holdable: {text} and has {limit[worst]:.1f} N·m")
+            joint = robot.joints[worst]
+            unit = robot.effort_unit(joint)
+            text = f"{joint} needs {abs(static[worst]):.1f} {unit} on the path"
+            raise Refused("not_holdable", f"not holdable: {text} and has {limit[worst]:.1f} {unit}")
         total = robot.inverse_dynamics(state.position, state.velocity, state.acceleration)
         moving = total - static
         room = np.maximum(limit - np.sign(moving) * static, 1e-9)

@@ -28,15 +28,17 @@ def planned(
     for name, wanted, got in (("start", start, q[0]), ("end", goal, q[-1])):
         worst = int(np.argmax(np.abs(got - wanted)))
         if abs(got[worst] - wanted[worst]) > tolerance:
+            joint, unit = robot.joints[worst], robot.unit(robot.joints[worst])
             raise Refused(
                 "bad_plan",
-                f"plan {plan.id} has its {name} at {got[worst]:.4f} rad for {robot.joints[worst]}, "
-                f"not at {wanted[worst]:.4f} rad",
+                f"plan {plan.id} has its {name} at {got[worst]:.4f} {unit} for {joint}, "
+                f"not at {wanted[worst]:.4f} {unit}",
             )
     beyond = np.maximum(robot.lower - q, q - robot.upper).max(axis=0)
     if beyond.max() > tolerance:
         worst = int(np.argmax(beyond))
-        text = f"{robot.joints[worst]} {beyond[worst]:.4f} rad beyond its limits"
+        joint = robot.joints[worst]
+        text = f"{joint} {beyond[worst]:.4f} {robot.unit(joint)} beyond its limits"
         raise Refused("bad_plan", f"plan {plan.id} takes {text}")
     # From exactly where the arm is: the error of rounding fades on the path.
     share = (u / u[-1])[:, np.newaxis]

@@ -101,10 +101,11 @@ class _Tracer:
         beyond = np.maximum(robot.lower - q, q - robot.upper)
         worst = int(np.argmax(beyond))
         if beyond[worst] > 1e-9:
+            joint = robot.joints[worst]
             raise Refused(
                 "limits",
-                f"out of limits: {robot.joints[worst]} would have to go to {q[worst]:.3f} rad, its "
-                f"limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}],",
+                f"out of limits: {joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}, "
+                f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}],",
             )
 
 

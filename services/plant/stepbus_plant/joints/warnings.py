@@ -50,25 +50,25 @@ class Warnings:
             elif command.mode == "torque":
                 self._check_torque(joint, value)
             elif effort == 0.0:
-                self._add(joint, "effort", "has an effort limit of 0 N·m; nothing moves it")
+                text = f"has an effort limit of 0 {joint.effort_unit}; nothing moves it"
+                self._add(joint, "effort", text)
             elif command.mode == "position":
                 self._check_target(joint, value)
                 if command.velocity is not None:
                     self._check_target_velocity(joint, command.velocity[index])
             elif 0 < joint.max_velocity < abs(value):
-                text = f"{value:g} rad/s exceeds its limit of {joint.max_velocity:g}; limited to it"
-                self._add(joint, "velocity", text)
+                text = f"{value:g} {joint.unit}/s exceeds its limit of {joint.max_velocity:g}"
+                self._add(joint, "velocity", f"{text}; limited to it")
 
     def _check_torque(self, joint: Joint, value: float) -> None:
         if abs(value) > joint.effort:
-            text = f"{value:g} N·m exceeds its limit of {joint.effort:g}; limited to it"
-            self._add(joint, "torque", text)
+            text = f"{value:g} {joint.effort_unit} exceeds its limit of {joint.effort:g}"
+            self._add(joint, "torque", f"{text}; limited to it")
 
     def _check_target(self, joint: Joint, value: float) -> None:
         if not joint.lower <= value <= joint.upper:
             stop = joint.lower if value < joint.lower else joint.upper
-            unit = "rad" if joint.is_rotary else "m"
-            text = f"target {value:g} {unit} is beyond its stop at {stop:g}; limited to it"
+            text = f"target {value:g} {joint.unit} is beyond its stop at {stop:g}; limited to it"
             hint = degrees_hint(joint, value)
             # A sinusoid in degrees starts within a turn; the hint should still come.
             self._add(joint, "turn" if hint else "stop", text + hint)
@@ -78,8 +78,8 @@ class Warnings:
     def _check_target_velocity(self, joint: Joint, velocity: float) -> None:
         # Tolerate the rounding error of a sender that moves exactly at the limit.
         if 0 < 1.001 * joint.max_velocity < abs(velocity):
-            unit = "rad/s" if joint.is_rotary else "m/s"
-            text = f"its target moves at {velocity:g} {unit}, its limit is {joint.max_velocity:g}"
+            speed = f"{velocity:g} {joint.unit}/s"
+            text = f"its target moves at {speed}, its limit is {joint.max_velocity:g}"
             self._add(joint, "target velocity", f"{text}; it falls behind")
 
     def check_start(
@@ -94,12 +94,11 @@ class Warnings:
         for (one, at_one, to_one), (two, at_two, to_two) in combinations(moving, 2):
             tolerance = _SWAPPED * abs(at_one - at_two)
             if abs(to_one - at_two) <= tolerance and abs(to_two - at_one) <= tolerance:
-                unit = "rad" if one.is_rotary else "m"
                 self.add(
                     f"joints {one.name} and {two.name}",
                     "swapped",
-                    f"are at {at_one:g} and {at_two:g} {unit}, their first targets are {to_one:g} "
-                    f"and {to_two:g}; are the two swapped?",
+                    f"are at {at_one:g} and {at_two:g} {one.unit}, their first targets are "
+                    f"{to_one:g} and {to_two:g}; are the two swapped?",
                 )
 
     def _add(self, joint: Joint, cause: str, text: str) -> None:

@@ -55,6 +55,16 @@ class Joint:
         """Return whether its position is an angle."""
         return self.type != "prismatic"
 
+    @property
+    def unit(self) -> str:
+        """Return the unit of its position."""
+        return "rad" if self.is_rotary else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """Return the unit of its effort."""
+        return "N·m" if self.is_rotary else "N"
+
     def problems(self) -> list[str]:
         """Return contradictions between the world file and the URDF."""
         found = []
