@@ -54,6 +54,10 @@ class Events:
         for text in filter(None, event.text.splitlines()):
             self._take_line(f"{participant}.{port}", participant, step, event.level, text)
 
+    def add_warning(self, source: str, text: str) -> None:
+        """Add a warning of the orchestrator itself."""
+        self._take_line(source, "orchestrator", 0, "warning", text)
+
     def add_silent(self, scenario: Scenario, silent: Collection[tuple[str, str]], end: int) -> None:
         """Warn about outputs that never published in a run of so many steps."""
         for spec in scenario.participants:

@@ -3,7 +3,8 @@
 import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from stepbus_orchestrator.errors import RunFailure, StartFailed
 from stepbus_orchestrator.processes import (
@@ -15,7 +16,14 @@ from stepbus_orchestrator.processes import (
     private_folder,
 )
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
-from stepbus_orchestrator.scenario import FaultSpec, Scenario, Schedule, format_fault
+from stepbus_orchestrator.scenario import (
+    FaultSpec,
+    Scenario,
+    Schedule,
+    builtin_folders,
+    format_fault,
+    left_out,
+)
 from stepbus_participant import Bus
 
 from .bus.session import Session, open_bus
@@ -29,6 +37,7 @@ from .progress import Observer, Silent
 from .result import Result, file_sha256, own_versions
 from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
 from .setup.live_run import LiveRun
+from .setup.opened_files import OpenedFiles
 from .setup.options import Options, without_deadlines
 from .strategy import Strategy
 
@@ -112,8 +121,10 @@ class _Run:
         failure: RunFailure | None = None
         reason = ""
         try:
-            attach(self._file, self._scenario)
-            reason = self._with_participants()
+            names = attach(self._file, self._scenario)
+            with OpenedFiles(self._own_folder(), self._options.out) as opened:
+                reason = self._with_participants()
+                self._warn_of_rerun(opened.read_beside(names))
         except RunFailure as exc:
             failure = exc
         finally:
@@ -128,6 +139,18 @@ class _Run:
         except OSError as exc:
             self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
         return result
+
+    def _own_folder(self) -> Path | None:
+        """Return the scenario's folder; None for one that ships, whose files are recorded."""
+        folder = self._scenario.folder
+        is_shipped = any(folder.is_relative_to(shipped) for shipped in builtin_folders())
+        return None if is_shipped else folder
+
+    def _warn_of_rerun(self, missing: Sequence[str]) -> None:
+        """Warn where a rerun would not find what this run did; missing: files that were read."""
+        declare = "declare it in `files` of its participant"
+        for what in (*left_out(self._scenario), *(f"{name}; {declare}" for name in missing)):
+            self._events.add_warning("recording", f"a rerun does not find {what}")
 
     def _close_recording(self, failure: RunFailure | None) -> RunFailure | None:
         """Write what has arrived of a run that failed; check the file of one that finished.

@@ -18,7 +18,7 @@ from .model import (
 from .program import OURS, command, python_target, replaced_program, start_command
 from .reading.extend import read_data
 from .reading.locate import builtin_folders, builtin_names
-from .resolve import files, resolved
+from .resolve import files, left_out, resolved
 from .schedule import Schedule
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "faults_of",
     "files",
     "format_fault",
+    "left_out",
     "load",
     "python_target",
     "read_data",

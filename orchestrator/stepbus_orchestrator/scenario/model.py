@@ -106,7 +106,8 @@ class ParticipantSpec:
     exec: the command as written in the scenario; `program.command` makes it one that can be run.
     every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
     it reads its inputs. on_fault: how the run continues when it fails; None: it ends. bridge: how
-    the program is reached where it does not speak Zenoh itself.
+    the program is reached where it does not speak Zenoh itself. files: patterns of files that it
+    loads and that nothing names.
     """
 
     name: str
@@ -119,6 +120,7 @@ class ParticipantSpec:
     deadlines: Deadlines = Deadlines()
     on_fault: HoldSpec | None = None
     bridge: BridgeSpec | None = None
+    files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,11 +58,17 @@ def resolved(scenario: Scenario) -> str:
 def files(scenario: Scenario) -> Mapping[str, Path]:
     """Return every file the scenario names, by its path relative to the scenario's folder, sorted.
 
-    These are: files named in `exec` and in `params`; files named in these, where they are YAML or
-    URDF and other XML; Python modules of the folder that are run, named as `module:Class`, or
+    These are: files that a participant declares in `files`, or its language loads from the folder
+    of its script; files named in `exec` and in `params`; files named in these, where they are YAML
+    or URDF and other XML; Python modules of the folder that are run, named as `module:Class`, or
     imported by one of these.
     """
     return dict(sorted(search_files(scenario).found.items()))
+
+
+def left_out(scenario: Scenario) -> list[str]:
+    """Return a sentence for each file of the folder that a recording cannot hold."""
+    return search_files(scenario).left_out
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
@@ -94,6 +100,7 @@ def _types(scenario: Scenario) -> Any:
 def _participant(spec: ParticipantSpec) -> dict[str, Any]:
     content: dict[str, Any] = {
         "exec": list(spec.exec),
+        "files": list(spec.files),
         "bridge": {} if spec.bridge is None else _bridge(spec.bridge),
         "every": spec.every,
         "publishes": spec.publishes,
@@ -102,7 +109,7 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "params": dict(spec.params),
         "on_fault": {} if spec.on_fault is None else _on_fault(spec.on_fault),
     }
-    return {key: value for key, value in content.items() if value != {}}
+    return {key: value for key, value in content.items() if value not in ({}, [])}
 
 
 def _bridge(bridge: BridgeSpec) -> Any:

@@ -53,10 +53,11 @@ def claim(out: Path) -> None:
         raise RecordingFailed(f"{out} holds a run already; choose another --out")
 
 
-def attach(file: McapFile, scenario: Scenario) -> None:
+def attach(file: McapFile, scenario: Scenario) -> list[str]:
     """Attach all that is needed to run again from the recording alone, and remember it as ours.
 
-    Raises RecordingFailed when a file of the scenario cannot be read.
+    Returns the names of the scenario's files. Raises RecordingFailed when one of them cannot be
+    read.
     """
     text, contents = resolved(scenario).encode(), read_files(files(scenario))
     file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
@@ -68,6 +69,7 @@ def attach(file: McapFile, scenario: Scenario) -> None:
     if scenario.faults:
         rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(scenario.faults)}
         file.add_metadata(layout.FAULTS_METADATA, rows)
+    return list(contents)
 
 
 def read_files(found: Mapping[str, Path]) -> dict[str, bytes]:

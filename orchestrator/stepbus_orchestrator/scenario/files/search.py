@@ -3,7 +3,7 @@
 import os
 import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from stepbus_participant.parameters import Keys
 
 from ..model import ParticipantSpec, Scenario
 from ..program import OURS, python_target
+from .languages import declared_files, is_virtual, language, loaded_files
 from .names import FileUnreadable, modules_in, names_in
 from .paths import is_file, is_folder
 
@@ -23,12 +24,14 @@ class FileSearch:
     """What a search has found.
 
     found: path relative to the scenario's folder, with `/` → file. mistakes: values of the
-    scenario whose file is outside the folder or cannot be read.
+    scenario whose file is outside the folder or cannot be read. left_out: what lies in the folder
+    and cannot be copied from it, a sentence each.
     """
 
     folder: Path
     found: dict[str, Path] = field(default_factory=dict)
     mistakes: list[tuple[Keys, str]] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
     _queue: deque[tuple[Keys, Path]] = field(default_factory=deque)
 
     def name(self, keys: Keys, text: str, bases: list[Path], *, program: bool = False) -> None:
@@ -37,6 +40,13 @@ class FileSearch:
             return
         path = next((at for base in bases if is_file(at := _normal(base / text))), None)
         if path is None or (program and os.access(path, os.X_OK) and self._outside(path)):
+            return
+        if program and is_virtual(path):
+            if not Path(text).is_absolute():
+                self.left_out.append(
+                    f"{text}: a virtual environment is not recorded; write its absolute path, and "
+                    "a rerun on this machine finds it"
+                )
             return
         if self._outside(path):
             self.mistakes.append((keys, self._outside_message(text, path)))
@@ -59,6 +69,12 @@ class FileSearch:
                 for path in sorted(package.rglob("*.py")):
                     self._take(keys, path)
                 return
+
+    def take(self, paths: Iterable[Path]) -> None:
+        """Take files as they are, without a search for what they name."""
+        for path in map(_normal, paths):
+            if not self._outside(path):
+                self.found.setdefault(self._relative(path), path)
 
     def run(self) -> None:
         """Read the files found so far for further names, and so on."""
@@ -124,13 +140,35 @@ def search_files(scenario: Scenario) -> FileSearch:
     for spec in scenario.participants:
         for keys, text, program in _words(spec):
             search.name(keys, text, [scenario.folder], program=program)
-        if spec.exec[:1] == ("python",):
-            launch, name = python_target(spec.exec[1:])
-            if launch == "module":
-                search.module(("participants", spec.name, "exec"), name, [scenario.folder])
+        row: Keys = ("participants", spec.name)
+        for words in filter(None, (spec.exec, _bridged(spec.exec))):
+            if language(words, scenario.folder) == "python":
+                launch, name = python_target(words[1:])
+                if launch == "module":
+                    search.module((*row, "exec"), name, [scenario.folder])
         search.value(("participants", spec.name, "params"), spec.params)
     search.run()
+    for spec in scenario.participants:
+        _take_loaded(search, spec)
     return search
+
+
+def _take_loaded(search: FileSearch, spec: ParticipantSpec) -> None:
+    """Take what a program loads and nothing names: by its language, and as it is declared."""
+    for words in filter(None, (spec.exec, _bridged(spec.exec))):
+        search.take(loaded_files(words, search.folder))
+    for index, pattern in enumerate(spec.files):
+        paths = declared_files(pattern, search.folder)
+        if not paths:
+            keys: Keys = ("participants", spec.name, "files", index)
+            search.mistakes.append((keys, f"no file matches {pattern!r} in {search.folder}"))
+        search.take(paths)
+
+
+def _bridged(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the program behind `stepbus bridge … --`; empty where there is none."""
+    is_bridge = words[:2] == ("stepbus", "bridge") and "--" in words
+    return words[words.index("--") + 1 :] if is_bridge else ()
 
 
 def _words(spec: ParticipantSpec) -> Iterator[tuple[Keys, str, bool]]:

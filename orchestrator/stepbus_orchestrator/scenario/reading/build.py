@@ -133,6 +133,7 @@ def _participant(
         deadlines=_deadlines(row),
         on_fault=_ON_FAULT[row.on_fault] if isinstance(row.on_fault, str) else row.on_fault,
         bridge=row.bridge,
+        files=row.files,
     )
 
 

@@ -79,6 +79,10 @@ class ParticipantRow(Settings):
     """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
     ([bridge.md](../guide/bridge.md))."""
 
+    files: tuple[str, ...] = ()
+    """What it loads from the scenario's folder and nothing names: patterns and folders, such as
+    `[build/, "*.m"]`, recorded so that a run can be repeated from its recording."""
+
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the command, and with descriptions of outputs."""
         if not self.exec or not self.exec[0]:

@@ -1,0 +1,50 @@
+"""A run warns where its recording cannot repeat it."""
+
+import pytest
+from support.runs.joints import write_scenario
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.run_scenario import run
+
+
+@pytest.fixture
+def reading(tmp_path):
+    """Return a scenario whose controller reads a file that nothing names."""
+    path = write_scenario(tmp_path / "source")
+    program = path.with_name("joints.py")
+    old = '"""Proportional;'
+    text = program.read_text()
+    assert old in text
+    program.write_text(text.replace("ROLE = sys", 'open("gains" + ".dat").close()\nROLE = sys', 1))
+    for name in ("gains.dat", "unread.dat"):
+        path.with_name(name).write_text("1")
+    return path
+
+
+def run_it(path, out, **options):
+    return run(load(path, ["duration=50ms"]), Options(out=out, **options))
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_a_file_that_is_read_and_not_recorded_is_named(reading, tmp_path, in_process):
+    result = run_it(reading, tmp_path / "run", in_process=in_process)
+    (warned,) = result.warnings
+    assert (warned.source, warned.text) == (
+        "recording",
+        "a rerun does not find gains.dat; declare it in `files` of its participant",
+    )
+
+
+def test_a_declared_file_is_recorded_and_found_again(reading, tmp_path):
+    text = reading.read_text()
+    reading.write_text(text.replace("controller]\n", "controller]\n    files: ['*.dat']\n", 1))
+    result = run_it(reading, tmp_path / "run", in_process=True)
+    assert not result.warnings
+    assert Preparation(result.recording, tmp_path / "again").run().equal
+
+
+def test_a_run_that_reads_what_is_recorded_warns_of_nothing(tmp_path):
+    path = write_scenario(tmp_path / "source")
+    path.with_name("unread.dat").write_text("1")
+    assert not run_it(path, path.with_name("runs") / "one").warnings
