@@ -166,6 +166,9 @@ class GripperState(Message, frozen=True):
     width: Annotated[float, meta("distance between the pads", "m")]
     force: Annotated[float, meta("contact force of the weaker finger", "N")]
     holding: Annotated[bool, meta("whether both fingers press on the same object from two sides")]
+    slip: Annotated[
+        float, meta("how far that object has slid along the pads since it was gripped", "m")
+    ] = 0.0
 
 
 class GripperCommand(Message, frozen=True):

@@ -45,7 +45,7 @@ class RobotModel:
     limits. links: which the model must have.
 
     lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
-    prismatic ones, here and everywhere, [m, m/s, N].
+    prismatic ones, here and everywhere, [m, m/s, N]. load: what it carries [kg].
     model, data: Pinocchio's, of the joints that move. full, stance: its model of all joints, and
     their positions when those that move are at neutral.
     Raises WiringError that lists all that is wrong with the file, the joints or the links.
@@ -69,6 +69,8 @@ class RobotModel:
         self.model: Any = self._reduced()
         self.model.gravity.linear = np.array(gravity, dtype=np.float64)
         self.data: Any = self.model.createData()
+        self.load = 0.0
+        self._unloaded: tuple[int, Any] | None = None
         self._index_joints()
 
     def _check(self, posture: Mapping[str, float], links: Sequence[str], *, bounded: bool) -> None:
@@ -194,6 +196,24 @@ class RobotModel:
         rates[:, self._in_velocity] = v, a
         torque: Vector = pin.rnea(self.model, self.data, self.in_model(q), *rates)
         return torque[self._in_velocity]
+
+    def carry(self, mass: float, frame: str) -> None:
+        """Count a mass at the origin of a frame in all torques from now on, instead of the last.
+
+        mass: [kg]; 0: nothing is carried. Raises RunError for an unknown frame.
+        """
+        number = self.frame_id(frame)
+        self.load = max(mass, 0.0)
+        if self._unloaded is not None:
+            joint, inertia = self._unloaded
+            self.model.inertias[joint] = inertia
+            self._unloaded = None
+        if mass > 0.0:
+            place = self.model.frames[number]
+            inertia = self.model.inertias[place.parentJoint].copy()
+            load = pin.Inertia(mass, place.placement.translation, np.zeros((3, 3)))
+            self.model.inertias[place.parentJoint] = inertia + load
+            self._unloaded = (place.parentJoint, inertia)
 
     def gravity_torque(self, q: Vector) -> Vector:
         """Return the torques g(q) that hold the robot at rest, shape (n,) [N·m].

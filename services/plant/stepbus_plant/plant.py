@@ -203,11 +203,20 @@ class Plant:
             for drive in self._drives:
                 drive.before_substep()
             if self._kinematics is None:
-                self.script.before_substep()
-                self.physics.step()
+                self._substep()
         if self._kinematics is not None:
             self._kinematics.advance(self._period_ns * 1e-9)
+        for gripper in self.devices.grippers:
+            gripper.update()
         self.t_ns += self._period_ns
+
+    def _substep(self) -> None:
+        self.script.before_substep()
+        for gripper in self.devices.grippers:
+            gripper.before_substep()
+        self.physics.step()
+        for gripper in self.devices.grippers:
+            gripper.after_substep(self._step_ns * 1e-9)
 
     def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:
         """Return a sensor of the true poses of links; None: of all links.

@@ -23,6 +23,20 @@ def test_inverse_dynamics_at_rest_is_gravity() -> None:
     np.testing.assert_allclose(robot.inverse_dynamics(Q, 0 * V, 0 * A), robot.gravity_torque(Q))
 
 
+def test_what_is_carried_counts_in_all_torques_until_it_is_put_down() -> None:
+    robot = RobotModel(URDF)
+    empty, moving = robot.gravity_torque(Q), robot.inverse_dynamics(Q, V, A)
+    _, jacobian = robot.jacobian(Q, robot.frame_id("link2"))
+    assert abs(jacobian[2, 0]) > 0.1
+    robot.carry(0.5, "link2")
+    np.testing.assert_allclose(robot.gravity_torque(Q), empty + jacobian[2] * 0.5 * 9.81)
+    assert abs(robot.inverse_dynamics(Q, V, A)[0] - moving[0]) > 0.1
+    robot.carry(1.0, "link2")
+    np.testing.assert_allclose(robot.gravity_torque(Q), empty + jacobian[2] * 1.0 * 9.81)
+    robot.carry(0.0, "link2")
+    assert robot.gravity_torque(Q).tolist() == empty.tolist()
+
+
 def test_without_gravity_nothing_is_needed_to_hold_still() -> None:
     assert RobotModel(URDF, gravity=(0, 0, 0)).gravity_torque(Q).tolist() == [0.0, 0.0]
 

@@ -13,13 +13,15 @@ class Hand:
     """A gripper that closes at 0.1 m/s around a thing of a given width, or around nothing."""
 
     def __init__(self, width=0.1, thing=None, is_dead=False, grip=None):
-        self.grip = grip or Gripper(GripperSettings())
+        self.grip = grip or Gripper(GripperSettings(first_force=6.0))
+        self.slip, self.load = 0.0, 0.0
         self.width, self.thing, self.is_dead, self.t = width, thing, is_dead, 0.0
         self.grip.hold(self.state())
 
     def state(self):
         holding = self.thing is not None and self.width <= self.thing
-        return GripperState(width=self.width, force=15.0 * holding, holding=holding)
+        force = 15.0 * holding
+        return GripperState(width=self.width, force=force, holding=holding, slip=self.slip)
 
     def step(self):
         """Move on by a step; returns the outcome and what was said to be lost."""
@@ -28,7 +30,9 @@ class Hand:
         gap = self.grip.command().width - self.width
         if not self.is_dead:
             self.width = max(self.width + min(max(gap, -0.1 * DT), 0.1 * DT), least)
-        return self.grip.check(self.state(), self.t), self.grip.lost(self.t)
+        outcome = self.grip.check(self.state(), self.t)
+        self.grip.secure(self.load)
+        return outcome, self.grip.lost(self.t)
 
     def go(self, width, force=15.0, seconds=3.0):
         """Return the outcome of a goal; None: there was none in time."""
@@ -45,6 +49,35 @@ def test_closing_on_a_can_ends_held_with_its_width_and_the_force():
     outcome = hand.go(0.0)
     assert (outcome.state, outcome.text) == ("succeeded", "held: 66.0 mm wide, 15.0 N")
     assert hand.t == pytest.approx(0.34 + 0.1, abs=0.02)
+
+
+def test_what_slips_is_gripped_harder_until_it_holds_and_no_harder_than_the_goal_allows():
+    hand, forces = Hand(thing=0.066), []
+    hand.go(0.0)
+    for slip in (0.0, 0.00005, 0.0002, 0.0004, 0.0004, 0.0004):
+        hand.slip = slip
+        hand.step()
+        forces.append(hand.grip.command().force)
+    assert forces == pytest.approx([6.0, 6.0, 7.5, 9.375, 9.375, 9.375])
+    for _ in range(20):
+        hand.slip += 0.001
+        hand.step()
+    assert hand.grip.command().force == 15.0
+
+
+def test_the_force_grows_with_the_weight_and_does_not_shrink_before_it_is_let_go():
+    hand = Hand(thing=0.066)
+    hand.go(0.0)
+    for hand.load, force in ((0.1, 6.0), (0.5, 9.2), (0.2, 9.2), (3.0, 15.0)):
+        hand.step()
+        assert hand.grip.command().force == pytest.approx(force, abs=0.01)
+    hand.go(0.09)
+    assert hand.go(0.0).state == "succeeded"
+    assert hand.grip.command().force == pytest.approx(15.0)
+    hand.load = 0.0
+    hand.go(0.09)
+    hand.go(0.0)
+    assert hand.grip.command().force == 6.0
 
 
 def test_closing_on_nothing_ends_at_the_width_and_says_so():

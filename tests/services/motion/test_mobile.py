@@ -105,7 +105,7 @@ class Robot:
         self.stand = Stand(controller)
         self.q, self.v = np.array(q), np.zeros(6)
         self.x, self.y, self.yaw, self.vx, self.wz = 0.0, 0.0, 0.0, 0.0, 0.0
-        self.width, self.thing = 0.1, None
+        self.width, self.thing, self.mass = 0.1, None, 0.0
         self.touching, self.jammed = [], False
         self.k, self.news, self.warnings, self.requests, self.commands = 0, [], [], [], []
 
@@ -129,9 +129,11 @@ class Robot:
 
     def sense(self):
         rows = sorted(self.touching)
-        holding = self.thing is not None and self.width <= self.thing
+        holding = self.holds()
         return {
-            "joint_state": JointState(position=self.q.tolist(), velocity=self.v.tolist()),
+            "joint_state": JointState(
+                position=self.q.tolist(), velocity=self.v.tolist(), effort=self.effort()
+            ),
             "odometry": BaseState(x=self.x, y=self.y, yaw=self.yaw, vx=self.vx, wz=self.wz),
             "gripper": GripperState(width=self.width, force=15.0 * holding, holding=holding),
             "contacts": Contacts(
@@ -139,6 +141,18 @@ class Robot:
                 distance=[row[3] for row in rows], position=[(0.0, 0.0, 0.0)] * len(rows),
             ),
         }  # fmt: skip
+
+    def effort(self):
+        """Return the torques of an arm at rest that carries `mass` once the thing is held."""
+        arm, load = self.stand.participant.settings.robot, self.mass if self.holds() else 0.0
+        carried = arm.load
+        arm.carry(load, "grasp")
+        torque = arm.gravity_torque(self.q).tolist()
+        arm.carry(carried, "grasp")
+        return torque
+
+    def holds(self):
+        return self.thing is not None and self.width <= self.thing
 
     def run(self, seconds):
         for _ in range(round(seconds / DT)):
@@ -387,6 +401,20 @@ def test_with_a_planner_the_arm_moves_by_its_plan(tmp_path):
     robot.run(2.0)
     assert robot.states(0) == ["accepted", "running", "succeeded"]
     assert robot.q[0] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_what_is_held_is_weighed_and_the_planner_hears_of_it(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.thing, robot.mass = 0.066, 0.8
+    robot.go(0, "grip", width=0.0, force=30.0)
+    robot.run(1.0)
+    robot.start(1, "move_joints", joints=["pan"], values=[0.3])
+    assert robot.requests[0].load == pytest.approx(0.8, abs=0.02)
+    # 1.5 times what a friction of 0.4 needs.
+    assert robot.commands[-1]["gripper"].force == pytest.approx(14.7, abs=0.4)
+    robot.go(2, "grip", width=0.09, force=30.0)
+    robot.start(3, "move_joints", joints=["pan"], values=[0.3])
+    assert robot.requests[-1].load == 0.0
 
 
 def test_a_plan_that_is_none_fails_the_goal_with_its_cause(tmp_path):

@@ -177,6 +177,23 @@ def test_weak_motors_make_it_slow_and_too_weak_ones_make_it_refuse(tmp_path):
     )
 
 
+def test_what_is_carried_makes_it_slower_and_too_much_is_refused(tmp_path):
+    write_arm(tmp_path, 25.0, axis="0 1 0")
+    swing, durations = {"start": ahead(-0.3), "goal": ahead(0.3)}, []
+    for load in (0.0, 0.4):
+        plan, _ = answer(tmp_path, request={**swing, "load": load})
+        durations.append(plan.times[-1])
+    assert durations[1] > 1.05 * durations[0]
+    plan, _ = answer(tmp_path, request={**swing, "load": 2.0})
+    assert plan.cause == "not_holdable"
+
+
+@pytest.mark.parametrize("load", [-0.1, float("nan"), float("inf")])
+def test_a_load_that_is_no_mass_is_refused(tmp_path, load):
+    plan, _ = answer(tmp_path, request={"load": load})
+    assert (plan.cause, plan.text[:7]) == ("bad_request", "load is")
+
+
 def test_a_check_outlives_the_scene_it_was_made_of(tmp_path):
     _, planner = answer(tmp_path, PILLAR)
     checker = scene_of(planner, START, PILLAR).checker([])

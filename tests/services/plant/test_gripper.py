@@ -29,17 +29,21 @@ bodies:
 WIDTH_OF_CAN = 0.066
 
 
-def make_gripper(folder, *, can=True, mu=0.8):
-    write_gripper(folder)
+def make_gripper(folder, *, can=True, mu=0.8, boom=0.0):
+    write_gripper(folder, boom=boom)
     world = (WORLD + CAN if can else WORLD).replace("MU", str(mu))
     inputs = {"gripper": "GripperCommand/1", "lift": "JointCommand/1"}
+    names = {"lift": ["lift"]}
+    if boom:
+        inputs |= {"swing": "JointCommand/1"}
+        names |= {"swing": ["swing"]}
     outputs = {
         "gripper": "GripperState/1",
         "touch": "Contacts/1",
         "truth": "Poses/1",
         "warnings": "Event/1",
     }
-    return make_stand(folder, world, outputs, inputs, lift=["lift"])
+    return make_stand(folder, world, outputs, inputs, **names)
 
 
 def run(stand, steps, **commands):
@@ -81,6 +85,53 @@ def test_both_fingers_together_press_twice_the_force_on_a_can_that_stands(tmp_pa
     # The ground holds the can while the fingers still centre it: they press unequally.
     assert shown["gripper"].force == min(force[pair] for pair in pairs)
     assert 13.0 < shown["gripper"].force < 15.0
+
+
+def swing(stand, seconds=5.0):
+    """Swing the gripper to and fro by 1 rad, at up to 3 rad/s² and 1.5 rad/s; return what shows."""
+    for k in range(int(seconds / 0.005)):
+        v = 1.5 * math.sin(2.0 * k * 0.005)
+        stand.update(k, swing=JointCommand(mode="velocity", values=[v]))
+    return stand.participant.output(None)
+
+
+def shift_on_pads(stand, shown):
+    """Return how far the can has gone from the middle of the pads, across their width [m]."""
+    names = stand.participant.describe()["truth"].names
+    can, left, right = (
+        shown["truth"].position[names.index(n)] for n in ("can", "left_pad", "right_pad")
+    )
+    along = [b - a for a, b in zip(left, right, strict=True)]
+    off = [c - (a + b) / 2 for a, b, c in zip(left, right, can, strict=True)]
+    return (off[0] * along[1] - off[1] * along[0]) / math.hypot(*along)
+
+
+def test_what_is_held_does_not_creep_while_the_arm_swings(tmp_path):
+    stand = make_gripper(tmp_path, boom=0.6)
+    run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))
+    lifted = lift(stand)
+    swung = swing(stand)
+    assert shift_on_pads(stand, swung) == pytest.approx(shift_on_pads(stand, lifted), abs=1e-4)
+    assert swung["gripper"].slip < 1e-4
+
+
+def test_slip_is_how_far_the_can_has_slid_down_between_the_pads(tmp_path):
+    stand = make_gripper(tmp_path, mu=0.5)
+    run(stand, 100, gripper=GripperCommand(width=0.0, force=8.0))
+    before = run(stand, 1)
+    lifted = lift(stand)
+    assert before["gripper"].slip < 1e-4
+    assert lifted["gripper"].holding
+    below = 0.1 + height_of(stand, before) - height_of(stand, lifted)
+    assert lifted["gripper"].slip == pytest.approx(below, abs=2e-4)
+    assert below > 5e-3
+
+
+def test_slip_starts_anew_with_each_grip(tmp_path):
+    stand = make_gripper(tmp_path, mu=0.5)
+    run(stand, 100, gripper=GripperCommand(width=0.0, force=8.0))
+    lift(stand)
+    assert run(stand, 100, gripper=GripperCommand(width=0.09, force=15.0))["gripper"].slip == 0.0
 
 
 def test_a_slippery_can_stays_where_it_is(tmp_path):

@@ -80,8 +80,12 @@ def write_ground(folder: Path) -> None:
     write_urdf(folder, "ground", link("floor", 1.0, box("20 20 1"), "0 0 -0.5", friction(1.0)))
 
 
-def write_gripper(folder: Path) -> None:
-    """Write gripper.urdf, on a vertical slide, with ground.urdf and can.urdf."""
+def write_gripper(folder: Path, *, boom: float = 0.0) -> None:
+    """Write gripper.urdf, on a vertical slide, with ground.urdf and can.urdf.
+
+    boom: distance of the gripper from the axis about which the joint `swing` turns it [m]; 0: there
+    is no such joint.
+    """
     write_ground(folder)
     write_can(folder)
     fingers = [
@@ -98,10 +102,24 @@ def write_gripper(folder: Path) -> None:
         folder,
         "gripper",
         link("rail", 1.0, box("0.02 0.02 0.02"), "0 0 1"),
+        *(_boom(boom) if boom else ()),
         link("palm", 1.0, box("0.02 0.02 0.02")),
-        joint("lift", "prismatic", "rail", "palm", "0 0 0", "0 0 1", "100 1 0 0.3"),
+        joint(
+            "lift",
+            "prismatic",
+            "boom" if boom else "rail",
+            "palm",
+            f"{boom} 0 0",
+            "0 0 1",
+            "100 1 0 0.3",
+        ),
         *fingers,
     )
+
+
+def _boom(length: float) -> tuple[str, ...]:
+    turning = joint("swing", "revolute", "rail", "boom", f"{-length} 0 0", "0 0 1", "100 9 -3 3")
+    return link("boom", 1.0, box("0.02 0.02 0.02"), "0 0 1"), turning
 
 
 def write_can(folder: Path) -> None:

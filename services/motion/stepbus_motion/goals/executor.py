@@ -97,6 +97,7 @@ class GoalExecutor:
         if scale is not None or self._parts.base is not None:
             self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.gap)
         ends = self._parts.check(now, t)
+        self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
         active = self._active
         if active is None:

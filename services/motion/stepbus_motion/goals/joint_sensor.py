@@ -9,11 +9,15 @@ from stepbus_schemas import Description, JointState, WiringError
 
 
 class JointReading(NamedTuple):
-    """q, v: smoothed; position: as measured. Each of shape (n,) [rad, rad/s]."""
+    """q, v: smoothed; position, effort: as measured. Each of shape (n,) [rad, rad/s, N·m].
+
+    effort: None where it is not sensed.
+    """
 
     q: Vector
     v: Vector
     position: Vector
+    effort: Vector | None = None
 
 
 class JointSensor:
@@ -63,4 +67,5 @@ class JointSensor:
         else:
             v = np.zeros_like(q)
         self._before = q
-        return JointReading(q=q, v=v, position=position)
+        effort = None if state.effort is None else self._order.pick(state.effort, "effort")
+        return JointReading(q=q, v=v, position=position, effort=effort)

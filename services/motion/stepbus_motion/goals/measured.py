@@ -13,12 +13,13 @@ STANDING = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
 class Measured:
     """What was measured in a step.
 
-    q, v: of the arm's joints, shape (n,) [rad, rad/s]. gripper, contacts: None where nothing senses
-    them.
+    q, v, effort: of the arm's joints, shape (n,) [rad, rad/s, N·m]. effort, gripper, contacts: None
+    where nothing senses them.
     """
 
     q: Vector
     v: Vector
+    effort: Vector | None = None
     base: BaseState = STANDING
     gripper: GripperState | None = None
     contacts: Contacts | None = None

@@ -8,6 +8,7 @@ from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.base.navigator import Navigator
 from stepbus_motion.collisions.monitor import Moves
 from stepbus_motion.gripper.gripper import Gripper
+from stepbus_motion.gripper.scale import Scale
 from stepbus_motion.manipulator.manipulator import Manipulator
 from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, GoalType, RunError
@@ -39,7 +40,8 @@ class Parts:
     """The parts of a robot; None: it has none.
 
     navigator: plans routes of the base; None: it drives straight. stow: how the arm must be stowed
-    before the base moves; None: any way.
+    before the base moves; None: any way. scale: weighs what the gripper holds; None: it counts
+    nothing.
     """
 
     arm: Manipulator
@@ -47,6 +49,7 @@ class Parts:
     navigator: Navigator | None = None
     gripper: Gripper | None = None
     stow: StowCondition | None = None
+    scale: Scale | None = None
 
     def hold(self, now: Measured) -> None:
         """Stand still."""
@@ -85,6 +88,25 @@ class Parts:
         self.arm.advance(dt, scale)
         if self.base is not None:
             self.base.advance(dt, gap)
+
+    def secure(self, now: Measured, dt: float) -> None:
+        """Grip what is held as hard as it needs, and move with its weight.
+
+        dt: time since the step before [s].
+        """
+        gripper, scale = self.gripper, self.scale
+        if gripper is None or now.gripper is None:
+            return
+        if scale is None or not gripper.holds:
+            load = 0.0
+            if scale is not None:
+                scale.clear()
+        elif now.effort is not None and self.base_rests():
+            load = scale.weigh(now.q, now.v, now.effort, dt)
+        else:
+            load = scale.load
+        gripper.secure(load)
+        self.arm.carry(load)
 
     def check(self, now: Measured, t: float) -> dict[Part, Outcome | None]:
         """Return how the goal of each part ended at a time [s], once it has."""

@@ -1,10 +1,15 @@
-"""Opens and closes a gripper, and notices when it loses what it held."""
+"""Opens and closes a gripper, grips as hard as needed, and notices when it loses what it held."""
 
 import math
 from dataclasses import dataclass
 
+import msgspec
+
 from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
+
+_GRAVITY = 9.81
+"""[m/s²]"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +20,10 @@ class GripperSettings:
     of the width while the fingers stand still [m]. still_for: time that they must stand still [s].
     patience: time that they may stand still short of the goal [s]. hold_force: keeps the fingers
     where they are before the first goal [N].
+    first_force: with which they close; more only where that slips, or for the weight [N]. slip: by
+    which what is held may slide until the force is raised [m]; raise_by: factor on it then.
+    friction: assumed between a pad and what it holds, for the force that its weight needs [-].
+    reserve: factor on that force.
     """
 
     widest: float = 0.1
@@ -23,13 +32,19 @@ class GripperSettings:
     still_for: float = 0.1
     patience: float = 0.5
     hold_force: float = 15.0
+    first_force: float = 6.0
+    slip: float = 1e-4
+    raise_by: float = 1.25
+    friction: float = 0.4
+    reserve: float = 1.5
 
 
 class Gripper:
     """Carries out `grip` goals, one at a time.
 
     A goal is done when the width is reached, or when the fingers stand still because they hold
-    something.
+    something. What they hold is gripped with little force at first, and with more, up to that of
+    the goal, whenever it slips, and as its weight needs it.
     """
 
     def __init__(self, settings: GripperSettings) -> None:
@@ -42,6 +57,8 @@ class Gripper:
         self._began_at = 0.0
         self._holds_width: float | None = None
         self._loose_since: float | None = None
+        self._most = 0.0
+        self._slipped = 0.0
 
     @property
     def holds(self) -> bool:
@@ -70,12 +87,32 @@ class Gripper:
             raise Refused("invalid", f"force {goal.force:g} N is not a valid largest force")
         if goal.force == 0.0:
             raise Refused("no_force", "force is 0 N: the fingers would not move")
-        self._goal = self._command = GripperCommand(width=goal.width, force=goal.force)
+        closes, self._most, self._slipped = goal.width < state.width, goal.force, 0.0
+        force = min(self._settings.first_force, goal.force) if closes else goal.force
+        self._goal = self._command = GripperCommand(width=goal.width, force=force)
         self._anchor = self._began_at = state.width
         self._still_since = t
         self._holds_width = self._loose_since = None
-        verb = "close" if goal.width < state.width else "open"
-        return f"{verb} from {_mm(state.width)} to {_mm(goal.width)} with {goal.force:.1f} N"
+        verb, most = ("close", f" to {goal.force:.1f}") if closes else ("open", "")
+        return f"{verb} from {_mm(state.width)} to {_mm(goal.width)} with {force:.1f}{most} N"
+
+    def secure(self, load: float) -> None:
+        """Grip harder where what is held has slid, or where its weight needs it.
+
+        load: its mass, as far as it is known [kg].
+        """
+        state, command, settings = self._now(), self._command, self._settings
+        if command is None or not (state.holding and (self._goal is not None or self.holds)):
+            return
+        needed = settings.reserve * load * _GRAVITY / (2.0 * settings.friction)
+        force = max(command.force, needed)
+        if state.slip > self._slipped + settings.slip:
+            force = max(force, command.force * settings.raise_by)
+            self._slipped = state.slip
+        self._slipped = min(self._slipped, state.slip)
+        force = min(force, max(self._most, command.force))
+        if force > command.force:
+            self._command = msgspec.structs.replace(command, force=force)
 
     def stop(self) -> None:
         """Leave the fingers where they are; they keep what they hold."""

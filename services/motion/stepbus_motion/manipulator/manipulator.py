@@ -97,6 +97,12 @@ class Manipulator:
         is_under_way = self._queries.search is None and self._player.late(self._player.clock.t) < 0
         return self._blocked if self._route is not None and is_under_way else ""
 
+    def carry(self, load: float) -> None:
+        """Move with a mass at the tip from the next goal on [kg]."""
+        if load != self._queries.load:
+            self._queries.load = load
+            self._robot.carry(load, self._options.tip)
+
     def hold(self, q: Vector) -> None:
         """Stand still at q."""
         self._route = None

@@ -45,11 +45,12 @@ class PlannerSearch:
 class PlannerQueries:
     """Makes requests and takes the planner's refusals; one search at a time.
 
-    timeout: for an answer [s of simulation].
+    timeout: for an answer [s of simulation]. load: mass of what the gripper holds [kg].
     """
 
     def __init__(self, timeout: float) -> None:
         self._timeout = timeout
+        self.load = 0.0
         self._next_id = 0
         self._unsent: PlanRequest | None = None
         self.search: PlannerSearch | None = None
@@ -124,6 +125,7 @@ class PlannerQueries:
             held=held,
             touches=list(goal.touches),
             path=checked_points(candidate.paths),
+            load=self.load,
         )
 
 

@@ -84,6 +84,12 @@ class Params(JointParams):
     """Of the width [m]."""
     gripper_force: NonNegative = 15.0
     """Holds the fingers before the first goal [N]."""
+    first_force: Positive = 6.0
+    """With which the fingers close on something; the force of the goal is the largest [N]."""
+    slip: Positive = 1e-4
+    """What is held is gripped harder whenever it has slid this far along the pads [m]."""
+    pad_friction: Positive = 0.4
+    """Assumed between a pad and what it holds, for the force that its weight needs [-]."""
     robot_links: Names | None = None
     """Links whose contacts are monitored. Default: all of the model."""
     pads: Names = ("left_pad", "right_pad")

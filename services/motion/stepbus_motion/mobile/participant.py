@@ -14,6 +14,7 @@ from stepbus_motion.goals.joint_sensor import JointReading, JointSensor
 from stepbus_motion.goals.measured import Measured
 from stepbus_motion.goals.parts import Parts
 from stepbus_motion.gripper.gripper import Gripper
+from stepbus_motion.gripper.scale import Scale
 from stepbus_motion.ik.analytic import AnalyticChain
 from stepbus_motion.manipulator.build import branching_manipulator
 from stepbus_participant import Config, Participant, Step
@@ -96,6 +97,7 @@ class MobileController(Participant):
                 navigator=self._navigator,
                 gripper=self._gripper,
                 stow=settings.stow,
+                scale=Scale(settings.robot, settings.arm.tip),
             ),
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
             avoidance=settings.avoidance,
@@ -129,9 +131,9 @@ class MobileController(Participant):
             return None
         self._reading = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
-        q, v = self._reading.q, self._reading.v
+        q, v, effort = self._reading.q, self._reading.v, self._reading.effort
         _check(self._reading, base, gripper)
-        return Measured(q=q, v=v, base=base, gripper=gripper, contacts=contacts)
+        return Measured(q=q, v=v, effort=effort, base=base, gripper=gripper, contacts=contacts)
 
     def _take_plan(self, step: Step) -> None:
         if self._ports.plan is None or not step.is_new(self._ports.plan):
@@ -176,9 +178,13 @@ class MobileController(Participant):
 def _check(reading: JointReading, base: BaseState, gripper: GripperState) -> None:
     """Raise RunError for a measurement that is no finite number."""
     rows = {
-        "the joints": (*reading.q.tolist(), *reading.v.tolist()),
+        "the joints": (
+            *reading.q.tolist(),
+            *reading.v.tolist(),
+            *(() if reading.effort is None else reading.effort.tolist()),
+        ),
         "the base": (base.x, base.y, base.yaw, base.vx, base.wz),
-        "the gripper": (gripper.width, gripper.force),
+        "the gripper": (gripper.width, gripper.force, gripper.slip),
     }
     for name, row in rows.items():
         if not math.isfinite(sum(row)):

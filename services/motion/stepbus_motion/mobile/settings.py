@@ -68,6 +68,9 @@ def read_mobile_settings(config: Config) -> MobileSettings:
             widest=params.gripper_widest,
             tolerance=params.gripper_tolerance,
             hold_force=params.gripper_force,
+            first_force=params.first_force,
+            slip=params.slip,
+            friction=params.pad_friction,
         ),
         stow=StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach

@@ -1,4 +1,4 @@
-"""A gripper with two coupled fingers: width, force, and whether it holds an object."""
+"""A gripper with two coupled fingers: width, force, whether it holds an object, and its slip."""
 
 import math
 import operator
@@ -16,6 +16,7 @@ from stepbus_plant.physics.joint import Joint, describe_joints
 from stepbus_plant.world.declaration import GripperSettings
 from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
 
+from .grip import Grip, frame_of
 from .poses import LinkIndex
 
 # Proportional gain from the width error to the finger velocity [1/s].
@@ -30,10 +31,11 @@ FORCE_WITHOUT_DYNAMICS = 15.0
 
 @dataclass(frozen=True)
 class _Contact:
-    """The contact of a finger with an object: force [N], and the normals of its points, ±."""
+    """The contact of a finger with an object: force [N], normals of its points, ±, and points."""
 
     force: float
     normals: list[Sequence[float]]
+    points: list[Sequence[float]]
 
 
 class Gripper:
@@ -52,6 +54,8 @@ class Gripper:
         self._body = left.body
         self._physics = physics
         self._slide = bullet.getJointInfo(left.body, left.index, physics.client)[13]
+        self._grip: Grip | None = None
+        self._force = 0.0
         self._couple()
 
     def _couple(self) -> None:
@@ -82,28 +86,55 @@ class Gripper:
         """Return names and limits of the fingers."""
         return describe_joints(self.joints)
 
-    def sense(self) -> GripperState:
-        """Return the current width and force, and whether the gripper holds an object.
+    def before_substep(self) -> None:
+        """Prepare a substep; call it before the engine's."""
+        if self._grip is not None:
+            self._grip.before_substep()
+
+    def after_substep(self, dt: float) -> None:
+        """Let what is held follow the arc of the pads; dt: length of the substep [s]."""
+        if self._grip is not None:
+            self._grip.after_substep(dt)
+
+    def update(self) -> None:
+        """Find out what is held; call it after every communication step.
 
         The force is that of the weaker finger: the difference between the two does not squeeze the
         object, it pushes it aside until it is centred.
         """
+        left, right = (self._contacts(finger) for finger in self.fingers)
+        self._force = min(sum(contact.force for contact in side.values()) for side in (left, right))
+        both = [(thing, contact, right[thing]) for thing, contact in left.items() if thing in right]
+        axis = self.opening() if both else ()
+        held = {
+            thing: [*one.points, *other.points]
+            for thing, one, other in both
+            if _is_along(axis, one) and _is_along(axis, other)
+        }
+        if self._grip is None or self._grip.thing not in held:
+            pads = (self._body, self.fingers[0])
+            grips = (
+                Grip(self._physics.client, pads, self._slide, thing, points)
+                for thing, points in held.items()
+            )
+            self._grip = next(grips, None)
+
+    def sense(self) -> GripperState:
+        """Return the current width and force, whether the gripper holds an object, and its slip."""
         if self.held_without_forces is not None:
             return GripperState(width=self.width(), force=FORCE_WITHOUT_DYNAMICS, holding=True)
-        left, right = (self._contacts(finger) for finger in self.fingers)
-        force = min(sum(contact.force for contact in side.values()) for side in (left, right))
-        held = [(contact, right[thing]) for thing, contact in left.items() if thing in right]
-        axis = self.opening() if held else ()
-        holding = any(all(_is_along(axis, contact) for contact in pair) for pair in held)
-        return GripperState(width=self.width(), force=force, holding=holding)
+        grip = self._grip
+        return GripperState(
+            width=self.width(),
+            force=self._force,
+            holding=grip is not None,
+            slip=0.0 if grip is None else grip.slip(),
+        )
 
     def opening(self) -> Sequence[float]:
         """Return the opening direction of the fingers in the world frame."""
-        client = self._physics.client
-        state = bullet.getLinkState(
-            self._body, self.fingers[0], computeForwardKinematics=True, physicsClientId=client
-        )
-        axis: Sequence[float] = bullet.rotateVector(state[5], self._slide)
+        _, rotation = frame_of(self._physics.client, (self._body, self.fingers[0]))
+        axis: Sequence[float] = bullet.rotateVector(rotation, self._slide)
         return axis
 
     def _contacts(self, finger: int) -> dict[LinkIndex, _Contact]:
@@ -119,7 +150,8 @@ class Gripper:
 
 
 def _sum(points: Sequence[Sequence[Any]]) -> _Contact:
-    return _Contact(sum(point[9] for point in points), [point[7] for point in points])
+    force = sum(point[9] for point in points)
+    return _Contact(force, [point[7] for point in points], [point[5] for point in points])
 
 
 def _is_along(axis: Sequence[float], contact: _Contact) -> bool:
