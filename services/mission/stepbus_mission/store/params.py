@@ -132,7 +132,7 @@ class Params(Settings):
     """Rotation of the gripper about the vertical, e.g. π to have the camera on the other side
     [rad]."""
     force: Positive = 15.0
-    """Force of each finger [N]."""
+    """Largest force of each finger [N]; as much of it is used as slip and weight need."""
     opening: Positive = 0.09
     """Width of the open gripper [m]."""
     grasp_depth: Positive = 0.015
