@@ -15,7 +15,7 @@ from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
 from .state import RunState
 
 LAST_WORDS_S = 1.0
-"""How long the last messages of a process may still be on their way after its end [s]."""
+"""How long the last messages of a process that was ended may still be on their way [s]."""
 
 
 def check_start(participants: Participants, elapsed_s: float) -> None:
@@ -73,9 +73,12 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
         if state.barrier.reported[name] >= end:
             continue
         participant = state.participants[name]
-        if participant.process.exit_code() is not None:
+        code = participant.process.exit_code()
+        if code is not None:
             participant.ended_s += elapsed_s
-            if participant.ended_s < LAST_WORDS_S:
+            # Who ended well has sent them, however busy this machine is.
+            patience_s = LAST_WORDS_S if code else seconds(participant.spec, "stop")
+            if participant.ended_s < patience_s:
                 continue
             raise death(participant, state.participants, state.barrier, step_ns)
         participant.hold(end, elapsed_s)

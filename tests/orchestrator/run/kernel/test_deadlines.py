@@ -116,10 +116,17 @@ def test_one_that_dies_while_closing_is_reported_as_dead():
 def test_the_last_outputs_of_one_that_has_ended_may_still_be_on_their_way():
     state = started(steps=0)
     state.participants["plant"].process.code = 0
-    for _ in range(3):
+    for _ in range(11):
         check_closing(state, ["plant"], 0.25)
     state.barrier.report("plant", 0)
     check_closing(state, ["plant"], 0.25)
+
+
+def test_closing_outputs_that_never_come_are_missed_though_their_process_ended_well():
+    state = started(steps=0)
+    state.participants["plant"].process.code = 0
+    with pytest.raises(ParticipantDied, match="exited with code 0"):
+        check_closing(state, ["plant"], 3.1)
 
 
 def test_announced_bulk_content_has_the_longest_stop_deadline():
