@@ -2,7 +2,7 @@
 
 from .activity import Activity, activity
 from .bounded_log import BoundedLog
-from .child import Child
+from .child import TERM_GRACE_S, Child
 from .credentials import ORCHESTRATOR, certificates, passwords
 from .delays import Delays
 from .endpoints import (
@@ -19,6 +19,7 @@ from .watchdog import Watchdog
 
 __all__ = [
     "ORCHESTRATOR",
+    "TERM_GRACE_S",
     "Activity",
     "BoundedLog",
     "Child",

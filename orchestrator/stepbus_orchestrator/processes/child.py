@@ -18,7 +18,8 @@ from .activity import Activity, activity
 from .bounded_log import BoundedLog
 from .port_users import crowd
 
-_TERM_GRACE_S = 1.0
+TERM_GRACE_S = 1.0
+"""How long a process may take to end after SIGTERM [s]."""
 _KILL_S = 5.0
 """How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
 _FIRST_PAUSE_S = 0.0005
@@ -101,13 +102,17 @@ class Child:
             pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
         return True
 
-    def end(self) -> None:
-        """Terminate it, then kill it and all it has started (P11.4)."""
+    def terminate(self) -> None:
+        """Ask it to end, and all it has started."""
         if self.exit_code() is None:
             self.signal(signal.SIGTERM)
             # A frozen process takes no SIGTERM until it continues.
             self.signal(signal.SIGCONT)
-            self.wait(_TERM_GRACE_S)
+
+    def end(self, grace_s: float = TERM_GRACE_S) -> None:
+        """Terminate it, then kill it and all it has started (P11.4). grace_s: between the two."""
+        self.terminate()
+        self.wait(grace_s)
         self.signal(signal.SIGKILL)
         with self._lock, contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_KILL_S)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 from support.runs.joints import leftovers, write_scenario
 
@@ -108,3 +109,22 @@ def test_a_small_disk_that_fills_up_leaves_a_whole_recording(tmp_path, start):
         assert Recording(disk / "run" / "run.mcap").damage == ""
     finally:
         subprocess.run(["umount", disk], check=True)
+
+
+@pytest.mark.parametrize("ending", [[], [signal.SIGINT]])
+def test_nobody_waits_for_those_that_are_stopped_once_the_run_has_failed(tmp_path, start, ending):
+    stop = [f"{name}.stop_timeout=10min" for name in ("plant", "controller", "mission")]
+    step = [f"{name}.step_timeout=1s" for name in ("plant", "controller", "mission")]
+    process = start(
+        "--set", "duration=1000s", *(w for item in stop + step for w in ("--set", item))
+    )
+    assert wait_until(lambda: recorded_bytes(tmp_path) > 20_000)
+    for child in psutil.Process(process.pid).children():
+        if "joints.py" in child.cmdline():
+            child.suspend()
+    for number in ending:
+        process.send_signal(number)
+    _, errors = process.communicate(timeout=40)
+    assert process.returncode == (ExitCode.INTERRUPTED if ending else ExitCode.STEP_TIMEOUT)
+    assert ending or "has been stopped by a signal or a debugger" in errors
+    assert leftovers(tmp_path) == []

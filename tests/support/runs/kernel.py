@@ -84,7 +84,10 @@ class Process:
     def wait(self, timeout_s):
         return self.code is not None
 
-    def end(self):
+    def terminate(self):
+        pass
+
+    def end(self, grace_s=0.0):
         self.code = 0 if self.code is None else self.code
 
 

@@ -181,7 +181,10 @@ class HostedParticipant:
         self._hub.rest(time.monotonic() + timeout_s, lambda: self._code is not None)
         return self._code is not None
 
-    def end(self) -> None:
+    def terminate(self) -> None:
+        """Nothing: `end` needs no time."""
+
+    def end(self, _grace_s: float = 0.0) -> None:
         """End it, whatever it waits for."""
         if self._code is None:
             self.kill_programs()

@@ -63,8 +63,11 @@ class Process(Protocol):
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""
 
-    def end(self) -> None:
-        """Terminate it, then kill it and all it has started."""
+    def terminate(self) -> None:
+        """Ask it to end, and all it has started."""
+
+    def end(self, grace_s: float = ...) -> None:
+        """Terminate it, then kill it and all it has started. grace_s: between the two."""
 
 
 class Phase(IntEnum):

@@ -42,7 +42,7 @@ class _Machine:
             raise
         finally:
             loop.state.enter(RunPhase.SHUTDOWN)
-            late = shut_down(loop, None if self._failure is None else self._failure.participant)
+            late = shut_down(loop, self._failure)
         if self._failure is not None:
             raise self._failure
         check_ends(loop, late)

@@ -1,33 +1,49 @@
 """Shutdown: every process ends by itself in time, or is ended (P11.4)."""
 
 import time
+from collections.abc import Collection
 
-from stepbus_orchestrator.errors import ParticipantDied, StopTimeout
+from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StopTimeout
+from stepbus_orchestrator.processes import TERM_GRACE_S
 from stepbus_orchestrator.run.kernel.failures import seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.loop import SHORT_TICK_S, RunLoop
 from stepbus_orchestrator.scenario import Deadlines
 
 
-def shut_down(loop: RunLoop, culprit: str | None) -> list[ParticipantState]:
+def shut_down(loop: RunLoop, failure: RunFailure | None) -> list[ParticipantState]:
     """End every process, take what is still reported, and return those that were late.
 
     Each has its stop deadline. Nobody waits for the culprit, nor for a participant that is not
     ready: it has nothing to save.
     """
     participants = loop.state.participants
+    culprit = None if failure is None else failure.participant
     if culprit is not None and culprit in participants:
         # Before the others: a process that reads nothing blocks those that publish to it.
         participants[culprit].process.end()
-    ready = [
-        participant for participant in participants.values() if participant.phase == Phase.READY
+    waits_for = [
+        participant
+        for participant in participants.values()
+        if participant.phase == Phase.READY
+        and participant.name != culprit
+        # In a run that has failed, one that is stopped as well would only be waited for.
+        and not (failure is not None and participant.process.activity().is_stopped)
     ]
-    late = _await_ends(loop, [participant for participant in ready if participant.name != culprit])
-    for participant in participants.values():
-        participant.process.end()
+    late = _await_ends(loop, waits_for)
+    _end_all(participants.values())
     loop.receive_after_failure(0.0)
     loop.announcer.close()
     return late
+
+
+def _end_all(participants: Collection[ParticipantState]) -> None:
+    for participant in participants:
+        participant.process.terminate()
+    # They share the grace between the two signals.
+    give_up = time.monotonic() + TERM_GRACE_S
+    for participant in participants:
+        participant.process.end(max(0.0, give_up - time.monotonic()))
 
 
 def _await_ends(loop: RunLoop, participants: list[ParticipantState]) -> list[ParticipantState]:
