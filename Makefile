@@ -69,7 +69,8 @@ soak: setup
 
 examples:
 	@command -v gcc >/dev/null || { echo "no gcc: examples/controllers/c is not built"; exit 0; }; \
-		$(MAKE) --no-print-directory -C examples/controllers/c
+		$(MAKE) --no-print-directory -C examples/controllers/c && \
+		$(MAKE) --no-print-directory -C examples/thruster
 	@command -v cargo >/dev/null || { echo "no cargo: examples/controllers/rust is not built"; exit 0; }; \
 		nice cargo build --release --quiet --manifest-path examples/controllers/rust/Cargo.toml
 

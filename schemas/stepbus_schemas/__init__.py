@@ -9,7 +9,9 @@ from .raw_layout import RawField, RawLayout, raw_fields
 from .schedule import due_step
 from .schema import json_schema, not_null
 from .shapes import Shape, parse_shapes
+from .tables import raw_table, types_page
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
+from .vectors import types_vectors
 
 __all__ = [
     "BRIDGE_FORMATS",
@@ -95,6 +97,9 @@ __all__ = [
     "parse_shapes",
     "raw_fields",
     "raw_problem",
+    "raw_table",
     "type_name",
     "type_problems",
+    "types_page",
+    "types_vectors",
 ]

@@ -15,7 +15,7 @@ from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES
 from .schema import json_schema
 from .tables import messages_page
-from .vectors import from_notation, vectors
+from .vectors import from_notation, line_by_line, vectors
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Where this file lies in a checkout of the repository."""
@@ -32,7 +32,7 @@ def generated_files(root: Path) -> dict[Path, str]:
         for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
     }
     known = json.loads(_VECTORS.read_text(encoding="utf-8"), object_hook=from_notation)
-    files[root / VECTORS_FILE] = _line_by_line(vectors(known), 4) + "\n"
+    files[root / VECTORS_FILE] = line_by_line(vectors(known), 4) + "\n"
     files[root / "docs/reference/messages.md"] = messages_page()
     return files
 
@@ -65,18 +65,6 @@ def _holds(path: Path, text: str) -> bool:
 
 def _indented(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
-
-
-def _line_by_line(value: Any, depth: int) -> str:
-    """Return JSON with a line for each item down to a depth: one for each vector."""
-    if depth == 0 or not isinstance(value, dict | list):
-        return json.dumps(value, ensure_ascii=False, allow_nan=False)
-    if isinstance(value, list):
-        return "[\n" + ",\n".join(_line_by_line(item, depth - 1) for item in value) + "\n]"
-    pairs = (
-        f"{_line_by_line(key, 0)}: {_line_by_line(item, depth - 1)}" for key, item in value.items()
-    )
-    return "{\n" + ",\n".join(pairs) + "\n}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

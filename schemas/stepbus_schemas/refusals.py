@@ -51,6 +51,8 @@ def refusals(schema: Value, minimal: Value, full: Value) -> Iterator[Refusal]:
             data = _pack({**minimal, name: "12"}).replace(b"\xa212", b"\xa2\xff\xff")
             yield Refusal(f"$.{name}: no UTF-8", data, f"$.{name}", "utf-8")
         for wrong in _wrong(field, schema.get("$defs", {}), full.get(name)):
+            if wrong.value is None and not_null(field) is not field:
+                continue
             path = f"$.{name}{wrong.place}"
             error = f"field `{wrong.lacks}`" if wrong.lacks else f"`{path}`"
             data = _pack({**minimal, name: wrong.value})

@@ -1,11 +1,13 @@
 """Markdown tables of the message types, for people."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES
+from .raw_layout import raw_fields
 from .schema import json_schema, not_null
+from .types import SHIPPED, Types
 
 _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. -->"
 
@@ -30,16 +32,29 @@ def messages_page() -> str:
     return "\n".join(parts)
 
 
-def port_table() -> str:
+def port_table(names: Iterable[str] = MESSAGE_TYPES, types: Types = SHIPPED) -> str:
     """Return the table of port types: type, field, value, unit, shape, meaning."""
     rows = ["| Type | Field | Value | Unit | Shape | Meaning |", "|---|---|---|---|---|---|"]
-    for type_name in MESSAGE_TYPES:
-        rows += _port_rows(type_name)
+    for type_name in names:
+        rows += _port_rows(json_schema(type_name, types), type_name)
     return "\n".join(rows) + "\n"
 
 
-def _port_rows(type_name: str) -> Iterator[str]:
-    schema = json_schema(type_name)
+def types_page(names: Sequence[str], types: Types) -> str:
+    """Return the table of some types, and their numbers in format raw of the bridge."""
+    return f"{port_table(names, types)}\n## Format raw\n\n{raw_table(names, types)}"
+
+
+def raw_table(names: Iterable[str], types: Types = SHIPPED) -> str:
+    """Return the table of what types are in numbers, in the order of the numbers."""
+    rows = ["| Type | Numbers in format `raw` |", "|---|---|"]
+    for name in names:
+        fields = raw_fields(name, types)
+        rows.append(_row([f"`{name}`", ", ".join(map(str, fields)) or "no numbers alone"]))
+    return "\n".join(rows) + "\n"
+
+
+def _port_rows(schema: dict[str, Any], type_name: str) -> Iterator[str]:
     label = f"`{type_name}`"
     for name, field in schema["properties"].items():
         shape = _shape(field["shape"]) if "shape" in field else ""
@@ -114,7 +129,7 @@ def _scalar(schema: dict[str, Any]) -> str:
         case {"contentEncoding": _}:
             return "binary"
         case {"enum": values}:
-            return ", ".join(f"`{value}`" for value in values)
+            return ", ".join(f"`{value}`" for value in schema.get("words", values))
         case {"type": "integer", "minimum": least}:
             return f"integer ≥ {least}"
         case {"type": "number"}:

@@ -7,6 +7,7 @@ names and values of the exact vectors, which you write: `minimal`, with the requ
 `full`, with all of them, none empty, and what else is worth a vector.
 """
 
+import json
 import math
 import struct
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ import msgspec
 
 from .refusals import Refusal, Value, refusals
 from .schema import json_schema, not_null
+from .types import Types, examples
 
 NOTATION = (
     "Values are JSON, with four additions. "
@@ -39,14 +41,35 @@ def vectors(known: Mapping[str, Any]) -> dict[str, Any]:
 
     known: the same, of which the names and values of the exact vectors count.
     """
-    types = {name: _of_type(name, groups["exact"]) for name, groups in known["types"].items()}
+    types = {
+        name: _of_type(json_schema(name), groups["exact"])
+        for name, groups in known["types"].items()
+    }
     return {"notation": NOTATION, "types": dict(sorted(types.items()))}
 
 
-def _of_type(type_name: str, exact: list[Row]) -> dict[str, list[Row]]:
+def types_vectors(types: Types) -> str:
+    """Return the byte vectors of types of one's own, as JSON with a line for each."""
+    schemas = {name: json_schema(name, types) for name in sorted(types.declarations)}
+    found = {name: _of_type(schema, examples(schema)) for name, schema in schemas.items()}
+    return line_by_line({"notation": NOTATION, "types": found}, 4) + "\n"
+
+
+def line_by_line(value: Any, depth: int) -> str:
+    """Return JSON with a line for each item down to a depth: one for each vector."""
+    if depth == 0 or not isinstance(value, dict | list):
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if isinstance(value, list):
+        return "[\n" + ",\n".join(line_by_line(item, depth - 1) for item in value) + "\n]"
+    pairs = (
+        f"{line_by_line(key, 0)}: {line_by_line(item, depth - 1)}" for key, item in value.items()
+    )
+    return "{\n" + ",\n".join(pairs) + "\n}"
+
+
+def _of_type(schema: Value, exact: list[Row]) -> dict[str, list[Row]]:
     examples = {row["name"]: row["value"] for row in exact}
     minimal, full = examples["minimal"], examples["full"]
-    schema = json_schema(type_name)
     return {
         "exact": [_row(name, value, _pack(value)) for name, value in examples.items()],
         "accepted": list(_accepted(schema, minimal, full)),

@@ -19,6 +19,7 @@ from .recordings import rerun as rerun_command
 from .scenarios import call as call_command
 from .scenarios import describe as describe_command
 from .scenarios import run as run_command
+from .scenarios import types as types_command
 from .scenarios import validate as validate_command
 from .scenarios import verify as verify_command
 from .setup import doctor as doctor_command
@@ -32,6 +33,7 @@ COMMANDS: tuple[Command, ...] = (
     run_command.COMMAND,
     validate_command.COMMAND,
     describe_command.COMMAND,
+    types_command.COMMAND,
     selftest_command.COMMAND,
     call_command.COMMAND,
     new_command.COMMAND,

@@ -11,6 +11,7 @@ from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
 from .device_panels import Panel, device_panels
+from .field_panels import field_panels
 from .joint_panels import draw_panels, panel_rows
 from .summary import Summary
 from .tracking_curves import TrackingCurves
@@ -27,8 +28,8 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
     """Plot a recording and return what a summary should say of it.
 
     path: the recording, which is read piece by piece. has_plots: whether to plot, beside it, in
-    report.png. One that cannot be plotted gets a line that says why; one without joint states is
-    not.
+    report.png. One that cannot be plotted gets a line that says why; one without anything to plot
+    has no plots.
     """
     lines: list[str] = []
     try:
@@ -38,15 +39,18 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
                 tracking.take(piece)
                 summary.take(piece)
             problems = [f"attention {line}" for line in findings(recording)]
-            if not tracking.measured:
-                return problems
-            lines = [*summary.lines(tracking_pieces(recording, has_commands=False)), *problems]
+            if tracking.measured:
+                lines = summary.lines(tracking_pieces(recording, has_commands=False))
+            lines = [*lines, *problems]
             if _lacks_dynamics(recording):
                 lines.append(f"dynamics  off: {_NO_DYNAMICS}")
             if not has_plots:
                 return lines
             target = path.with_name(REPORT_FILE)
-            draw_report(_title(recording), tracking, device_panels(recording), target)
+            panels = [*device_panels(recording), *field_panels(recording)]
+            if not tracking.measured and not panels:
+                return lines
+            draw_report(_title(recording), tracking, panels, target)
     except ImportError as exc:
         why = f"{exc.name} is not installed{extra_hint(exc.name or '')}"
         return [*lines, f"no plots  {why}"]
@@ -70,7 +74,7 @@ def _lacks_dynamics(recording: Recording) -> bool:
 def draw_report(
     title: str, tracking: TrackingCurves, devices: Sequence[Panel], target: Path
 ) -> None:
-    """Write the figure: joints to the left, devices to the right where there are any.
+    """Write the figure: joints to the left, devices and fields to the right, as far as there are.
 
     Raises ImportError without matplotlib, OSError when it cannot be written.
     """
@@ -78,27 +82,31 @@ def draw_report(
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    width = 26 if devices else 16
+    has_joints = bool(tracking.measured)
+    width = 26 if devices and has_joints else 16
     has_panels = len(tracking.measured) > _MOST_LINES
     height = max(10.0, 2.5 * panel_rows(tracking)) if has_panels else 10.0
     figure = Figure(figsize=(width, height), dpi=100 if not devices else 75, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=16)
     joints: Any = figure
-    if devices:
+    if devices and has_joints:
         halves: Any = figure.subfigures(1, 2)
         joints = halves[0]
         _draw_devices(halves[1], devices)
+    elif devices:
+        _draw_devices(figure, devices)
     if has_panels:
         draw_panels(joints, tracking)
-    else:
+    elif has_joints:
         draw_tracking(joints, tracking)
     figure.savefig(target)
 
 
 def _draw_devices(figure: Any, panels: Sequence[Panel]) -> None:
-    """Plot what a mobile manipulator has beside its joints."""
-    axes = figure.subplots(2, 2, squeeze=False).flatten()
+    """Plot what there is beside joints."""
+    rows = max(2, -(-len(panels) // 2))
+    axes = figure.subplots(rows, 2, squeeze=False).flatten()
     for axis, panel in zip(axes, panels, strict=False):
         panel(axis)
         axis.grid(visible=True, alpha=0.3)

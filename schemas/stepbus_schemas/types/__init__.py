@@ -2,6 +2,7 @@
 
 from .catalogue import SHIPPED, Types, class_declaration, name_of
 from .declaration import Declaration, declaration_of, declare, type_problems
+from .examples import examples
 
 __all__ = [
     "SHIPPED",
@@ -10,6 +11,7 @@ __all__ = [
     "class_declaration",
     "declaration_of",
     "declare",
+    "examples",
     "name_of",
     "type_problems",
 ]

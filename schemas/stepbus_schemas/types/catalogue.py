@@ -62,12 +62,10 @@ class Types:
         return found
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Types) and list(self.declarations.items()) == list(
-            other.declarations.items()
-        )
+        return isinstance(other, Types) and self.declarations == other.declarations
 
     def __hash__(self) -> int:
-        return hash(tuple(self.declarations))
+        return hash(frozenset(self.declarations))
 
     def __repr__(self) -> str:
         return f"Types({', '.join(self.declarations)})"

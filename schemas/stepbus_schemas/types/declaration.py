@@ -77,7 +77,7 @@ def declare(name: str, declaration: Mapping[str, Any]) -> type[Message]:
 @lru_cache(maxsize=1024)
 def _declared(name: str, text: str) -> type[Message]:
     declaration = json.loads(text)
-    described = declaration.pop(HELP, f"A message of type {name}.")
+    described = declaration.pop(HELP, None)
     fields = [(field, annotation(row), *default_of(row)) for field, row in declaration.items()]
     namespace = {"TYPE": name, "__doc__": described}
     found = msgspec.defstruct(

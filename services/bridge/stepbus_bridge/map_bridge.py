@@ -7,7 +7,7 @@ import msgspec
 from msgspec.structs import astuple
 
 from stepbus_participant import Config, Step
-from stepbus_schemas import PROTOCOL_VERSION, Description, Message
+from stepbus_schemas import PROTOCOL_VERSION, Description, Message, Types, WiringError
 
 from .bridge import Bridge, BridgedProgram
 from .link import BridgeError, show
@@ -20,6 +20,7 @@ _BROKEN = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 class _Descriptions(msgspec.Struct):
     outputs: dict[str, Description] = {}
     versions: dict[str, str] = {}
+    types: dict[str, dict[str, Any]] = {}
 
 
 class _Ready(msgspec.Struct):
@@ -111,7 +112,13 @@ class MapBridge(Bridge):
         self.link.send(self._codec.encode({"welcome": _welcome(self.config)}))
         answer: _Ready = self._read(self._codec.decoder(_Ready), self.link.receive())
         self._versions = answer.ready.versions
+        self._check_types(answer.ready.types)
         return {**self._described, **answer.ready.outputs}
+
+    def _check_types(self, declared: Mapping[str, Mapping[str, Any]]) -> None:
+        """Refuse a program that declares a type differently (P14.5)."""
+        for text in Types(declared).misfits(self.config.types, "the program", "the scenario"):
+            raise WiringError(f"{self.link.program}: {text}")
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the program's libraries."""
@@ -195,4 +202,5 @@ def _welcome(config: Config) -> dict[str, Any]:
             for name, port in config.inputs.items()
         },
         "outputs": {name: {"type": port.type} for name, port in config.outputs.items()},
+        **({"types": config.types.declarations} if config.types.declarations else {}),
     }

@@ -98,7 +98,7 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
 
 
 def _misfits(hello: Hello, welcome: Welcome) -> list[str]:
-    """Return where the program declares a type differently (P14.4)."""
+    """Return where the program declares a type differently (P14.5)."""
     try:
         known = Types(hello.types)
     except WiringError as exc:

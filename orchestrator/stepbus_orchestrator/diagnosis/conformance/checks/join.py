@@ -10,6 +10,7 @@ from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 from stepbus_orchestrator.processes import Child
 from stepbus_participant import TICKET_VARIABLE
+from stepbus_schemas import Types, WiringError
 
 _LATE_S = 0.5
 
@@ -67,6 +68,12 @@ def port_types(kit: Kit) -> str:
         wanted = {port: item.type for port, item in getattr(welcome, direction).items()}
         if named is not None and named != wanted:
             raise Failed(f"its Hello names the {direction} {named}, the scenario has {wanted}")
+    try:
+        misfits = Types(hello.types).misfits(Types(welcome.types), "the program", "the scenario")
+    except WiringError as exc:
+        raise Failed(f"its Hello has types that are none: {exc}") from exc
+    if misfits:
+        raise Failed(f"its Hello: {misfits[0]}")
     return "its Hello names the ports of the scenario"
 
 

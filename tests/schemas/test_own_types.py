@@ -1,0 +1,275 @@
+"""Message types of one's own: declarations, what follows from them, and what is refused."""
+
+import json
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stepbus_schemas import (
+    MESSAGE_TYPES,
+    Decoder,
+    Description,
+    Imu,
+    LaserScan,
+    Message,
+    MessageError,
+    RawLayout,
+    Types,
+    WiringError,
+    class_declaration,
+    declaration_of,
+    encode,
+    json_schema,
+    meta,
+    raw_fields,
+    type_problems,
+    types_page,
+    types_vectors,
+)
+from stepbus_schemas.vectors import from_notation
+
+THRUSTER = {
+    "help": "Commands to thrusters.",
+    "thrust": {"type": "float[n]", "unit": "N", "help": "of each"},
+    "mode": ["off", "hold", "auto"],
+    "enabled": {"type": "bool", "default": False},
+    "gain": {"type": "float", "default": 0},
+    "count": {"type": "int", "min": 0, "default": 3},
+    "at": {"type": "float[k, 3]", "unit": "m", "optional": True},
+}
+TYPES = Types({"Thruster/1": THRUSTER})
+Thruster = TYPES["Thruster/1"]
+
+scalars = st.sampled_from(["float", "int", "bool", "text", "bytes"])
+sizes = st.sampled_from(["", "[3]", "[n]", "[k]", "[n,3]", "[2,2]", "[k,m]"])
+words = st.lists(st.sampled_from(["off", "on", "auto", "x"]), min_size=1, unique=True)
+rows = st.builds(
+    lambda form, optional, unit: {"type": form, "optional": optional, "unit": unit},
+    st.one_of(words, st.builds(str.__add__, scalars, sizes)),
+    st.booleans(),
+    st.sampled_from(["", "N", "m/s²"]),
+)
+declarations = st.dictionaries(
+    st.from_regex("[a-z][a-z0-9_]{0,8}", fullmatch=True).filter(lambda name: name != "help"),
+    rows,
+    min_size=1,
+    max_size=15,
+)
+
+
+@given(declarations)
+def test_a_declaration_comes_back_from_its_schema(declaration):
+    types = Types({"Own/1": declaration})
+    recorded = json.loads(json.dumps(json_schema("Own/1", types), sort_keys=True))
+    assert Types({"Own/1": declaration_of("Own/1", recorded)}) == types
+
+
+@given(declarations)
+def test_the_byte_vectors_of_a_type_are_read_written_and_refused(declaration):
+    types = Types({"Own/1": declaration})
+    decode = Decoder(types["Own/1"])
+    vectors = json.loads(types_vectors(types), object_hook=from_notation)["types"]["Own/1"]
+    for row in vectors["exact"]:
+        assert encode(decode(bytes.fromhex(row["hex"]))).hex() == row["hex"]
+    for row in vectors["accepted"]:
+        decode(bytes.fromhex(row["hex"]))
+    for row in vectors["refused"]:
+        with pytest.raises(MessageError) as caught:
+            decode(bytes.fromhex(row["hex"]))
+        assert row["error"] in str(caught.value)
+
+
+@given(declarations, st.integers(1, 3), st.integers(1, 3))
+def test_what_is_numbers_alone_comes_back_from_them(declaration, names, length):
+    types = Types({"Own/1": declaration})
+    fields = raw_fields("Own/1", types)
+    if not fields:
+        return
+    layout = RawLayout("Own/1", types, names=names, length=length)
+    numbers = [float(index % 2) for index in range(layout.width)]
+    numbers = [0.0 if field_is_single(fields, index) else n for index, n in enumerate(numbers)]
+    message = layout.unflatten(numbers)
+    assert Decoder(types["Own/1"])(encode(message)) == message
+    assert layout.flatten(message) == numbers
+
+
+def field_is_single(fields, index):
+    """Return whether a number is that of a field of one word, which is always 0."""
+    widths = [1 if not field.sizes else None for field in fields]
+    if None in widths:
+        return any(len(field.words) == 1 for field in fields)
+    return len(fields[index].words) == 1
+
+
+def test_a_message_of_ones_own_has_values_defaults_and_bytes_of_its_own():
+    message = Thruster(thrust=[1.5], mode="auto")
+    assert (message.enabled, message.gain, message.count, message.at) == (False, 0.0, 3, None)
+    assert msgspec.msgpack.decode(encode(message)) == {"thrust": [1.5], "mode": "auto"}
+    assert isinstance(message, Message)
+
+
+def test_the_same_declaration_gives_the_same_class():
+    assert Types({"Thruster/1": dict(THRUSTER)})["Thruster/1"] is Thruster
+
+
+def test_a_wrong_message_is_refused_with_type_and_path():
+    data = msgspec.msgpack.encode({"thrust": [1.0, "x"], "mode": "auto"})
+    with pytest.raises(MessageError, match=r"not a Thruster/1: .*\$\.thrust\[1\]"):
+        Decoder(Thruster)(data)
+
+
+def test_a_type_that_ships_is_in_every_catalogue():
+    assert TYPES["Imu/1"] is Imu
+    with pytest.raises(WiringError, match=r"'Thruster/3'; known: Thruster/1$"):
+        TYPES["Thruster/3"]
+
+
+def test_the_page_has_fields_units_and_numbers():
+    types = Types({"Thruster/1": {"thrust": THRUSTER["thrust"], "mode": ["off", "hold", "auto"]}})
+    page = types_page(["Thruster/1"], types)
+    assert "| `Thruster/1` | `thrust` | list of float | N | (n,) | of each |" in page
+    assert "| `Thruster/1` | thrust (n), mode (0 off, 1 hold, 2 auto) |" in page
+
+
+class Battery(Message, frozen=True):
+    """State of a battery."""
+
+    charge: Annotated[float, meta("share of its capacity", "-")]
+    cells: Annotated[list[float], meta("voltage of each cell", "V", "n")]
+    state: Literal["idle", "busy"] = "idle"
+    middle: tuple[float, float] | None = None
+
+
+class NextBattery(Message, frozen=True):
+    """Another version."""
+
+    TYPE: ClassVar[str] = "Battery/2"
+    charge: float
+
+
+def test_a_class_in_python_declares_a_type_too():
+    assert class_declaration(Battery) == {
+        "help": "State of a battery.",
+        "charge": {"type": "float", "unit": "-", "help": "share of its capacity"},
+        "cells": {"type": "float[n]", "unit": "V", "help": "voltage of each cell"},
+        "state": {"type": ["busy", "idle"], "default": "idle"},
+        "middle": {"type": "float[2]", "optional": True},
+    }
+    types = Types.of([Battery, NextBattery, Imu])
+    assert list(types.declarations) == ["Battery/1", "Battery/2"]
+    assert types["Battery/2"] is NextBattery
+
+
+class Nested(Message, frozen=True):
+    """A struct in a struct."""
+
+    inner: Battery
+
+
+def test_a_class_that_no_declaration_can_say_is_refused():
+    with pytest.raises(WiringError, match=r"Nested/1\.inner: a field is float, int"):
+        class_declaration(Nested)
+
+
+PROBLEMS = [
+    ("thruster", {"a": "float"}, "'thruster' is no name of a type; write Name/major"),
+    ("Imu/1", {"a": "float"}, "Imu/1 ships with stepbus"),
+    ("T/1", ["a"], "must be a map: field"),
+    ("T/1", {}, "has 0 fields; it needs 1 to 15"),
+    ("T/1", {f"f{n}": "float" for n in range(16)}, "has 16 fields"),
+    ("T/1", {"Big": "float"}, "'Big' is no name of a field"),
+    ("T/1", {"a": "flot"}, "must be float, int, bool"),
+    ("T/1", {"a": "float[0]"}, "'0' is no size"),
+    ("T/1", {"a": "float[65]"}, "an array of 65 is too long to be fixed"),
+    ("T/1", {"a": []}, "a list has the words that the field may hold"),
+    ("T/1", {"a": ["on", True]}, "a list has the words that the field may hold"),
+    ("T/1", {"a": {"unit": "N"}}, "'type' is missing"),
+    ("T/1", {"a": {"type": "float", "units": "N"}}, "unknown key 'units'"),
+    ("T/1", {"a": {"type": "float", "unit": 3}}, "must be text, not 3"),
+    ("T/1", {"a": {"type": "float", "optional": 1}}, "must be true or false, not 1"),
+    ("T/1", {"a": {"type": "float", "min": 1}}, "for a field of type int"),
+    ("T/1", {"a": {"type": "int", "default": "x"}}, "does not fit the type"),
+    ("T/1", {"a": {"type": "int", "min": 2, "default": 1}}, "does not fit the type"),
+    ("T/1", {"a": {"type": "int", "optional": True, "default": 1}}, "is not for an optional field"),
+    ("T/1", {"a": {"type": "bytes", "default": "x"}}, "is not for bytes"),
+    ("T/1", {"a": "float", "help": {"type": "text"}}, "is a sentence about the type"),
+]
+
+
+@pytest.mark.parametrize(("name", "declaration", "sentence"), PROBLEMS)
+def test_a_mistake_in_a_declaration_has_its_sentence(name, declaration, sentence):
+    found = [text for _, text in type_problems(name, declaration)]
+    assert len(found) == 1
+    assert sentence in found[0]
+
+
+def misfits(one, other):
+    return Types({"T/1": one}).misfits(Types({"T/1": other}), "one", "other")
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"a": "float"},
+        {"help": "Else.", "a": {"type": "float", "help": "else"}},
+        {"b": {"type": "int", "optional": True}, "a": "float"},
+        {"a": "float", "b": {"type": "int", "default": 0}},
+    ],
+)
+def test_help_order_and_fields_that_may_be_left_out_make_no_difference(other):
+    assert misfits({"a": "float"}, other) == misfits(other, {"a": "float"}) == []
+
+
+@pytest.mark.parametrize(
+    ("other", "text"),
+    [
+        ({"a": "int"}, "T/1 differs: a is float in one, int in other"),
+        ({"a": {"type": "float", "unit": "N"}}, "a is float in one, float [N] in other"),
+        ({"a": "float", "b": "int"}, "b is absent in one, int in other"),
+        ({"b": "float"}, "a is float in one, absent in other"),
+        ({"a": {"type": "float", "default": 1}}, "a is float in one, float, default 1 in other"),
+    ],
+)
+def test_every_other_difference_is_told(other, text):
+    assert text in misfits({"a": "float"}, other)[0]
+
+
+def test_lists_without_names_take_their_length_from_the_shape():
+    layout = RawLayout("LaserScan/1", length=3)
+    scan = LaserScan(
+        angle_min=0.0, angle_increment=0.1, range_min=0.0, range_max=5.0, ranges=[1.0, 2.0, 3.0]
+    )
+    numbers = layout.flatten(scan)
+    assert numbers[:7] == [0.0, 0.1, 0.0, 5.0, 1.0, 2.0, 3.0]
+    assert layout.unflatten(numbers) == scan
+    assert list(RawLayout("LaserScan/1").lacks()) == ["shape"]
+
+
+def test_numbers_are_reordered_by_name():
+    types = Types({"T/1": {"a": "float[n]", "b": "float[n,2]", "c": "float[3]"}})
+    layout = RawLayout("T/1", types, names=2)
+    message = types["T/1"](a=[1.0, 2.0], b=[(3.0, 4.0), (5.0, 6.0)], c=(7.0, 8.0, 9.0))
+    assert layout.flatten(message, [1, 0]) == [2, 1, 5, 6, 3, 4, 7, 8, 9]
+
+
+@pytest.mark.parametrize(
+    ("declaration", "numbers", "sentence"),
+    [
+        ({"a": "bool"}, [2.0], "a is 2, not 0 or 1"),
+        ({"a": "int"}, [0.5], "a is 0.5, no whole number"),
+        ({"a": "int"}, [float("inf")], "a is inf, no whole number"),
+        ({"a": ["x", "y"]}, [2.0], r"a 2 is none of 0 \(x\) … 1 \(y\)"),
+    ],
+)
+def test_a_number_that_stands_for_nothing_is_refused(declaration, numbers, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        RawLayout("T/1", Types({"T/1": declaration})).unflatten(numbers)
+
+
+def test_every_type_that_ships_has_a_layout_or_is_more_than_numbers():
+    texts = {name for name in MESSAGE_TYPES if not raw_fields(name)}
+    assert texts >= {"Image/1", "Text/1", "Goal/1", "Contacts/1"}
+    assert Description().names == []
