@@ -23,20 +23,27 @@ class ExtraMissing(WiringError, ImportError):
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an extra: of the package, or of the clone it runs from."""
-    folder = _clone()
-    return f"pip install -e '{folder}[{extra}]'" if folder else f"pip install 'stepbus[{extra}]'"
+    """Return the command that installs an extra: of the package, or of what it comes from here.
+
+    That is a clone or a file of this machine, where stepbus was installed from one.
+    """
+    path, is_editable = _origin()
+    return f"pip install {'-e ' if is_editable else ''}'{path or 'stepbus'}[{extra}]'"
 
 
-def _clone() -> str:
-    """Return the folder of an editable installation; nothing where it is none."""
+def _origin() -> tuple[str, bool]:
+    """Return the folder or file that stepbus was installed from, and whether it is edited there.
+
+    The path is empty where that is no file of this machine.
+    """
     try:
         text = distribution("stepbus").read_text("direct_url.json")
     except PackageNotFoundError:
-        return ""
+        return "", False
     source = json.loads(text or "{}")
-    is_editable = source.get("dir_info", {}).get("editable", False)
-    return unquote(urlparse(source["url"]).path) if is_editable else ""
+    url = urlparse(source.get("url", ""))
+    path = unquote(url.path) if url.scheme == "file" else ""
+    return path, bool(path and source.get("dir_info", {}).get("editable", False))
 
 
 def extra_hint(module: str) -> str:

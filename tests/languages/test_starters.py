@@ -11,6 +11,7 @@ from support.paths import CHECKOUT
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
+from stepbus_orchestrator.diagnosis.conformance import conformance, select
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
 
@@ -35,6 +36,27 @@ def test_a_starter_runs_as_it_is(language, tmp_path):
     subprocess.run(build, shell=True, check=True, capture_output=True)
     result = run(load(tmp_path / "arm", ["duration=100ms"]), Options(out=tmp_path / "out"))
     assert (result.exit_code, result.steps, result.scenario) == (0, 20, "arm")
+
+
+def conforms(tmp_path, language, checks=()):
+    """Return what the kit says of a starter that has failed or was skipped."""
+    write_starter(tmp_path / "arm", language)
+    subprocess.run(STARTERS[language].build.format(folder=tmp_path / "arm"), shell=True, check=True)
+    report = conformance(load(tmp_path / "arm"), "controller", checks=select(checks))
+    return {check.name: check.observed for check in report.checks if check.outcome != "pass"}
+
+
+def test_the_python_starter_knows_joints_by_name_and_absent_inputs(tmp_path):
+    assert conforms(tmp_path, "python", ["joint-order", "delayed", "port-types"]) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("language", ["python", *QUICK])
+def test_a_starter_passes_the_kit_in_full(language, tmp_path):
+    if language in TOOLS and shutil.which(TOOLS[language]) is None:
+        pytest.skip(f"{TOOLS[language]} is not installed")
+    # A program behind the bridge names no ports, `raw` none of what it reads.
+    assert set(conforms(tmp_path, language)) <= {"port-types"}
 
 
 @pytest.mark.parametrize("language", STARTERS)

@@ -36,7 +36,12 @@ def source(monkeypatch):
     ("record", "command"),
     [
         (None, "pip install 'stepbus[sim]'"),
-        ('{"url": "file:///w/stepbus.whl", "archive_info": {}}', "pip install 'stepbus[sim]'"),
+        (
+            '{"url": "file:///w/stepbus.whl", "archive_info": {}}',
+            "pip install '/w/stepbus.whl[sim]'",
+        ),
+        ('{"url": "file:///home/me/clone", "dir_info": {}}', "pip install '/home/me/clone[sim]'"),
+        ('{"url": "https://a.b/c.whl", "archive_info": {}}', "pip install 'stepbus[sim]'"),
         (
             '{"url": "file:///home/me/my%20bus", "dir_info": {"editable": true}}',
             "pip install -e '/home/me/my bus[sim]'",

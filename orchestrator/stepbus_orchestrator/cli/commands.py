@@ -13,6 +13,7 @@ from .participants import bridge as bridge_command
 from .participants import conformance as conformance_command
 from .participants import selftest as selftest_command
 from .recordings import diff as diff_command
+from .recordings import plot as plot_command
 from .recordings import recover as recover_command
 from .recordings import replay as replay_command
 from .recordings import rerun as rerun_command
@@ -40,6 +41,7 @@ COMMANDS: tuple[Command, ...] = (
     doctor_command.COMMAND,
     replay_command.COMMAND,
     diff_command.COMMAND,
+    plot_command.COMMAND,
     verify_command.COMMAND,
     rerun_command.COMMAND,
     recover_command.COMMAND,

@@ -60,7 +60,7 @@ def test_a_gain_changed_in_the_scenario_is_caught(project, log):
 
 
 def test_a_gain_changed_in_the_program_is_caught(project, log):
-    edit(project / "arm/controller.py", "kp * (qd - q)", "2 * kp * (qd - q)")
+    edit(project / "arm/controller.py", "kp * error", "2 * kp * error")
     result = replay(log, "controller")
     assert (result.equal, list(result.changes)) == (
         False,
@@ -75,7 +75,7 @@ def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
 
 
 def test_the_copy_is_tested_where_it_is_asked_for(project, log, capsys):
-    edit(project / "arm/controller.py", "kp * (qd - q)", "2 * kp * (qd - q)")
+    edit(project / "arm/controller.py", "kp * error", "2 * kp * error")
     assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.DIFFERENT
     assert cli.main(["replay", str(log), *REPLAY, "--recorded"]) == 0
     assert "tested" not in capsys.readouterr().out.splitlines()[-1]

@@ -4,14 +4,25 @@ import stepbus
 
 
 class Controller(stepbus.Participant):
+    inputs = {"joint_state": stepbus.JointState, "reference": stepbus.JointReference}
+    outputs = {"command": stepbus.JointCommand}
+
     def describe(self):
         return {"command": stepbus.Description(like="joint_state")}
 
+    def start(self, inputs):
+        # Where each joint of the state is in the vectors of the reference.
+        names = inputs["reference"].names
+        self.order = [names.index(joint) for joint in inputs["joint_state"].names]
+
     def update(self, step):
-        state, wanted = step.read("joint_state"), step.read("reference")
+        state, wanted = step.get("joint_state"), step.get("reference")
+        if state is None or wanted is None:
+            return None  # an input has not come yet
         kp, kd = self.config.params["kp"], self.config.params["kd"]
-        rows = zip(wanted.position, state.position, wanted.velocity, state.velocity)
-        torque = [kp * (qd - q) + kd * (vd - v) for qd, q, vd, v in rows]
+        errors = [wanted.position[i] - q for i, q in zip(self.order, state.position)]
+        rates = [wanted.velocity[i] - v for i, v in zip(self.order, state.velocity)]
+        torque = [kp * error + kd * rate for error, rate in zip(errors, rates)]
         return {"command": stepbus.JointCommand(mode="torque", values=torque)}
 
 

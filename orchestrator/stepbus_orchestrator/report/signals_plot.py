@@ -1,0 +1,123 @@
+"""Plots any signals of a recording: one panel each, in one picture."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stepbus_orchestrator.analysis.signals import Array
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_participant import suggest
+from stepbus_schemas import WiringError
+
+from .curve import Curve
+from .style import legend, line
+
+_SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
+_MOST_LINES = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlottedSignal:
+    """One panel. title: of it. unit: of its values; may be empty. lines: label → values, (T,)."""
+
+    title: str
+    unit: str
+    t: Array
+    lines: dict[str, Array]
+
+
+def signal_names(recording: Recording) -> list[str]:
+    """Return every signal of a recording that can be plotted, as `participant.port.field`."""
+    return [
+        f"{port.topic.replace('/', '.', 1)}.{field}"
+        for port in recording.ports.values()
+        if not port.topic.startswith("stepbus/")
+        for field in _numeric_fields(port)
+    ]
+
+
+def find_signals(recording: Recording, text: str) -> list[PlottedSignal]:
+    """Return what a text names: `participant.port`, `….field`, `….field[0]` or `….field[joint1]`.
+
+    Raises WiringError where the recording has no such numbers.
+    """
+    form = _SIGNAL.fullmatch(text)
+    if form is None:
+        raise WiringError(f"{text!r} is no signal; write e.g. plant.joint_state.position[0]")
+    participant, name, field, index = form.groups()
+    port = recording[f"{participant}/{name}"]
+    known = list(_numeric_fields(port))
+    if field is not None and field not in known:
+        others = f"; it has {', '.join(known) or 'none'}"
+        raise WiringError(f"{text}: {port.type} has no numbers {field!r} here{others}")
+    fields = [field] if field else known
+    if not fields:
+        raise WiringError(f"{text}: {port.type} carries no numbers to plot")
+    return [_signal(port, name, index, text) for name in fields]
+
+
+def draw_signals(title: str, signals: Sequence[PlottedSignal], target: Path) -> None:
+    """Write the picture; raises ImportError without matplotlib, RecordingFailed when it cannot."""
+    # Loading matplotlib takes longer than all else here, and it is an extra.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(14, 1 + 3 * len(signals)), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title)
+    axes = figure.subplots(len(signals), 1, sharex=True, squeeze=False).flatten()
+    for axis, signal in zip(axes, signals, strict=True):
+        _draw(axis, signal)
+    axes[-1].set_xlabel("time [s]")
+    try:
+        figure.savefig(target)
+    except (OSError, ValueError) as exc:
+        raise RecordingFailed(f"{target} cannot be written: {exc}") from exc
+
+
+def _draw(axis: Any, signal: PlottedSignal) -> None:
+    axis.set_title(signal.title, loc="left", fontsize=10)
+    axis.set_ylabel(f"[{signal.unit}]" if signal.unit else "")
+    axis.grid(visible=True, alpha=0.3)
+    for number, (label, values) in enumerate(signal.lines.items()):
+        curve = Curve()
+        curve.add(signal.t, values[:, None])
+        line(axis, curve.line(0), label, number)
+    legend(axis)
+
+
+def _signal(port: Port, field: str, index: str | None, text: str) -> PlottedSignal:
+    values = port[field].astype(float)
+    columns = {"": values} if values.ndim == 1 else _columns(port, values)
+    if index is not None:
+        columns = _chosen(columns, index, text)
+    elif len(columns) > _MOST_LINES:
+        columns = dict(list(columns.items())[:_MOST_LINES])
+    title = f"{port.topic.replace('/', '.', 1)}.{field}"
+    lines = {label or title: row for label, row in columns.items()}
+    return PlottedSignal(title=title, unit=port.units.get(field, ""), t=port.t, lines=lines)
+
+
+def _columns(port: Port, values: Array) -> dict[str, Array]:
+    width = values.shape[1]
+    names = list(port.names) if len(port.names) == width else [f"[{i}]" for i in range(width)]
+    return {name: values[:, i] for i, name in enumerate(names)}
+
+
+def _chosen(columns: dict[str, Array], index: str, text: str) -> dict[str, Array]:
+    names = list(columns)
+    name = names[int(index)] if index.isdecimal() and int(index) < len(names) else index
+    if name not in columns or name == "":
+        raise WiringError(f"{text}: there is no {index!r}{suggest(index, names)}; it has {names}")
+    return {name: columns[name]}
+
+
+def _numeric_fields(port: Port) -> Iterator[str]:
+    """Yield the fields whose values over time are an array of numbers, in order."""
+    for field in port.message_class.__struct_fields__:
+        values = port.arrays(field)[field]
+        if values is not None and values.size and values.dtype.kind in "fiub" and values.ndim < 3:
+            yield field
