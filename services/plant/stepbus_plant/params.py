@@ -6,7 +6,16 @@ from typing import Literal
 
 import msgspec
 
-from stepbus_participant import Duration, File, Names, NonNegative, Positive, Settings, Text
+from stepbus_participant import (
+    Duration,
+    File,
+    Names,
+    NonNegative,
+    Positive,
+    Settings,
+    Share,
+    Text,
+)
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
@@ -49,6 +58,15 @@ class OdometryErrors(Settings):
     distance [m]."""
 
 
+class ProximityErrors(Settings):
+    """How contact sensors measure distances."""
+
+    spacing: NonNegative = 0.0
+    """Of the rays of range sensors on every link [m]; 0: distances are exact."""
+    noise: Share = 0.0
+    """Standard deviation of a range, relative to it [-]."""
+
+
 class CameraErrors(Settings):
     """What all cameras disturb."""
 
@@ -82,6 +100,8 @@ class Params(Settings):
     """What odometry does not notice. Default: nothing."""
     camera: CameraErrors = CameraErrors()
     """What images are disturbed by. Default: nothing."""
+    proximity: ProximityErrors = ProximityErrors()
+    """How contact sensors measure distances. Default: exactly."""
     actuation: Actuation = "direct"
     """How to apply torques, unless the world file says so for a joint."""
     effort: dict[str, NonNegative] = {}

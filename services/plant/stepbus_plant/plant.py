@@ -87,7 +87,7 @@ class Plant:
         problems.attempt((), physics.prepare)
         joints = problems.attempt((), lambda: _select(params.joints, physics))
         devices = problems.attempt(
-            (), lambda: Devices(world, physics, self._bodies, params.odometry, self._seed)
+            (), lambda: Devices(world, physics, self._bodies, params, self._seed)
         )
         cameras = problems.attempt(
             (),

@@ -134,6 +134,7 @@ def make_stand(
     outputs: dict[str, str],
     inputs: dict[str, str],
     dynamics: str = "on",
+    proximity: dict[str, float] | None = None,
     **names: list[str],
 ) -> Stand:
     """Return a started plant; inputs, outputs: port → type; names: of an input's joints."""
@@ -146,7 +147,7 @@ def make_stand(
         folder=folder,
         inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
         outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
-        params={"world": "world.yaml", "dynamics": dynamics},
+        params={"world": "world.yaml", "dynamics": dynamics, "proximity": proximity or {}},
         publishes="first",
     )
     participant = PlantParticipant(config)

@@ -5,9 +5,16 @@ from typing import Any, NamedTuple
 
 import pybullet as bullet
 
+from stepbus_plant.noise import Noise
+from stepbus_plant.params import ProximityErrors
 from stepbus_schemas import Contacts, Description
 
 from .poses import LinkIndex
+from .proximity import RangeSkin
+
+_EXACT = ProximityErrors()
+_STANDS_ON = 2e-3
+"""What a robot is closer to at the start, it stands on [m]."""
 
 
 class _Point(NamedTuple):
@@ -23,7 +30,8 @@ class ContactSensor:
     """Reads the engine's contacts, summed for each pair of links.
 
     links: those whose contacts it reports; None: all. within: it also reports links closer to them
-    than this [m]. indices: every link of the world → its index in the engine.
+    than this [m]. indices: every link of the world → its index in the engine. errors: of distances;
+    random: numbers for that.
     """
 
     def __init__(
@@ -32,6 +40,9 @@ class ContactSensor:
         within: float,
         indices: Mapping[str, LinkIndex],
         client: int,
+        *,
+        errors: ProximityErrors = _EXACT,
+        random: Noise | None = None,
     ) -> None:
         self._client = client
         self._links = list(indices if links is None else links)
@@ -43,6 +54,18 @@ class ContactSensor:
         solid = [index for link in self._links if self._is_solid(index := indices[link])]
         self._near = solid if within > 0.0 else []
         self._pressed: dict[tuple[str, str], float] | None = None
+        self._skin: RangeSkin | None = None
+        self._stands: set[tuple[LinkIndex, LinkIndex]] = set()
+        if errors.spacing and self._near:
+            self._skin = RangeSkin(
+                client,
+                self._near,
+                spacing=errors.spacing,
+                reach=within,
+                noise=errors.noise,
+                random=random or Noise(0, ""),
+            )
+            self._learn_ground(self._skin)
 
     def _is_solid(self, index: LinkIndex) -> bool:
         return bool(bullet.getCollisionShapeData(*index, physicsClientId=self._client))
@@ -57,7 +80,13 @@ class ContactSensor:
         Forces are those of the latest physics substep, which led to this state.
         """
         groups: dict[tuple[str, str], list[_Point]] = {}
-        for point in (*self._touching(), *self._nearby()):
+        if self._skin is None:
+            points = [*self._touching(), *self._nearby()]
+        else:
+            # The skin feels what presses on it; how far away the rest is, it measures.
+            felt = [point for point in self._touching() if self._force(point.pair, [point]) > 0.0]
+            points = [*felt, *self._measured(self._skin)]
+        for point in points:
             groups.setdefault(point.pair, []).append(point)
         pairs = sorted(groups)
         nearest = [min(groups[pair], key=lambda point: point.distance) for pair in pairs]
@@ -93,6 +122,32 @@ class ContactSensor:
                     physicsClientId=self._client,
                 )
                 yield from map(self._point, rows)
+
+    def _learn_ground(self, skin: RangeSkin) -> None:
+        """Find what the robot stands on: near the links that are near it, that is nothing new."""
+        near = {(index, other) for index in self._near for other in self._around(index)}
+        ground = {
+            other
+            for index, other in near
+            if bullet.getClosestPoints(
+                index[0], other[0], _STANDS_ON, index[1], other[1], physicsClientId=self._client
+            )
+        }
+        self._stands = {(index, other) for index, other in near if other in ground}
+        skin.look_up(sorted({index for index, _ in self._stands}))
+
+    def _measured(self, skin: RangeSkin) -> Iterator[_Point]:
+        """Yield what range sensors measure."""
+        around = {index: self._around(index) for index in self._near}
+        new = {
+            index: rest
+            for index, others in around.items()
+            if (rest := [other for other in others if (index, other) not in self._stands])
+        }
+        for index, found in skin.sense(new):
+            first, second = self._names[index], self._names[found.other]
+            pair = (second, first) if second < first else (first, second)
+            yield _Point(pair, found.distance, 0.0, found.position)
 
     def _around(self, index: LinkIndex) -> list[LinkIndex]:
         """Return links of other bodies whose bounding boxes are near that of a link, sorted.

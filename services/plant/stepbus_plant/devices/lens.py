@@ -41,7 +41,7 @@ class Lens:
         self.light: Mapping[str, Any] = _EVEN if errors.light == "even" else self._lamp()
         reach = math.ceil(3 * errors.blur)
         weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (errors.blur or 1.0)) ** 2)
-        self._weights = weights / weights.sum()
+        self._weights = (weights / weights.sum()).astype(np.float32)
 
     def _lamp(self) -> Mapping[str, Any]:
         tilt, turn = Noise(self._seed, "lamp").at(0).random(2).tolist()
@@ -55,31 +55,35 @@ class Lens:
         errors = self._errors
         if not errors.blur and not errors.color:
             return pixels
-        seen = self._blurred(pixels.astype(np.float64)) if errors.blur else pixels
+        seen = pixels.astype(np.float32)
+        seen = self._blurred(seen) if errors.blur else seen
         if errors.color:
-            seen = seen + Noise(self._seed, f"{camera} color").at(t_ns).normal(
-                0.0, errors.color, pixels.shape
-            )
+            draws = Noise(self._seed, f"{camera} color").at(t_ns)
+            noise = draws.standard_normal(pixels.shape, dtype=np.float32)
+            seen += np.float32(errors.color) * noise
         return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
 
     def depth(self, metres: NDArray[np.float32], camera: str, t_ns: int) -> NDArray[np.float32]:
         """Return what a camera makes of depth, shape (h, w) [m]; of nothing it makes nothing."""
         if not self._errors.depth:
             return metres
-        draws = Noise(self._seed, f"{camera} depth").at(t_ns).standard_normal(metres.shape)
+        draws = (
+            Noise(self._seed, f"{camera} depth")
+            .at(t_ns)
+            .standard_normal(metres.shape, dtype=np.float32)
+        )
         known = np.isfinite(metres)
         near = np.where(known, metres, 0.0)
-        noisy = near + self._errors.depth * near**2 * draws
+        noisy = near + np.float32(self._errors.depth) * near**2 * draws
         return np.where(known, noisy, np.inf).astype("<f4")
 
-    def _blurred(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _blurred(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+        reach = len(self._weights) // 2
         for axis in (0, 1):
-            reach = len(self._weights) // 2
             sides = [(reach, reach) if a == axis else (0, 0) for a in range(3)]
-            padded = np.pad(pixels, sides, mode="edge")
-            length = pixels.shape[axis]
-            rows = [np.take(padded, range(n, n + length), axis) for n in range(2 * reach + 1)]
-            pixels = sum(
-                (w * row for w, row in zip(self._weights, rows, strict=True)), np.zeros(())
-            )
+            padded = np.moveaxis(np.pad(pixels, sides, mode="edge"), axis, 0)
+            blurred = np.zeros_like(np.moveaxis(pixels, axis, 0))
+            for n, weight in enumerate(self._weights):
+                blurred += weight * padded[n : n + len(blurred)]
+            pixels = np.moveaxis(blurred, 0, axis)
         return pixels

@@ -8,7 +8,7 @@ from stepbus_participant.parameters import Keys
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
 from stepbus_plant.noise import Noise
-from stepbus_plant.params import OdometryErrors
+from stepbus_plant.params import Params
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 from stepbus_plant.world.declaration import BaseSettings, GripperSettings
@@ -64,8 +64,8 @@ class Devices:
     """All devices that a world file declares.
 
     bodies: names of the engine's bodies, in its order. owners: joint → the base or gripper it
-    belongs to. errors, seed: of odometry. Raises WiringError that lists every wrong joint and link
-    of a device, each with its line.
+    belongs to. params, seed: of their errors. Raises WiringError that lists every wrong joint and
+    link of a device, each with its line.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Devices:
         world: World,
         physics: Physics,
         bodies: Sequence[str],
-        errors: OdometryErrors,
+        params: Params,
         seed: int,
     ) -> None:
         joints = {joint.name: joint for joint in physics.joints}
@@ -95,7 +95,7 @@ class Devices:
                 joints[row.left],
                 joints[row.right],
                 physics,
-                errors=errors,
+                errors=params.odometry,
                 noise=Noise(seed, name),
             )
             for name, row in world.bases.items()
@@ -105,7 +105,14 @@ class Devices:
             for name, row in world.grippers.items()
         }
         self._contacts = {
-            name: ContactSensor(watched[name], row.within, indices, physics.client)
+            name: ContactSensor(
+                watched[name],
+                row.within,
+                indices,
+                physics.client,
+                errors=params.proximity,
+                random=Noise(seed, name),
+            )
             for name, row in world.contacts.items()
         }
         self.owners = {

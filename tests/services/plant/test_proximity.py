@@ -1,0 +1,103 @@
+"""Range sensors on links: rays with a reach and noise in place of exact distances."""
+
+import numpy as np
+import pytest
+from support.services.devices import box, link, make_stand, write_can, write_ground, write_urdf
+
+WORLD = """
+contacts:
+  near: {links: [robot], within: 0.1}
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  robot: {urdf: robot.urdf, fixed_base: true, position: [0, 0, 0.5]}
+  can: {urdf: can.urdf, fixed_base: true, position: [AT]}
+"""
+SIDE = 0.2
+RADIUS = 0.033
+
+
+def measured(folder, at, *, noise=0.0, steps=1, spacing=0.03, reach=0.1):
+    """Return what the sensors of a box of 0.2 m measure of a can, in each step."""
+    write_ground(folder)
+    write_can(folder)
+    write_urdf(folder, "robot", link("robot", 1.0, box(f"{SIDE} {SIDE} {SIDE}")))
+    stand = make_stand(
+        folder,
+        WORLD.replace("AT", at).replace("within: 0.1", f"within: {reach}"),
+        {"near": "Contacts/1"},
+        {},
+        proximity={"spacing": spacing, "noise": noise},
+    )
+    found = []
+    for step in range(steps):
+        found.append(stand.participant.output(None)["near"])
+        stand.update(step)
+    return found
+
+
+@pytest.mark.parametrize("gap", [0.004, 0.02, 0.06])
+def test_a_ray_measures_how_far_a_thing_is_away(tmp_path, gap):
+    contacts = measured(tmp_path, f"{SIDE / 2 + gap + RADIUS}, 0, 0.5")[0]
+    assert contacts.pairs == [("can", "robot")]
+    assert contacts.distance == pytest.approx([gap], abs=2e-3)
+    assert contacts.force == [0.0]
+
+
+def test_what_is_beyond_the_reach_is_not_measured(tmp_path):
+    assert measured(tmp_path, f"{SIDE / 2 + 0.06 + RADIUS}, 0, 0.5", reach=0.05)[0].pairs == []
+
+
+def test_a_corner_sees_what_comes_from_aside(tmp_path):
+    aside = SIDE / 2 + 0.02 + RADIUS * 0.7
+    contacts = measured(tmp_path, f"{aside}, {aside}, 0.5")[0]
+    assert contacts.pairs == [("can", "robot")]
+    assert 0.01 < contacts.distance[0] < 0.06
+
+
+def test_a_sensor_below_sees_the_ground_far_from_which_the_robot_starts(tmp_path):
+    world = f"{SIDE / 2 + 0.3}, 0, 0.5"
+    contacts = measured(tmp_path, world, reach=0.45)[0]
+    assert ("floor", "robot") in contacts.pairs
+    assert contacts.distance[contacts.pairs.index(("floor", "robot"))] == pytest.approx(
+        0.4, abs=2e-3
+    )
+
+
+def test_noise_is_relative_and_new_in_each_step(tmp_path):
+    rows = measured(tmp_path, f"{SIDE / 2 + 0.05 + RADIUS}, 0, 0.5", noise=0.05, steps=100)
+    gaps = np.array([row.distance[0] for row in rows])
+    assert len(set(gaps)) == 100
+    # The nearest of several rays.
+    assert 0.001 < gaps.std() < 0.003
+    assert 0.04 < gaps.mean() < 0.051
+
+
+def test_the_same_run_measures_the_same(tmp_path):
+    at = f"{SIDE / 2 + 0.05 + RADIUS}, 0, 0.5"
+    one, other = (measured(tmp_path, at, noise=0.05, steps=5) for _ in range(2))
+    assert [row.distance for row in one] == [row.distance for row in other]
+
+
+def test_without_spacing_distances_are_exact(tmp_path):
+    contacts = measured(tmp_path, f"{SIDE / 2 + 0.02 + RADIUS}, 0, 0.5", spacing=0.0)[0]
+    assert contacts.distance == pytest.approx([0.02], abs=2e-3)
+
+
+def test_a_touch_is_still_felt(tmp_path):
+    write_ground(tmp_path)
+    write_can(tmp_path)
+    world = """
+contacts:
+  near: {links: [can], within: 0.1}
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  can: {urdf: can.urdf, position: [0, 0, 0.0575]}
+"""
+    stand = make_stand(
+        tmp_path, world, {"near": "Contacts/1"}, {}, proximity={"spacing": 0.03, "noise": 0.01}
+    )
+    for step in range(50):
+        stand.update(step)
+    contacts = stand.participant.output(None)["near"]
+    assert contacts.pairs == [("can", "floor")]
+    assert contacts.force == pytest.approx([0.35 * 9.81], rel=0.01)
