@@ -1,6 +1,7 @@
 //! From the ticket to the exit code.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -95,6 +96,7 @@ fn hello<P: Participant>(ticket: &Ticket) -> Hello {
         sdk: concat!("stepbus-client ", env!("CARGO_PKG_VERSION")).to_owned(),
         inputs: ports(P::INPUTS),
         outputs: ports(P::OUTPUTS),
+        types: BTreeMap::new(),
     }
 }
 

@@ -230,3 +230,18 @@ def test_a_mistake_in_a_sensor_has_its_sentence(tmp_path, sensors, sentence):
     scene(tmp_path, sensors)
     with pytest.raises(SettingsError, match=sentence):
         make_plant(tmp_path, {})
+
+
+def test_without_dynamics_sensors_follow_the_motion_and_forces_are_zero(tmp_path):
+    scene(tmp_path, "\n".join(sensors for _, sensors in NOISY.values()))
+    world = (tmp_path / "world.yaml").read_text()
+    (tmp_path / "world.yaml").write_text(
+        world.replace("{velocity: 2.0}", "{mode: velocity}").replace("noise: {force: 0.1}", "")
+    )
+    ports = {port: port_type for port, (port_type, _) in NOISY.items()}
+    plant = make_plant(tmp_path, ports, dynamics="off")
+    plant.plant.advance()
+    shown = plant.output(None)
+    assert shown["ft"].force == (0.0, 0.0, 0.0)
+    assert shown["imu"].linear_acceleration == pytest.approx([0, 0, 10])
+    assert math.isfinite(shown["front"].ranges[1])
