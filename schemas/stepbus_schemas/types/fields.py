@@ -1,5 +1,6 @@
 """Fields of a declared message type: `float[n]`, with unit, default and help."""
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
@@ -21,7 +22,8 @@ SCALARS: Mapping[str, Any] = {
 }
 KEYS = ("type", "unit", "help", "optional", "default", "min")
 LONGEST_ARRAY = 64
-"""Largest fixed size; anything longer is a list with a size by name."""
+"""Most entries of fixed sizes; anything longer is a list with a size by name."""
+MOST_SIZES = 3
 _FORM = re.compile(r"(\w+)(?:\[([^\[\]]*)\])?")
 _SIZE = re.compile(r"[1-9][0-9]*|[a-z][a-z0-9_]*")
 _FORMS = "float, int, bool, text, bytes, a list of words, or an array such as float[3] or float[n]"
@@ -39,11 +41,14 @@ def parse_form(form: object) -> tuple[str, list[str]]:
                 f"{size!r} is no size; write a number, n for one entry for each name of the "
                 "port's description, or another name such as k for any length"
             )
-        if size.isdigit() and int(size) > LONGEST_ARRAY:
-            raise ValueError(
-                f"an array of {size} is too long to be fixed (at most {LONGEST_ARRAY}); name its "
-                f"size, such as {found[1]}[k]"
-            )
+    fixed = math.prod(int(size) for size in sizes if size.isdigit())
+    if fixed > LONGEST_ARRAY:
+        raise ValueError(
+            f"an array of {fixed} is too long to be fixed (at most {LONGEST_ARRAY}); name its "
+            f"size, such as {found[1]}[k]"
+        )
+    if len(sizes) > MOST_SIZES:
+        raise ValueError(f"has {len(sizes)} sizes, at most {MOST_SIZES}")
     return found[1], sizes
 
 
@@ -87,7 +92,7 @@ def default_problems(row: Row) -> Iterator[tuple[Keys, str]]:
         return
     if row.get("optional"):
         yield ("default",), "is not for an optional field, which is absent by default"
-    elif row["type"] == "bytes":
+    elif str(row["type"]).startswith("bytes"):
         yield ("default",), "is not for bytes; make the field optional"
     else:
         try:
