@@ -12,10 +12,10 @@ import sys
 for name in ("cv2", "eaik", "ompl", "toppra", "xacro"):
     sys.modules[name] = None
 import stepbus_participant.files.paths as paths
-def missing(url):
+def missing(url, folder=None):
     if "example-robot-data" in url or "baxter" in url:
         raise paths.WiringError(url + ": not installed here; pip install 'stepbus[robots]'")
-    return package_path(url)
+    return package_path(url, folder)
 package_path, paths.package_path = paths.package_path, missing
 import stepbus_participant
 stepbus_participant.package_path = missing

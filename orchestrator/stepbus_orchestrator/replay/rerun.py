@@ -1,5 +1,6 @@
 """Runs a recording's scenario again from nothing but the recording."""
 
+import os
 import re
 import threading
 from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ from .recorded import recorded_end
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")
 _PACKAGE_URL = re.compile(rb"package://[^\s\"'<>,\]})]+")
+_LEVEL = "scenario_folder"
 _OURS = ("python", "stepbus")
 
 
@@ -95,9 +97,16 @@ def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes
     }
     for name in files:
         path = PurePosixPath(name)
-        if path.is_absolute() or ".." in path.parts or not path.parts or "\0" in name:
+        below = path.parts[_levels(name) :]
+        if path.is_absolute() or ".." in below or not below or "\0" in name:
             raise RecordingFailed(f"{recording}: attached file {name!r} leads out of its folder")
     return files
+
+
+def _levels(name: str) -> int:
+    """Return how many folders above the scenario's a file is."""
+    parts = PurePosixPath(name).parts
+    return next((n for n, part in enumerate(parts) if part != ".."), len(parts))
 
 
 def refuse_others(origin: Origin, trusted: str | None) -> None:
@@ -109,13 +118,17 @@ def refuse_others(origin: Origin, trusted: str | None) -> None:
 def unpack(origin: Origin, folder: Path) -> Path:
     """Write the scenario and its files to a new folder and return the scenario's path.
 
-    Raises RecordingFailed when they cannot be written.
+    Where files are in folders above the scenario's (`../models/arm.urdf`), the scenario is as many
+    levels below the new folder. Raises RecordingFailed when they cannot be written.
     """
-    scenario = folder / SCENARIO_ATTACHMENT
+    levels = max(map(_levels, origin.files), default=0)
+    home = folder.joinpath(*[_LEVEL] * levels)
+    scenario = home / SCENARIO_ATTACHMENT
     try:
         folder.mkdir(parents=True)
+        home.mkdir(parents=True, exist_ok=True)
         for name, content in origin.files.items():
-            path = folder / name
+            path = Path(os.path.normpath(home / name))
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
             if content.startswith(_PROGRAMS):
@@ -258,6 +271,9 @@ def _outside(origin: Origin, scenario: Scenario) -> list[str]:
     """Return a sentence for each file that the run takes from this machine."""
     contents = [origin.scenario, *origin.files.values()]
     urls = {url.decode(errors="replace") for text in contents for url in _PACKAGE_URL.findall(text)}
+    packages = tuple(f"/{url.removeprefix('package://')}" for url in urls)
+    kept = {package for package in packages if any(f"/{f}".endswith(package) for f in origin.files)}
+    urls = {url for url in urls if f"/{url.removeprefix('package://')}" not in kept}
     programs = {
         command(spec.exec, scenario.folder)[0]
         for spec in scenario.participants

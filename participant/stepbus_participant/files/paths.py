@@ -10,10 +10,9 @@ from stepbus_schemas import WiringError
 def find_file(name: str, folder: Path) -> Path:
     """Return the file of a name: relative to a folder, absolute, or `package://<package>/<path>`.
 
-    The package is an installed Python package or a folder of `cmeel.prefix/share`.
-    Raises WiringError when there is no such file.
+    Raises WiringError when there is no such file, or no such package (see `package_path`).
     """
-    path = package_path(name) if name.startswith("package://") else folder / name
+    path = package_path(name, folder) if name.startswith("package://") else folder / name
     try:
         exists = path.exists()
     except OSError:
@@ -23,10 +22,12 @@ def find_file(name: str, folder: Path) -> Path:
     return path
 
 
-def package_path(url: str) -> Path:
+def package_path(url: str, folder: Path | None = None) -> Path:
     """Return the file behind `package://<package>/<path>`.
 
-    Raises WiringError when the package is not installed, or when the path leads out of it.
+    The package is an installed Python package, a folder of `cmeel.prefix/share`, or else a folder
+    of that name that has the file, in `folder` or above it.
+    Raises WiringError when there is no such package, or when the path leads out of it.
     """
     package, _, rest = url.removeprefix("package://").partition("/")
     if rest.startswith("/") or ".." in rest.split("/"):
@@ -39,4 +40,19 @@ def package_path(url: str) -> Path:
         share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share"
         if (share / package).is_dir():
             return share / package / rest
-    raise WiringError(f"{url}: package {package!r} is not installed here{extra_hint(package)}")
+    local = None if folder is None else _local(package, rest, folder)
+    if local is not None:
+        return local
+    where = "" if folder is None else f", and no folder {package!r} in {folder} or above has it"
+    hint = extra_hint(package)
+    raise WiringError(f"{url}: package {package!r} is not installed here{hint or where}")
+
+
+def _local(package: str, rest: str, folder: Path) -> Path | None:
+    for parent in (folder, *folder.absolute().parents):
+        try:
+            if package and (parent / package / rest).is_file():
+                return parent / package / rest
+        except OSError:
+            continue
+    return None

@@ -94,7 +94,7 @@ def _included(path: Path, name: str) -> Path:
     if not name.startswith("package://"):
         return path.parent / name
     try:
-        return package_path(name)
+        return package_path(name, path.parent)
     except WiringError as exc:
         raise WiringError(f"{path}: {exc}") from exc
 

@@ -22,7 +22,7 @@ def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
     """
     full = robot.full
     try:
-        text = with_mesh_files(robot.text)
+        text = with_mesh_files(robot.text, robot.path.parent)
         geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
     except ValueError as exc:
         raise WiringError(f"{robot.path}: the collision shapes cannot be read: {exc}") from exc

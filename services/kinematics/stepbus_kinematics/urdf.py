@@ -26,9 +26,12 @@ def load_urdf(path: Path) -> tuple[str, Any]:
         raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
 
 
-def with_mesh_files(text: str) -> str:
-    """Return the text of a URDF with the file name of each mesh instead of its `package://` URL."""
-    return _URL.sub(lambda url: str(package_path(url[0])), text)
+def with_mesh_files(text: str, folder: Path) -> str:
+    """Return the text of a URDF with the file name of each mesh instead of its `package://` URL.
+
+    folder: of the URDF.
+    """
+    return _URL.sub(lambda url: str(package_path(url[0], folder)), text)
 
 
 def movable_joints(model: Any) -> tuple[str, ...]:

@@ -3,14 +3,18 @@
 import os
 import shutil
 import textwrap
+from pathlib import Path
 
 import pytest
 from support.runs.joints import fault, run_joints
 
+import stepbus_scenarios
+from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
-from stepbus_orchestrator.replay.rerun import Preparation, read_origin, unpack
+from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
 from stepbus_orchestrator.run.result import own_versions
+from stepbus_orchestrator.run.run_scenario import run
 
 
 def write_log(path, scenario="name: x", files=None, versions=None):
@@ -135,7 +139,7 @@ def test_a_scenario_without_a_duration_is_noted(tmp_path):
     assert "the scenario has no duration" in " ".join(Preparation(log, tmp_path / "again").notes)
 
 
-@pytest.mark.parametrize("name", ["../evil.py", "/etc/evil", "a/../../evil", ""])
+@pytest.mark.parametrize("name", ["..", "../a/../../evil", "/etc/evil", "a/../../evil", ""])
 def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
     log = write_log(tmp_path / "run.mcap", files={name: b"print()"})
     with pytest.raises(RecordingFailed, match="leads out of its folder"):
@@ -153,3 +157,33 @@ def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
     with pytest.raises(RecordingFailed, match="holds a run already; choose another --out"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
+
+
+@pytest.mark.parametrize("name", ["../models/x.csv", "../../a/b/x.csv"])
+def test_files_in_folders_above_are_where_the_scenario_names_them(tmp_path, name):
+    home = tmp_path / "far" / "home"
+    home.mkdir(parents=True)
+    shared = home / name
+    shared.parent.mkdir(parents=True, exist_ok=True)
+    shared.write_text("1")
+    origin = Origin(
+        recording=tmp_path, scenario=b"", files={name: b"1"}, versions={}, steps=0, end=0, flaws=()
+    )
+    scenario = unpack(origin, tmp_path / "copy")
+    assert (scenario.parent / name).read_text() == "1"
+    assert scenario.is_relative_to(tmp_path / "copy")
+
+
+def test_a_recording_with_shared_models_is_run_again_from_itself_alone(tmp_path):
+    shipped = Path(stepbus_scenarios.__file__).parent / "two_link"
+    (tmp_path / "models").mkdir()
+    shutil.copy(shipped / "two_link.urdf", tmp_path / "models" / "arm.urdf")
+    shutil.copytree(shipped, tmp_path / "arm")
+    for name, old in (("world.yaml", "two_link.urdf"), ("scenario.yaml", "model: two_link.urdf")):
+        path = tmp_path / "arm" / name
+        path.write_text(path.read_text().replace(old, old.replace("two_link", "../models/arm")))
+    scenario = load(tmp_path / "arm", ["duration=50ms"])
+    first = run(scenario, Options(out=tmp_path / "first", in_process=True))
+    shutil.rmtree(tmp_path / "models")
+    shutil.rmtree(tmp_path / "arm")
+    assert Preparation(first.recording, tmp_path / "again").run().equal

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 import pytest
-from support.runs.scenario import problem_of, problems_of, write
+from support.runs.scenario import changed, problem_of, problems_of, write
 
-from stepbus_orchestrator.scenario import ScenarioError, load
+from stepbus_orchestrator.scenario import ScenarioError, files, load
 
 
 @pytest.fixture
@@ -58,8 +58,35 @@ def test_a_circle_is_refused(tmp_path):
     )
 
 
-def test_a_base_in_another_folder_is_refused(tmp_path):
-    assert "must be in the same folder" in problem_of(tmp_path, "extends: ../other.yaml\n")
+def test_a_base_in_another_folder_brings_its_files(tmp_path):
+    write(tmp_path, "", "common/gains.csv")
+    write(tmp_path, "", "common/main.py")
+    text = changed("law: pd", "law: pd, own: [{table: gains.csv}]")
+    write(tmp_path / "common", text.replace("[python, -c, pass]", "[python, main.py]"))
+    write(tmp_path / "mine", "extends: ../common\nname: mine\n")
+    scenario = load(tmp_path / "mine")
+    assert scenario.participant("controller").params["own"] == [{"table": "../common/gains.csv"}]
+    assert scenario.participant("plant").exec == ("python", "../common/main.py")
+    assert list(files(scenario)) == ["../common/gains.csv", "../common/main.py"]
+
+
+def test_a_scenario_that_ships_is_a_base_by_its_name(tmp_path):
+    scenario = load(write(tmp_path, "extends: two_link/pd\nname: mine\n"))
+    shipped = "package://stepbus_scenarios/two_link"
+    assert scenario.participant("plant").params == {"world": f"{shipped}/world.yaml"}
+    assert scenario.participant("controller").params["model"] == f"{shipped}/two_link.urdf"
+    assert list(files(scenario)) == []
+
+
+def test_a_problem_in_another_folder_names_the_base_as_it_is_named(tmp_path):
+    write(tmp_path / "common", changed("5ms", "5"))
+    problem = problem_of(tmp_path / "mine", "extends: ../common/scenario.yaml\n")
+    assert problem.startswith("../common/scenario.yaml:2: step: must be a duration")
+
+
+def test_an_unknown_base_is_answered_with_the_nearest_that_ships(tmp_path):
+    problem = problem_of(tmp_path, "extends: two_lnk/pd\n")
+    assert problem.endswith("and no built-in scenario; did you mean 'two_link/pd'?")
 
 
 def test_a_missing_base_is_answered_with_the_nearest(tmp_path):
@@ -69,5 +96,5 @@ def test_a_missing_base_is_answered_with_the_nearest(tmp_path):
 
 def test_a_base_must_be_a_name(tmp_path):
     assert problems_of(tmp_path, "extends: [a, b]\n") == [
-        "scenario.yaml:1: extends: must name a file, not a list"
+        "scenario.yaml:1: extends: must name a scenario, not a list"
     ]

@@ -69,22 +69,37 @@ def test_programs_may_lie_elsewhere(tmp_path):
     assert names(tmp_path, changed("[python, -c, pass]", "[/bin/sh, -c, /bin/sh]")) == []
 
 
-@pytest.mark.parametrize("name", ["../outside.csv", "{folder}/outside.csv"])
-def test_a_file_outside_of_the_folder_is_refused(tmp_path, name):
-    write(tmp_path, "", "outside.csv")
-    name = name.format(folder=tmp_path)
-    problem = problem_of(tmp_path / "inner", with_params(f"path: {name}"))
+def test_a_file_in_a_folder_beside_is_shared_by_scenarios(tmp_path):
+    write(tmp_path, "<robot/>", "models/arm.urdf")
+    write(tmp_path, "urdf: arm.urdf", "models/world.yaml")
+    text = with_params("world: ../models/world.yaml")
+    assert names(tmp_path / "inner", text) == ["../models/arm.urdf", "../models/world.yaml"]
+
+
+def test_a_package_that_is_a_folder_above_is_found_by_name(tmp_path):
+    mesh = '<robot><mesh filename="package://my_robot/m.stl"/></robot>'
+    write(tmp_path, mesh, "my_robot/urdf/arm.urdf")
+    write(tmp_path, "", "my_robot/m.stl")
+    text = with_params("model: package://my_robot/urdf/arm.urdf")
+    assert names(tmp_path / "scenarios/inner", text) == [
+        "../../my_robot/m.stl",
+        "../../my_robot/urdf/arm.urdf",
+    ]
+
+
+def test_an_absolute_path_out_of_the_folder_is_to_be_written_relative(tmp_path):
+    path = write(tmp_path, "", "outside.csv")
+    problem = problem_of(tmp_path / "inner", with_params(f"path: {path}"))
     assert problem.startswith(
-        f"scenario.yaml:14: participants.controller.params.path: '{name}' ({tmp_path}/outside.csv) "
-        f"is outside the scenario's folder; copy it into {tmp_path}/inner"
+        f"scenario.yaml:14: participants.controller.params.path: write '{path}' as "
+        "'../outside.csv': a recording is run again from a copy of these files"
     )
 
 
-def test_a_file_outside_of_the_folder_named_by_another_file_is_refused(tmp_path):
-    write(tmp_path, "", "arm.urdf")
-    write(tmp_path, "urdf: ../arm.urdf", "inner/world.yaml")
-    problem = problem_of(tmp_path / "inner", with_params("world: world.yaml"))
-    assert "world: '../arm.urdf'" in problem
+def test_a_name_by_way_of_the_scenarios_own_folder_is_to_be_written_without_it(tmp_path):
+    write(tmp_path, "", "inner/own.csv")
+    problem = problem_of(tmp_path / "inner", with_params("path: ../inner/own.csv"))
+    assert "write '../inner/own.csv' as 'own.csv'" in problem
 
 
 def test_an_absolute_path_into_the_folder_is_to_be_written_relative(tmp_path):

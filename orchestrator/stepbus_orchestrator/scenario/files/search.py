@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from stepbus_participant import package_path
 from stepbus_participant.parameters import Keys
+from stepbus_schemas import WiringError
 
 from ..model import ParticipantSpec, Scenario
 from ..program import OURS, python_target
@@ -23,9 +25,10 @@ _CLASS = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
 class FileSearch:
     """What a search has found.
 
-    found: path relative to the scenario's folder, with `/` → file. mistakes: values of the
-    scenario whose file is outside the folder or cannot be read. left_out: what lies in the folder
-    and cannot be copied from it, a sentence each.
+    found: path relative to the scenario's folder, with `/`, and `..` where it is in a folder
+    beside or above → file. mistakes: values of the scenario whose file cannot be found from a copy
+    of all these, or cannot be read. left_out: what lies in the folder and cannot be copied from
+    it, a sentence each.
     """
 
     folder: Path
@@ -36,10 +39,13 @@ class FileSearch:
 
     def name(self, keys: Keys, text: str, bases: list[Path], *, program: bool = False) -> None:
         """Look for the file that a text names. bases: folders it may be relative to."""
+        if text.startswith("package://"):
+            self._package(keys, text, bases)
         if not text or "://" in text:
             return
-        path = next((at for base in bases if is_file(at := _normal(base / text))), None)
-        if path is None or (program and os.access(path, os.X_OK) and self._outside(path)):
+        found = ((base, _normal(base / text)) for base in bases)
+        base, path = next(((b, at) for b, at in found if is_file(at)), (self.folder, None))
+        if path is None or (program and os.access(path, os.X_OK) and self._is_outside(path)):
             return
         if program and is_virtual(path):
             if not Path(text).is_absolute():
@@ -48,12 +54,19 @@ class FileSearch:
                     "a rerun on this machine finds it"
                 )
             return
-        if self._outside(path):
-            self.mistakes.append((keys, self._outside_message(text, path)))
-        elif Path(text).is_absolute():
-            self.mistakes.append((keys, self._absolute_message(text, path)))
+        # In a copy, the folders above the scenario's have other names.
+        if os.path.normpath(Path(self._relative(base)) / text) != self._relative(path):
+            self.mistakes.append((keys, _copy_message(text, os.path.relpath(path, base))))
         else:
             self._take(keys, path)
+
+    def _package(self, keys: Keys, url: str, bases: list[Path]) -> None:
+        """Look for the file of a package that is not installed, but a folder of the user's."""
+        if _package_file(url) is not None:
+            return
+        path = next((at for base in bases if (at := _package_file(url, base)) is not None), None)
+        if path is not None:
+            self._take(keys, _normal(path))
 
     def module(self, keys: Keys, module: str, bases: list[Path]) -> None:
         """Look for the Python file, or the files of the package, that a module's name means."""
@@ -73,8 +86,7 @@ class FileSearch:
     def take(self, paths: Iterable[Path]) -> None:
         """Take files as they are, without a search for what they name."""
         for path in map(_normal, paths):
-            if not self._outside(path):
-                self.found.setdefault(self._relative(path), path)
+            self.found.setdefault(self._relative(path), path)
 
     def run(self) -> None:
         """Read the files found so far for further names, and so on."""
@@ -113,23 +125,25 @@ class FileSearch:
             self.found[name] = path
             self._queue.append((keys, path))
 
-    def _outside(self, path: Path) -> bool:
+    def _is_outside(self, path: Path) -> bool:
         return not path.is_relative_to(self.folder)
 
     def _relative(self, path: Path) -> str:
-        return path.relative_to(self.folder).as_posix()
+        return Path(os.path.relpath(path, self.folder)).as_posix()
 
-    def _absolute_message(self, text: str, path: Path) -> str:
-        return (
-            f"write {text!r} as {self._relative(path)!r}: a recording is run again from a copy of "
-            "this folder"
-        )
 
-    def _outside_message(self, text: str, path: Path) -> str:
-        return (
-            f"{text!r} ({path}) is outside the scenario's folder; copy it into {self.folder}, "
-            "so that a recording can be run again from itself"
-        )
+def _package_file(url: str, folder: Path | None = None) -> Path | None:
+    try:
+        return package_path(url, folder)
+    except WiringError:
+        return None
+
+
+def _copy_message(text: str, relative: str) -> str:
+    return (
+        f"write {text!r} as {relative!r}: a recording is run again from a copy of these files, "
+        "in which folders above the scenario's have other names"
+    )
 
 
 def search_files(scenario: Scenario) -> FileSearch:

@@ -136,7 +136,7 @@ class ScenarioFile(Settings):
     """Message types of your own: declared here, in YAML files, or as classes in installed Python
     modules; also a list of these ([message_types.md](../guide/message_types.md))."""
     extends: str | None = None
-    """File of the same folder that this scenario changes; see below."""
+    """Scenario that this one changes: a file or folder, or one that ships; see below."""
 
 
 def is_output(text: str) -> bool:

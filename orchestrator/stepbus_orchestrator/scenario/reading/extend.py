@@ -6,8 +6,9 @@ from typing import Any
 from stepbus_participant import SettingsError, suggest
 from stepbus_participant.parameters import Problem, YamlFile, read_yaml, show
 
-from ..files.paths import is_file
 from .crowd import check_count, refuse_crowd
+from .locate import builtin_names, locate_from
+from .move import moved
 
 _KEY = "extends"
 _EXPECTED = "a scenario has at least name, step and participants"
@@ -17,9 +18,10 @@ def read_extended(path: Path) -> YamlFile:
     """Read a scenario file, and below it those it extends.
 
     Maps are merged, everything else is replaced; a key set to null removes what it would inherit.
+    Names of files are rewritten where the other scenario is in another folder.
     Raises SettingsError when a file cannot be read or extends itself.
     """
-    document = _read(path, ())
+    document = _read(path, path.name, ())
     check_count(document)
     return document
 
@@ -32,31 +34,34 @@ def read_data(path: Path) -> dict[str, Any]:
     return read_extended(path).data
 
 
-def _read(path: Path, above: tuple[str, ...]) -> YamlFile:
+def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
     refuse_crowd(path)
-    document = read_yaml(path, _EXPECTED)
+    document = read_yaml(path, _EXPECTED, file=file)
     if _KEY not in document.data:
         return document
-    base = document.data[_KEY]
-    mistake = _mistake(base, path, (*above, path.name))
-    if mistake is not None:
+    name = document.data[_KEY]
+    base = locate_from(name, path.parent) if isinstance(name, str) and name else None
+    chain = (*above, path.resolve())
+    mistake = _mistake(name, base, path, chain)
+    if base is None or mistake is not None:
         line = document.places[_KEY,].line
-        problem = Problem(file=path.name, line=line, path=_KEY, message=mistake)
+        problem = Problem(file=file, line=line, path=_KEY, message=mistake or "")
         raise SettingsError([*document.found, problem])
-    return _on_top(document, _read(path.parent / base, (*above, path.name)))
+    below = _read(base, base.name if base.parent == path.parent else name, chain)
+    return _on_top(document, moved(below, base.parent, path.parent))
 
 
-def _mistake(base: object, path: Path, chain: tuple[str, ...]) -> str | None:
-    """Return what is wrong with the name of a base. chain: the files that lead to it."""
-    if not isinstance(base, str) or not base:
-        return f"must name a file, not {show(base)}"
-    if base != Path(base).name:
-        return f"{base!r} must be in the same folder, since file names are relative to that"
-    if base in chain:
-        return f"a circle: {' → '.join((*chain[chain.index(base) :], base))}"
-    if not is_file(path.parent / base):
+def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...]) -> str | None:
+    """Return what is wrong with a base. chain: the files that lead to it."""
+    if not isinstance(name, str) or not name:
+        return f"must name a scenario, not {show(name)}"
+    if base is None:
         others = sorted(item.name for item in path.parent.glob("*.yaml") if item != path)
-        return f"no file {base!r} in {path.parent}{suggest(base, others)}"
+        known = suggest(name, (*others, *builtin_names()))
+        return f"no file {name!r} in {path.parent}, and no built-in scenario{known}"
+    if base.resolve() in chain:
+        circle = (*chain[chain.index(base.resolve()) :], base)
+        return f"a circle: {' → '.join(file.name for file in circle)}"
     return None
 
 

@@ -31,6 +31,20 @@ def locate(name: str | Path) -> Path:
     raise fatal(str(name), _missing(path, str(name), builtin))
 
 
+def locate_from(name: str, folder: Path) -> Path | None:
+    """Return the file of a scenario as `locate` does, relative to a folder; None: there is none."""
+    paths = (folder / name, folder / name / MAIN_FILE)
+    return next((path for path in paths if is_file(path)), _builtin_files().get(name))
+
+
+def package_url(file: Path) -> str | None:
+    """Return the `package://` name of a file that ships with stepbus; None of any other."""
+    for folder in builtin_folders():
+        if file.is_relative_to(folder):
+            return f"package://{folder.name}/{file.relative_to(folder).as_posix()}"
+    return None
+
+
 def builtin_names() -> tuple[str, ...]:
     """Return the names of the scenarios that ship with stepbus, sorted."""
     return tuple(_builtin_files())
