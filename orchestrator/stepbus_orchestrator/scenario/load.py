@@ -18,6 +18,7 @@ from .reading.build import build
 from .reading.extend import read_extended
 from .reading.locate import locate
 from .reading.override import add_faults, override
+from .reading.template import instantiate
 
 
 class ScenarioError(SettingsError):
@@ -55,7 +56,7 @@ def check_data(
     Raises ScenarioError that lists every problem with its path.
     """
     try:
-        file = YamlFile(file="scenario", data=dict(data), places={})
+        file = instantiate(YamlFile(file="scenario", data=dict(data), places={}))
         return _checked(file, folder.absolute() / "scenario", overrides, faults)
     except SettingsError as exc:
         raise ScenarioError(exc.problems) from exc

@@ -48,6 +48,10 @@ class InputRow(Settings):
 class ParticipantRow(Settings):
     """A participant."""
 
+    template: str | None = None
+    """The one of `templates` it is made from."""
+    with_: dict[str, Any] = {}
+    """Parameter of the template → its value."""
     exec: tuple[str, ...]
     """The command that starts it; see below."""
     every: Count = ParticipantSpec.every
@@ -135,6 +139,8 @@ class ScenarioFile(Settings):
     types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}
     """Message types of your own: declared here, in YAML files, or as classes in installed Python
     modules; also a list of these ([message_types.md](../guide/message_types.md))."""
+    templates: dict[Name, dict[str, Any]] = {}
+    """Participants to be: name → keys of a participant, with parameters `${…}`; see below."""
     extends: str | None = None
     """Scenario that this one changes: a file or folder, or one that ships; see below."""
 

@@ -8,7 +8,9 @@ from stepbus_participant.parameters import Problem, YamlFile, read_yaml, show
 
 from .crowd import check_count, refuse_crowd
 from .locate import builtin_names, locate_from
+from .merge import merged
 from .move import moved
+from .template import instantiate
 
 _KEY = "extends"
 _EXPECTED = "a scenario has at least name, step and participants"
@@ -18,12 +20,13 @@ def read_extended(path: Path) -> YamlFile:
     """Read a scenario file, and below it those it extends.
 
     Maps are merged, everything else is replaced; a key set to null removes what it would inherit.
-    Names of files are rewritten where the other scenario is in another folder.
+    Names of files are rewritten where the other scenario is in another folder. Participants that
+    are made from a template have all their keys.
     Raises SettingsError when a file cannot be read or extends itself.
     """
     document = _read(path, path.name, ())
     check_count(document)
-    return document
+    return instantiate(document)
 
 
 def read_data(path: Path) -> dict[str, Any]:
@@ -74,17 +77,3 @@ def _on_top(top: YamlFile, base: YamlFile) -> YamlFile:
         places={**base.places, **top.places},
         found=(*base.found, *top.found),
     )
-
-
-def merged(base: dict[str, Any], top: dict[str, Any]) -> dict[str, Any]:
-    """Return `base` with `top` over it: maps merged, the rest replaced, null removes."""
-    result = dict(base)
-    for key, value in top.items():
-        below = base.get(key)
-        if value is None:
-            result.pop(key, None)
-        elif isinstance(value, dict):
-            result[key] = merged(below if isinstance(below, dict) else {}, value)
-        else:
-            result[key] = value
-    return result

@@ -23,9 +23,10 @@ def moved(document: YamlFile, old: Path, new: Path) -> YamlFile:
     data = dict(document.data)
     if "types" in data:
         data["types"] = _renamed(data["types"], old, new)
-    rows = data.get("participants")
-    if isinstance(rows, dict):
-        data["participants"] = {name: _row(row, old, new) for name, row in rows.items()}
+    for section in ("participants", "templates"):
+        rows = data.get(section)
+        if isinstance(rows, dict):
+            data[section] = {name: _row(row, old, new) for name, row in rows.items()}
     return dataclasses.replace(document, data=data)
 
 

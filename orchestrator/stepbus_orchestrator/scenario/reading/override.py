@@ -11,7 +11,9 @@ from stepbus_schemas import WiringError
 
 from .declaration import ScenarioFile
 
-TOP_KEYS = tuple(name for name in ScenarioFile.__struct_encode_fields__ if name != "extends")
+TOP_KEYS = tuple(
+    name for name in ScenarioFile.__struct_encode_fields__ if name not in {"extends", "templates"}
+)
 _MAY_BE_NEW = ("inputs", "outputs", "params")
 
 
