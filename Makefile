@@ -13,7 +13,7 @@ help:
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install the models that baxter needs (414 MB)"
-	@echo "make campaign   345 faults from outside and 2,000 damaged recordings, judged (1 h)"
+	@echo "make campaign   345 faults from outside, 2,000 damaged recordings, 64 sales, judged (2 h)"
 	@echo "make bench      measure steps per second"
 	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
 	@echo "make clean      remove .venv and caches; runs/ stays"

@@ -8,10 +8,10 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-from . import recordings, runs
-from .table import RecordingTable, RunTable, heading
+from . import recordings, runs, store
+from .table import RecordingTable, RunTable, SaleTable, heading
 
-PARTS = ("all", "runs", "recordings")
+PARTS = ("all", "runs", "recordings", "store")
 
 
 def _arguments() -> argparse.Namespace:
@@ -22,6 +22,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--mutations", type=int, default=2000, help="how many mutated recordings (default: 2000)"
     )
+    parser.add_argument("--sales", type=int, default=64, help="how many sales (default: 64)")
+    parser.add_argument("--keep", type=Path, help="folder for the sales that broke a promise")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="only faults whose name has this in it")
     parser.add_argument("--on", default="", help="only scenarios whose name has this in it")
@@ -72,14 +74,37 @@ def _mutate_recordings(options: argparse.Namespace, give_up: float) -> Recording
     return table
 
 
+def _sell(options: argparse.Namespace, give_up: float) -> SaleTable:
+    rows = [
+        case
+        for case in store.cases(options.sales, options.seed)
+        if options.only in case.family
+        and options.on in case.scenario
+        and case.number >= options.first
+    ]
+    table = SaleTable()
+    for number, (case, outcome) in enumerate(store.sell(rows, options.keep), start=1):
+        table.add(case, outcome)
+        state = "BROKEN" if outcome.broken else "ok"
+        _say(f"{number}/{len(rows)} {state} {case}: {outcome.code} after {outcome.seconds:.0f} s")
+        _say(f"      {outcome.force:.1f} N; {outcome.said}")
+        for line in outcome.broken:
+            _say(f"      broken: {line}")
+        if time.monotonic() > give_up:
+            break
+    return table
+
+
 def main() -> int:
     """Run the campaign; return 1 when a promise was broken."""
     options, began = _arguments(), time.monotonic()
-    tables: list[RunTable | RecordingTable] = []
-    if options.part != "recordings":
+    tables: list[RunTable | RecordingTable | SaleTable] = []
+    if options.part in {"all", "runs"}:
         tables.append(_strike_runs(options, began + 60 * options.minutes))
-    if options.part != "runs":
+    if options.part in {"all", "recordings"}:
         tables.append(_mutate_recordings(options, time.monotonic() + 60 * options.minutes))
+    if options.part in {"all", "store"}:
+        tables.append(_sell(options, time.monotonic() + 60 * options.minutes))
     versions = {name: version(name) for name in ("stepbus", "eclipse-zenoh")}
     parts = [heading(sys.argv[1:], time.monotonic() - began, versions)]
     parts += ["\n".join(table.lines()) for table in tables if table.lines()]

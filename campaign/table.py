@@ -15,6 +15,8 @@ from .faults.catalogue import GROUPS
 from .judge import Verdict
 from .recordings import Outcome
 from .runs import Case
+from .store import Case as SaleCase
+from .store import Outcome as SaleOutcome
 
 
 @dataclass
@@ -81,6 +83,37 @@ class RecordingTable:
         totals = (self.files, self.calls, self.refused, self.broken)
         total = " | ".join(str(count.total()) for count in totals)
         return [*lines, f"| **all** | {total} |"] if self.files else []
+
+
+@dataclass
+class SaleTable:
+    """What the sales came to: for each family the cases, sales, largest force, broken promises."""
+
+    cases: Counter[str] = field(default_factory=Counter)
+    sold: Counter[str] = field(default_factory=Counter)
+    broken: Counter[str] = field(default_factory=Counter)
+    force: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def add(self, case: SaleCase, outcome: SaleOutcome) -> None:
+        """Count one sale."""
+        self.cases[case.family] += 1
+        self.sold[case.family] += outcome.code == 0
+        self.broken[case.family] += bool(outcome.broken)
+        self.force[case.family] = max(self.force[case.family], outcome.force)
+
+    def lines(self) -> list[str]:
+        """Return the table."""
+        lines = [
+            "| What happens | Cases | Sold | Stopped | Largest force [N] | Broken |",
+            "|---|---|---|---|---|---|",
+        ]
+        for name, count in self.cases.items():
+            sold, broken = self.sold[name], self.broken[name]
+            row = f"| {name} | {count} | {sold} | {count - sold} | {self.force[name]:.1f} |"
+            lines.append(f"{row} {broken} |")
+        total, sold = self.cases.total(), self.sold.total()
+        last = f"| **all** | {total} | {sold} | {total - sold} | | {self.broken.total()} |"
+        return [*lines, last] if total else []
 
 
 def heading(arguments: list[str], seconds: float, versions: Mapping[str, str]) -> str:

@@ -9,6 +9,7 @@ from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 
 from .device_curves import Columns, Devices, Height, Path
+from .style import legend
 
 Panel = Callable[[Any], None]
 """Draws on an axis of matplotlib."""
@@ -58,7 +59,7 @@ def _path(axis: Any, path: Path) -> None:
             arrowprops={"arrowstyle": "->", "color": color, "linewidth": 2},
         )
     _square(axis, x, y)
-    axis.legend(loc="best", fontsize=9)
+    legend(axis)
 
 
 def _square(axis: Any, x: Array, y: Array) -> None:
@@ -76,7 +77,7 @@ def _speed(axis: Any, base: Columns, gripper: Columns) -> None:
     axis.plot(*base["vx"], color=_BLUE, linewidth=2, label="forward [m/s]")
     axis.plot(*base["wz"], color=_ORANGE, linewidth=2, label="turning [rad/s]")
     _shade(axis, gripper)
-    axis.legend(loc="best", fontsize=9)
+    legend(axis)
 
 
 def _gripper(axis: Any, gripper: Columns) -> None:
@@ -93,7 +94,7 @@ def _gripper(axis: Any, gripper: Columns) -> None:
     right.set_ylim(bottom=0)
     _shade(axis, gripper)
     handles = [*axis.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
-    axis.legend(handles=handles, loc="best", fontsize=9)
+    legend(axis, handles, right=1.14)
 
 
 def _height(axis: Any, height: Height, gripper: Columns) -> None:
@@ -104,8 +105,7 @@ def _height(axis: Any, height: Height, gripper: Columns) -> None:
     axis.plot(t, z, color=_BLUE, linewidth=2)
     axis.set_ylim(bottom=min(0.0, float(z.min())))
     _shade(axis, gripper)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="best", fontsize=9)
+    legend(axis)
 
 
 def _shade(axis: Any, gripper: Columns) -> None:

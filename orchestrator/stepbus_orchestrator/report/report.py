@@ -1,6 +1,7 @@
 """The plots of a run, beside its recording: report.png."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from stepbus_schemas import StepbusError
 from .device_panels import Panel, device_panels
 from .field_panels import field_panels
 from .joint_panels import draw_panels, panel_rows
+from .pose_errors import draw_pose_errors, pose_errors
 from .summary import Summary
 from .tracking_curves import TrackingCurves
 from .tracking_panels import draw_tracking
@@ -50,7 +52,9 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             panels = [*device_panels(recording), *field_panels(recording)]
             if not tracking.measured and not panels:
                 return lines
-            draw_report(_title(recording), tracking, panels, target)
+            errors = pose_errors(recording)
+            more = [partial(draw_pose_errors, errors=errors)] if errors else []
+            draw_report(_title(recording), tracking, panels, target, more)
     except ImportError as exc:
         why = f"{exc.name} is not installed{extra_hint(exc.name or '')}"
         return [*lines, f"no plots  {why}"]
@@ -72,9 +76,15 @@ def _lacks_dynamics(recording: Recording) -> bool:
 
 
 def draw_report(
-    title: str, tracking: TrackingCurves, devices: Sequence[Panel], target: Path
+    title: str,
+    tracking: TrackingCurves,
+    devices: Sequence[Panel],
+    target: Path,
+    more: Sequence[Panel] = (),
 ) -> None:
     """Write the figure: joints to the left, devices and fields to the right, as far as there are.
+
+    more: panels beside those of the joints, where each has its own.
 
     Raises ImportError without matplotlib, OSError when it cannot be written.
     """
@@ -83,7 +93,7 @@ def draw_report(
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     has_joints = bool(tracking.measured)
-    width = 26 if devices and has_joints else 16
+    width = 28 if devices and has_joints else 18
     has_panels = len(tracking.measured) > _MOST_LINES
     height = max(10.0, 2.5 * panel_rows(tracking)) if has_panels else 10.0
     figure = Figure(figsize=(width, height), dpi=100 if not devices else 75, layout="constrained")
@@ -97,7 +107,7 @@ def draw_report(
     elif devices:
         _draw_devices(figure, devices)
     if has_panels:
-        draw_panels(joints, tracking)
+        draw_panels(joints, tracking, more)
     elif has_joints:
         draw_tracking(joints, tracking)
     figure.savefig(target)

@@ -5,8 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from .style import legend, line, write_instead
+from .style import colour, legend, line, write_instead
 from .tracking_curves import SignalCurves, TrackingCurves
+
+_NEAR = 2.5
+"""Times the largest torque up to which limits are drawn."""
 
 
 def draw_tracking(figure: Any, tracking: TrackingCurves) -> None:
@@ -74,7 +77,7 @@ def _against(axis: Any, tracking: TrackingCurves, quantity: str, length: str) ->
 
 
 def draw_torque(axis: Any, tracking: TrackingCurves) -> None:
-    """Plot commanded torques and the limits they come near to; forces of prismatic joints."""
+    """Plot commanded torques, each joint with its limit; forces of prismatic joints."""
     rows = _torques(tracking)
     joints = [joint for joint, _, _ in rows]
     turns = [not tracking.is_prismatic(joint) for joint in joints]
@@ -83,19 +86,28 @@ def draw_torque(axis: Any, tracking: TrackingCurves) -> None:
     if not rows:
         write_instead(axis, "no torques in this recording")
         return
-    largest, limits = 0.0, set[float]()
+    largest, limits = 0.0, dict[float, list[int]]()
     for joint, signal, quantity in rows:
+        index = tracking.measured.index(joint) if joint in tracking.measured else 0
+        limit = _limit(joint, signal, tracking.state_of(joint))
         values = signal.of(quantity, joint)
         if values is not None:
-            index = tracking.measured.index(joint) if joint in tracking.measured else 0
-            line(axis, values, _label(tracking, joint, joints, "N"), index)
+            label = _label(tracking, joint, joints, "N")
+            unit = "N" if tracking.is_prismatic(joint) else "N·m"
+            line(axis, values, f"{label}, limit {limit:g} {unit}" if limit else label, index)
         largest = max(largest, signal.largest(quantity))
-        limits |= _limits(signal, tracking.state_of(joint))
-    for limit in sorted(limits):
-        if np.isfinite(limit) and 0 < limit < 2.5 * largest:
-            for sign in (-1, 1):
-                axis.axhline(sign * limit, color="black", linestyle=":", linewidth=1)
+        limits.setdefault(limit, []).append(index)
+    for limit, indices in sorted(limits.items()):
+        if 0 < limit < _NEAR * largest:
+            _draw_limit(axis, limit, indices, [tracking.measured[index] for index in indices])
     legend(axis)
+
+
+def _draw_limit(axis: Any, limit: float, indices: Sequence[int], joints: Sequence[str]) -> None:
+    """Draw a limit in the colour of its joint, or grey where several have it, with their names."""
+    style = {"color": colour(indices[0]) if len(indices) == 1 else "grey", "linestyle": ":"}
+    axis.axhline(limit, label=f"limit of {', '.join(joints)}", linewidth=1.3, **style)
+    axis.axhline(-limit, linewidth=1.3, **style)
 
 
 def _torques(tracking: TrackingCurves) -> list[tuple[str, SignalCurves, str]]:
@@ -107,8 +119,14 @@ def _torques(tracking: TrackingCurves) -> list[tuple[str, SignalCurves, str]]:
     return [(j, s, "effort") for j, s in states if s is not None and "effort" in s.fields]
 
 
-def _limits(*signals: SignalCurves | None) -> set[float]:
-    return {limit for s in signals if s is not None for limit in s.limits.get("effort", [])}
+def _limit(joint: str, *signals: SignalCurves | None) -> float:
+    """Return the limit of a joint's torque; 0: none is known, or there is none."""
+    for signal in signals:
+        rows = signal.limits.get("effort", ()) if signal is not None else ()
+        if signal is not None and joint in signal.names and rows:
+            limit = float(rows[list(signal.names).index(joint)])
+            return limit if np.isfinite(limit) else 0.0
+    return 0.0
 
 
 def _unit(tracking: TrackingCurves, joints: Sequence[str], angle: str, length: str) -> str:

@@ -17,14 +17,16 @@ from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.report.curve import Curve
 from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
 from stepbus_orchestrator.report.joint_panels import draw_panels
+from stepbus_orchestrator.report.pose_errors import draw_pose_errors, pose_errors
 from stepbus_orchestrator.report.report import draw_report
 from stepbus_orchestrator.report.summary import Summary
 from stepbus_orchestrator.report.tracking_curves import TrackingCurves
-from stepbus_orchestrator.report.tracking_panels import draw_error, draw_tracking
+from stepbus_orchestrator.report.tracking_panels import draw_error, draw_torque, draw_tracking
 from stepbus_participant import extra_hint
 from stepbus_schemas import (
     BaseState,
     Goal,
+    GoalStatus,
     GripperState,
     JointCommand,
     JointReference,
@@ -151,9 +153,85 @@ def test_many_joints_have_a_panel_each_in_degrees():
     figure = Figure(layout="constrained")
     draw_panels(figure, curves(Tracking(states={"a": state})))
     shown = [axis for axis in figure.axes if axis.axison]
-    assert [axis.get_title() for axis in shown] == names
+    rest = ["error: target − measured", "joints over their index: range, end, target"]
+    assert [axis.get_title() for axis in shown] == [*names, *rest]
     assert shown[0].lines[0].get_ydata() == pytest.approx([180.0] * 3)
     assert shown[6].lines[0].get_ydata() == pytest.approx([np.pi] * 3)
+
+
+def test_each_arm_has_panels_of_its_joints_and_errors_and_its_angles_over_their_index():
+    names = [f"{arm}_{joint}" for arm in ("left", "right") for joint in ("s0", "s1", "e0", "e1")]
+    state = Signal(
+        names=names,
+        steps=np.arange(3),
+        t=np.arange(3.0),
+        fields={
+            "position": np.radians(np.outer([1.0, 3.0, 2.0], np.arange(8.0))),
+            "target": np.radians(np.outer([2.0, 2.0, 2.0], np.arange(8.0))),
+        },
+    )
+    figure = Figure(layout="constrained")
+    draw_panels(figure, curves(Tracking(states={"a": state})))
+    shown = {axis.get_title(): axis for axis in figure.axes if axis.axison}
+    left = ["left_s0", "left_s1", "left_e0", "left_e1", "left error: target − measured"]
+    assert list(shown)[:5] == left
+    right = shown["right error: target − measured"]
+    assert right.lines[1].get_ydata() == pytest.approx([4.0, -4.0, 0.0])
+    index = shown["right joints over their index: range, end, target"]
+    assert [tick.get_text() for tick in index.get_xticklabels()] == ["0 s0", "1 s1", "2 e0", "3 e1"]
+    spans, ends = index.lines[0::3], index.lines[1::3]
+    assert [list(span.get_ydata()) for span in spans][1] == pytest.approx([5.0, 15.0])
+    assert [float(end.get_ydata()[0]) for end in ends] == pytest.approx([8.0, 10.0, 12.0, 14.0])
+
+
+def test_the_torque_panel_names_each_joint_with_its_limit():
+    names = ["shoulder", "wrist_1", "wrist_2"]
+    state = Signal(
+        names=names,
+        steps=np.arange(3),
+        t=np.arange(3.0),
+        fields={"position": np.zeros((3, 3)), "effort": np.full((3, 3), 40.0)},
+        limits={"effort": [60.0, 28.0, 28.0]},
+    )
+    axis = draw(lambda a: draw_torque(a, curves(Tracking(states={"a": state}))))
+    labels = axis.get_legend_handles_labels()[1]
+    assert labels == [
+        "shoulder, limit 60 N·m", "wrist_1, limit 28 N·m", "wrist_2, limit 28 N·m",
+        "limit of wrist_1, wrist_2", "limit of shoulder",
+    ]  # fmt: skip
+    drawn = {round(float(np.mean(line.get_ydata()))) for line in axis.lines[3:]}
+    assert drawn == {28, -28, 60, -60}
+
+
+def test_no_legend_covers_the_curves():
+    figure = Figure(layout="constrained")
+    state = Signal(names=["a", "b"], steps=np.arange(3), t=np.arange(3.0),
+                   fields={"position": np.zeros((3, 2)), "effort": np.ones((3, 2))})  # fmt: skip
+    draw_tracking(figure, curves(Tracking(states={"a": state})))
+    for axis in figure.axes:
+        if axis.get_legend() is not None:
+            assert axis.get_legend().get_bbox_to_anchor().x0 > axis.get_window_extent().x1
+
+
+def test_the_errors_of_poses_are_those_of_the_tip_when_each_goal_ended(record):
+    goals = [Goal(id=k, type="move_to_pose", tip="tip", frame="base", position=(0.5, 0.0, 0.0),
+                  orientation=UPRIGHT) for k in range(2)]  # fmt: skip
+    states = [GoalStatus(id=k, state="succeeded") for k in range(2)]
+    half = math.radians(1.0) / 2
+    turned = (0.0, 0.0, math.sin(half), math.cos(half))
+    away = Poses(position=[(1, 0, 0), (1.5, 0.001, 0)], orientation=[UPRIGHT, turned])
+    there = Poses(position=[(1, 0, 0), (1.5, 0, 0)], orientation=[UPRIGHT, UPRIGHT])
+    recording = record(
+        goal=("Goal/1", [], goals),
+        status=("GoalStatus/1", [], states),
+        poses=("Poses/1", ["base", "tip"], [away, there]),
+    )
+    first, second = pose_errors(recording)
+    assert first.position == pytest.approx(0.001)
+    assert first.orientation == pytest.approx(math.radians(1.0))
+    assert (second.position, second.orientation) == (0.0, 0.0)
+    axis = draw(lambda a: draw_pose_errors(a, [first, second]))
+    assert list(axis.lines[0].get_ydata()) == pytest.approx([1.0, 0.0])
 
 
 def curve(count, piece, columns=1, **options):

@@ -1,0 +1,202 @@
+"""What gets in the way of a sale: seeded, one family after the other."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from stepbus_participant import package_path
+from stepbus_plant.world.declaration import StockParams
+from stepbus_plant.world.file import load_world
+from stepbus_plant.world.stock import Item
+
+_TYPES = ("cola", "juice", "water", "soup")
+_KILLABLE = ("perception", "mission", "controller", "planner")
+_ARM = (
+    "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
+    "wrist_1_joint", "wrist_2_joint", "wrist_3_joint",
+)  # fmt: skip
+
+Action = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One sale. script: of the plant. killed: a participant; at_step: when."""
+
+    number: int
+    family: str
+    scenario: str = "store/truth"
+    seed: int = 0
+    order: str = "cola"
+    script: Sequence[Action] = field(default_factory=list)
+    killed: str = ""
+    at_step: int = 0
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        what = f"kill {self.killed} at {self.at_step}" if self.killed else _in_words(self.script)
+        where = f"{self.scenario}, stock {self.seed}, {self.order}"
+        return f"#{self.number} {self.family}: {where}; {what}"
+
+    def arguments(self) -> list[str]:
+        """Return the arguments of `stepbus run`."""
+        rows = ", ".join(_flow(action) for action in self.script)
+        words = [
+            self.scenario,
+            *("--set", f"plant.params.stock.seed={self.seed}"),
+            *("--set", f"mission.params.orders=[{self.order}]"),
+            *("--set", f"plant.params.script=[{rows}]"),
+        ]
+        if self.killed:
+            return [*words, "--fault", f"kill {self.killed} at {self.at_step}"]
+        return [*words, "--in-process"]
+
+
+def _flow(value: object) -> str:
+    """Return a value as YAML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(part)}" for key, part in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _in_words(script: Sequence[Action]) -> str:
+    return "; ".join(_flow(action) for action in script[:3]) or "undisturbed"
+
+
+def cases(count: int, seed: int) -> list[Case]:
+    """Return the cases, every family in turn."""
+    names, rows = list(FAMILIES), []
+    for number in range(count):
+        family = names[number % len(names)]
+        chance = random.Random(f"store {seed} {number}")
+        common = {"seed": chance.randrange(10_000), "order": chance.choice(_TYPES)}
+        rows.append(
+            Case(number=number, family=family, **{**common, **FAMILIES[family](chance, common)})
+        )
+    return rows
+
+
+def _put(body: str, at: float, x: float, y: float, *, z: float = 0.0, yaw: float = 0.0) -> Action:
+    """Return an action; at: its time [s]. x, y, z, yaw: of the body [m, rad]."""
+    action: Action = {"at": f"{max(at, 0.001):.3f}s", "body": body, "position": [x, y, z]}
+    return {**action, "orientation_rpy": [0, 0, yaw]} if yaw else action
+
+
+def _posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Put a post and a crate between home and shelf before the start."""
+    places = [(chance.uniform(0.65, 1.3), chance.uniform(-0.8, 0.8)) for _ in range(2)]
+    bodies = chance.sample(["pillar", "crate"], chance.randint(1, 2))
+    rows = zip(bodies, places, strict=False)
+    return {"script": [_put(body, 0.0, *place) for body, place in rows]}
+
+
+def _sudden(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Put a post or a crate before the driving base, as far away as a base needs to stop."""
+    if chance.random() < 0.5:
+        at, x = chance.uniform(0.3, 1.2), chance.uniform(1.05, 1.3)
+    else:
+        at, x = chance.uniform(15.4, 15.9), chance.uniform(-0.25, 0.1)
+    body = chance.choice(["pillar", "crate"])
+    return {"script": [_put(body, at, x, chance.uniform(-0.35, 0.35))]}
+
+
+def _people(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Let somebody cross the path before the base is there, or come close to it and go back."""
+    x, speed = chance.uniform(1.0, 1.2), chance.uniform(0.4, 0.7)
+    if chance.random() < 0.5:
+        walk = [-0.5 + speed * 0.1 * k for k in range(int(1.5 / speed / 0.1))]
+        return {"script": [_put("crate", 0.1 * k, x, y) for k, y in enumerate(walk)]}
+    start, nearest = chance.uniform(0.2, 1.0), chance.uniform(0.62, 0.75)
+    there = [1.4 - speed * 0.1 * k for k in range(int((1.4 - nearest) / speed / 0.1))]
+    walk = [*there, *reversed(there)]
+    return {"script": [_put("crate", start + 0.1 * k, x, y) for k, y in enumerate(walk)]}
+
+
+def _arm_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Put the post near the shelf before the arm gets there."""
+    at = chance.choice([0.0, chance.uniform(3.2, 4.2), chance.uniform(4.6, 6.0)])
+    x, y = chance.uniform(1.95, 2.1), chance.uniform(-0.5, 0.6)
+    return {"script": [_put("pillar", at, x, y, z=chance.choice([0.0, chance.uniform(0.2, 0.5)]))]}
+
+
+@cache
+def _items(seed: int) -> Mapping[str, Item]:
+    folder = package_path("package://stepbus_scenarios/store")
+    return load_world(folder / "world.yaml", StockParams(seed=seed)).items
+
+
+def _first(common: Mapping[str, Any]) -> Item:
+    """Return the item that is sold, which is the first one of its type."""
+    rows = _items(common["seed"]).values()
+    return next(item for item in rows if item.type == common["order"])
+
+
+def _deeper(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
+    """Push the item deeper into the shelf, towards the next tier."""
+    item, deeper = _first(common), chance.uniform(0.005, 0.022)
+    x, y, z = item.position
+    c, s = math.cos(item.yaw), math.sin(item.yaw)
+    return {"script": [_put(item.name, 0.2, x + c * deeper, y + s * deeper, z=z, yaw=item.yaw)]}
+
+
+def _turned(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn the item on its place, and a little out of it."""
+    item = _first(common)
+    x, y, z = item.position
+    dx, dy = (chance.uniform(-0.008, 0.008) for _ in range(2))
+    yaw = item.yaw + chance.uniform(-0.5, 0.5)
+    return {"script": [_put(item.name, 0.2, x + dx, y + dy, z=z, yaw=yaw)]}
+
+
+def _shelf(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Move the shelf, but not what stands on it."""
+    dx, dy = chance.uniform(-0.015, 0.015), chance.uniform(-0.03, 0.03)
+    yaw = chance.uniform(-0.02, 0.02)
+    return {"script": [_put("shelf_a", 0.1, 1.95 + dx, dy, yaw=yaw)]}
+
+
+def _kill(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"killed": chance.choice(_KILLABLE), "at_step": chance.randrange(20, 1300)}
+
+
+def _jam(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Jam a wheel while the base drives, or a joint of the arm while it moves."""
+    if chance.random() < 0.6:
+        at = chance.choice([chance.uniform(0.5, 3.0), chance.uniform(14.9, 17.0)])
+        return {
+            "script": [{"at": f"{at:.3f}s", "jam": chance.choice(["left_wheel", "right_wheel"])}]
+        }
+    at = chance.choice([chance.uniform(4.4, 9.5), chance.uniform(18.2, 21.0)])
+    return {"script": [{"at": f"{at:.3f}s", "jam": chance.choice(_ARM)}]}
+
+
+def _camera(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Block the camera, for good or for some seconds."""
+    at, length = chance.uniform(0.5, 9.0), chance.uniform(0.5, 3.0)
+    script: list[Action] = [{"at": f"{at:.3f}s", "camera": "camera"}]
+    if chance.random() < 0.5:
+        script.append({"at": f"{at + length:.3f}s", "camera": "camera", "off": False})
+    return {"scenario": "store", "script": script}
+
+
+FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, Any]]] = {
+    "posts on the way": _posts,
+    "a post appears": _sudden,
+    "people": _people,
+    "posts at the shelf": _arm_posts,
+    "deeper item": _deeper,
+    "turned item": _turned,
+    "moved shelf": _shelf,
+    "killed participant": _kill,
+    "jammed joint": _jam,
+    "blocked camera": _camera,
+}

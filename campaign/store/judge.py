@@ -1,0 +1,149 @@
+"""Judges a sale by its recording: forces, rest, and whether what was said is so."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from .log import SaleLog
+
+MOST_FORCE = 50.0
+"""Of the robot on anything but the ground [N]."""
+
+_STEP_S = 0.016
+_AT_REST = 0.02
+"""Velocity below which a link or a joint is at rest [m/s, rad/s]."""
+
+_WORTH_A_WORD = 5.0
+"""A touch that lasts longer than `_FOR_STEPS` with more than that is to be reported [N]."""
+
+_FOR_STEPS = 3
+_MEASURED = 0.008
+"""Largest difference between the place error that is reported and the true one [m]."""
+
+_OUTLET = (0.15, 0.65, 0.35)
+"""The only spot of a single order, on top of the outlet [m]."""
+
+_TOUCH = re.compile(r"\b(\w+) touches (\w+) with ([\d.]+) N")
+_PLACED = re.compile(r"(\w+): placed ([\d.]+) mm from its spot")
+_SOLD = re.compile(r"^1 +(\w+) +\d+ +[\d.]+ mm +([\d.]+) mm", re.MULTILINE)
+_MOVED = re.compile(r"\b(\w+) was moved by ([\d.]+) mm")
+_GROUND = ("floor",)
+_ROLLING = ("left_wheel_link", "right_wheel_link", "front_caster", "back_caster")
+_PADS = ("left_pad", "right_pad")
+
+
+def judge(log: SaleLog, result: Mapping[str, Any] | None, killed: str = "") -> list[str]:
+    """Return every promise that a sale has broken, one sentence each."""
+    if result is None:
+        return ["there is no result.json"]
+    return [
+        *_forces(log),
+        *_motion(log, result),
+        *_sale(log, result),
+        *_touches(log, result),
+        *_blame(result, killed),
+    ]
+
+
+def largest_force(log: SaleLog) -> float:
+    """Return the largest force of the robot on anything but the ground [N]."""
+    return max((force for _, _, force in _robot_contacts(log)), default=0.0)
+
+
+def _robot_contacts(log: SaleLog) -> Iterator[tuple[int, tuple[str, str], float]]:
+    """Yield step, pair of links and force of every touch that no wheel has with the ground."""
+    ours = set(log.names.get("plant/contacts", ()))
+    for step, row in log.messages.get("plant/contacts", ()):
+        for pair, force in zip(row["pairs"], row["force"], strict=True):
+            one, other = pair
+            rolls = any(link in _ROLLING for link in pair) and any(link in _GROUND for link in pair)
+            if force > 0.0 and not rolls and (one in ours or other in ours):
+                yield step, (one, other), force
+
+
+def _forces(log: SaleLog) -> Iterator[str]:
+    worst: dict[tuple[str, str], tuple[float, int]] = {}
+    for step, pair, force in _robot_contacts(log):
+        if force > MOST_FORCE:
+            worst[pair] = max(worst.get(pair, (0.0, 0)), (force, step))
+    for (one, other), (force, step) in worst.items():
+        yield f"{one} pressed on {other} with {force:.0f} N at step {step}"
+
+
+def _motion(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
+    """Check that nothing of the robot moves at the end."""
+    state, base = log.last("plant/joint_state"), log.last("plant/odometry")
+    for name, v in zip(
+        log.names.get("plant/joint_state", ()), state.get("velocity", ()), strict=False
+    ):
+        if abs(v) > _AT_REST:
+            yield f"{name} moves at {v:.3f} rad/s at the end: {result['reason']}"
+    if abs(base.get("vx", 0.0)) > _AT_REST or abs(base.get("wz", 0.0)) > _AT_REST:
+        yield f"the wheels turn at the end, at {base['vx']:.3f} m/s: {result['reason']}"
+    rows = log.messages.get("plant/poses", ())[-2:]
+    if len(rows) == 2:
+        seconds = (rows[1][0] - rows[0][0]) * _STEP_S
+        chassis = log.names["plant/poses"].index("chassis")
+        speed = math.dist(*(row["position"][chassis] for _, row in rows)) / seconds
+        if speed > _AT_REST:
+            yield f"the chassis moves at {speed:.3f} m/s at the end: {result['reason']}"
+
+
+def _sale(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
+    """Check that an item is in the outlet where the run says so, and only there."""
+    sold = [row for text in log.texts() for row in _SOLD.findall(text)]
+    if result["exit_code"] == 0 and not sold and "1 of 1" in result["reason"]:
+        yield "it says that the order was sold, and its table has no item"
+    names = log.names["plant/poses"]
+    where = log.last("plant/poses").get("position")
+    for item, reported in dict(sold).items():
+        x, y, z = where[names.index(item)] if where else (math.inf, math.inf, math.inf)
+        error = math.hypot(x - _OUTLET[0], y - _OUTLET[1])
+        if abs(z - _OUTLET[2]) > 0.01 or error > 0.06:
+            yield f"it says that {item} is sold; it is at {x:.3f}, {y:.3f}, {z:.3f} m"
+        elif abs(error - float(reported) * 1e-3) > _MEASURED:
+            yield f"it says that {item} is {reported} mm from its spot; it is {error * 1e3:.1f} mm"
+
+
+def _touches(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
+    """Check that touches which are reported were there, and that those which were are reported."""
+    said = [*log.texts(), result["reason"]]
+    longest, most = defaultdict[frozenset[str], int](int), defaultdict[frozenset[str], float](float)
+    for _, pair, force in _robot_contacts(log):
+        key = frozenset(pair)
+        most[key] = max(most[key], force)
+        longest[key] += force > _WORTH_A_WORD
+    for text in dict.fromkeys(said):
+        for one, other, force in _TOUCH.findall(text):
+            if most[frozenset((one, other))] < 0.5 * float(force):
+                yield f"it says {one} touches {other} with {force} N; the log has no such touch"
+    for item, far in _MOVED.findall(result["reason"]):
+        if not any(item in key for key in most):
+            yield f"it says the sale failed for {item}, {far} mm; the robot never touched it"
+    ours, items = set(log.names.get("plant/contacts", ())), _items(log)
+    for key, steps in longest.items():
+        others = [link for link in key if link not in ours]
+        is_grip = any(link in _PADS for link in key) and set(others) <= {*items, "outlet_top"}
+        if steps > _FOR_STEPS and not is_grip and not _is_said(key, said):
+            links = " and ".join(sorted(key))
+            yield f"{links} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
+
+
+def _is_said(links: frozenset[str], said: Sequence[str]) -> bool:
+    return any(all(link in text for link in links) for text in said)
+
+
+def _items(log: SaleLog) -> set[str]:
+    """Return the names of items: `<type>_<row>_<number>`."""
+    return {name for name in log.names["plant/poses"] if re.fullmatch(r"[a-z]+_[ab]\d_\d+", name)}
+
+
+def _blame(result: Mapping[str, Any], killed: str) -> Iterator[str]:
+    if killed and result["exit_code"] and result["participant"] != killed:
+        yield f"{killed} was killed, and it names {result['participant']}: {result['reason']}"
+    if not killed and result["exit_code"] and result["participant"] not in {"mission", None}:
+        yield f"nobody was killed, and {result['participant']} failed: {result['reason']}"

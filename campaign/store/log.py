@@ -1,0 +1,57 @@
+"""Reads what a sale recorded, with the packages `mcap` and `msgpack` alone."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgpack
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+
+Row = tuple[int, Mapping[str, Any]]
+
+
+@dataclass
+class SaleLog:
+    """Topic → messages with their steps, in file order; topic → names of its description."""
+
+    messages: dict[str, list[Row]] = field(default_factory=lambda: defaultdict(list))
+    names: dict[str, list[str]] = field(default_factory=dict)
+
+    def last(self, topic: str) -> Mapping[str, Any]:
+        """Return the last message of a topic; empty: there is none."""
+        rows = self.messages.get(topic)
+        return rows[-1][1] if rows else {}
+
+    def texts(self) -> Iterator[str]:
+        """Yield every sentence of mission and controller."""
+        for topic in ("mission/events", "mission/summary", "controller/goal_status"):
+            yield from (row.get("text", "") for _, row in self.messages.get(topic, ()))
+        for _, row in self.messages.get("controller/status", ()):
+            yield from row.get("warnings", ())
+
+
+_READ = (
+    "plant/contacts", "plant/gripper", "plant/joint_state", "plant/odometry", "plant/poses",
+    "controller/goal_status", "controller/status", "mission/events", "mission/summary",
+)  # fmt: skip
+
+
+def read(path: Path) -> SaleLog:
+    """Return what a recording of the store holds."""
+    log, channels = SaleLog(), dict[int, Channel]()
+    with path.open("rb") as file:
+        for record in StreamReader(file, record_size_limit=None).records:
+            if isinstance(record, Channel):
+                channels[record.id] = record
+                about = json.loads(record.metadata.get("description", "{}"))
+                log.names[record.topic] = about.get("names", [])
+            elif isinstance(record, Message) and channels[record.channel_id].topic in _READ:
+                topic = channels[record.channel_id].topic
+                log.messages[topic].append((record.sequence, msgpack.unpackb(record.data)))
+    return log

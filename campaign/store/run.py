@@ -1,0 +1,70 @@
+"""Runs sales and judges them."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from campaign import log_reader
+from campaign.sandbox import STEPBUS
+
+from .cases import Case
+from .judge import judge, largest_force
+from .log import read
+
+_LONGEST_S = 400.0
+_START_S = 120
+
+
+@dataclass
+class Outcome:
+    """What a sale came to. code: None where it hangs. force: the largest one [N]."""
+
+    code: int | None
+    seconds: float
+    said: str = ""
+    force: float = 0.0
+    broken: list[str] = field(default_factory=list)
+
+
+def sell(rows: Sequence[Case], keep: Path | None = None) -> Iterator[tuple[Case, Outcome]]:
+    """Run every case and yield what came of it; keep: a folder for runs that broke a promise."""
+    for case in rows:
+        with tempfile.TemporaryDirectory(prefix="sbs-") as folder:
+            out = Path(folder) / "run"
+            outcome = _sell(case, out)
+            if outcome.broken and keep is not None and out.exists():
+                keep.mkdir(parents=True, exist_ok=True)
+                out.rename(keep / f"sale_{case.number}")
+            yield case, outcome
+
+
+def _sell(case: Case, out: Path) -> Outcome:
+    names = ("plant", "perception", "mission", "controller", "planner")
+    patience = [f"{name}.spawn_timeout={_START_S}s" for name in names]
+    words = [word for item in patience for word in ("--set", item)]
+    began = time.monotonic()
+    command = [STEPBUS, "run", *case.arguments(), *words, "--no-report", "--out", str(out)]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_LONGEST_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return Outcome(None, _LONGEST_S, broken=[f"still running after {_LONGEST_S:g} s"])
+    outcome = Outcome(done.returncode, time.monotonic() - began)
+    result, recording = log_reader.result(out), out / "run.mcap"
+    if result is None or not recording.exists():
+        outcome.broken = [f"no recording: {(done.stderr + done.stdout)[-300:]!r}"]
+        return outcome
+    log = read(recording)
+    outcome.said, outcome.force = result["reason"], largest_force(log)
+    outcome.broken = judge(log, result, case.killed)
+    if "Traceback (most recent call last)" in done.stderr + done.stdout:
+        outcome.broken.append("a traceback is printed")
+    if log_reader.read(recording).sha256 != result["sha256"]:
+        outcome.broken.append("result.json gives another SHA-256 than the recording has")
+    return outcome

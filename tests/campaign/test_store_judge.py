@@ -1,0 +1,80 @@
+"""The judge of the store's part of the campaign finds each promise that is broken."""
+
+import pytest
+from campaign.store import cases, judge
+from campaign.store.judge import largest_force
+from campaign.store.log import SaleLog
+
+ROBOT = ["chassis", "forearm_link", "left_pad", "right_pad", "left_wheel_link"]
+LINKS = ["floor", "chassis", "cola_a1_1", "outlet_top"]
+SOLD = {"exit_code": 0, "participant": "mission", "reason": "mission: 1 of 1 sales are done"}
+TABLE = "sale  item       attempts  detection  place   others  duration\n1     cola_a1_1  1         0.6 mm     2.0 mm  0.0 mm  39.9 s"
+
+
+def log(*touches, place=(0.152, 0.65, 0.35), chassis=(0.0, 0.0), velocity=0.0, texts=(TABLE,)):
+    """Return the log of a sale; touches: pair and force, four steps each; chassis: x at the end."""
+    found = SaleLog()
+    found.names = {"plant/contacts": ROBOT, "plant/poses": LINKS, "plant/joint_state": ["elbow"]}
+    grip = (("cola_a1_1", "left_pad"), 15.0)
+    rows = [(("floor", "left_wheel_link"), 500.0), grip, *touches]
+    contacts = {"pairs": [list(pair) for pair, _ in rows], "force": [force for _, force in rows]}
+    found.messages["plant/contacts"] = [(step, contacts) for step in range(4)]
+    found.messages["plant/joint_state"] = [(9, {"velocity": [velocity]})]
+    found.messages["plant/odometry"] = [(9, {"vx": 0.0, "wz": 0.0})]
+    found.messages["plant/poses"] = [
+        (3 * k, {"position": [(0, 0, 0), (x, 0, 0), place, (0, 0, 0)]})
+        for k, x in enumerate(chassis)
+    ]
+    found.messages["mission/events"] = [(9, {"text": text}) for text in texts]
+    return found
+
+
+def test_a_sale_that_keeps_all_promises_breaks_none():
+    assert judge(log(), SOLD) == []
+    assert largest_force(log()) == 15.0
+
+
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [
+        (log((("chassis", "crate"), 60.0)), "chassis pressed on crate with 60 N at step 3"),
+        (log((("crate", "forearm_link"), 6.0)), "crate and forearm_link touched with 6 N for 4 st"),
+        (log(velocity=0.1), "elbow moves at 0.100 rad/s at the end"),
+        (log(chassis=(0.0, 0.01)), "the chassis moves at 0.208 m/s at the end"),
+        (log(place=(0.15, 0.65, 0.10)), "it says that cola_a1_1 is sold; it is at 0.150, 0.650, 0"),
+        (log(place=(0.17, 0.65, 0.35)), "it says that cola_a1_1 is 2.0 mm from its spot; it is 20"),
+        (log(texts=()), "it says that the order was sold, and its table has no item"),
+        (
+            log(texts=(TABLE, "chassis touches crate_box with 80.0 N; stopped")),
+            "it says chassis touches crate_box with 80.0 N; the log has no such touch",
+        ),
+    ],
+)
+def test_each_broken_promise_is_found(found, text):
+    assert any(line.startswith(text) for line in judge(found, SOLD)), judge(found, SOLD)
+
+
+def test_a_touch_that_is_reported_is_no_secret():
+    text = "chassis touches crate with 6.0 N; stopped, backed off 50 mm by odometry"
+    assert judge(log((("chassis", "crate"), 6.0), texts=(TABLE, text)), SOLD) == []
+
+
+def test_a_sale_must_not_fail_for_what_others_moved():
+    failed = {**SOLD, "exit_code": 4, "reason": "mission: soup_a1_4 was moved by 18.5 mm"}
+    (line,) = judge(log(texts=()), failed)
+    assert line == "it says the sale failed for soup_a1_4, 18.5 mm; the robot never touched it"
+
+
+def test_who_was_killed_is_to_be_named():
+    failed = {"exit_code": 5, "participant": "plant", "reason": "plant died"}
+    (line,) = judge(log(texts=()), failed, killed="planner")
+    assert line == "planner was killed, and it names plant: plant died"
+    assert judge(log(texts=()), {**failed, "participant": "planner"}, killed="planner") == []
+
+
+def test_the_cases_of_a_seed_are_the_same_each_time_and_have_every_family():
+    rows = cases(64, 3)
+    assert list(map(str, rows)) == list(map(str, cases(64, 3)))
+    assert len({case.family for case in rows}) == 10
+    assert sum(case.scenario == "store" for case in rows) == 6
+    assert {word for case in rows for word in case.arguments()} >= {"--fault", "--in-process"}
