@@ -66,7 +66,17 @@ class Event(Message, frozen=True):
 
 
 GoalType = Literal[
-    "move_joints", "move_to_pose", "move_linear", "spiral", "drive", "turn", "go_to", "grip", "stop"
+    "move_joints",
+    "move_to_pose",
+    "move_linear",
+    "spiral",
+    "drive",
+    "turn",
+    "go_to",
+    "go_together",
+    "grip",
+    "back_to_rest",
+    "stop",
 ]
 
 
@@ -83,7 +93,14 @@ class Goal(Message, frozen=True):
     """A goal for a controller; it may take many steps."""
 
     id: Annotated[int, meta("id of the goal; a new id replaces the current goal", ge=0)]
-    type: Annotated[GoalType, meta("what to do; `stop`: come to rest and cancel the current goal")]
+    type: Annotated[
+        GoalType,
+        meta(
+            "what to do; `go_together`: as go_to, and a goal of the arm follows, before whose path "
+            "is known the base stays; `back_to_rest`: bring the arm from any pose to where it "
+            "rests; `stop`: come to rest and cancel the current goal"
+        ),
+    ]
     joints: Annotated[list[str], meta("move_joints: names of the joints to move")] = []
     values: Annotated[
         list[float],
@@ -113,7 +130,11 @@ class Goal(Message, frozen=True):
     ] = 0.0
     base: Annotated[
         Point | None,
-        meta("go_to: target x, y, yaw of the base in the odometry frame", "m, m, rad"),
+        meta(
+            "go_to, go_together: target x, y, yaw of the base in the odometry frame; of the arm "
+            "and the gripper: they move beside a base that goes there",
+            "m, m, rad",
+        ),
     ] = None
     width: Annotated[float, meta("grip: target distance between the pads", "m")] = 0.0
     force: Annotated[float, meta("grip: maximum force of each finger", "N")] = 0.0
@@ -256,6 +277,15 @@ class PlanRequest(Message, frozen=True):
             "m, m, rad",
         ),
     ] = None
+    bases: Annotated[
+        list[Point],
+        meta(
+            "poses of the base at which the path has to be free, the last one where it is planned: "
+            "x, y, yaw in the frame of the latest `base`; empty: where it stands",
+            "m, m, rad",
+            "k 3",
+        ),
+    ] = []
 
 
 class Plan(Message, frozen=True):

@@ -15,7 +15,7 @@ from stepbus_schemas import Point
 _ARC = 0.05
 """Length of the arcs that a curve is made of [m]."""
 
-_HANDLES = (0.35, 0.5)
+_HANDLES = (0.35, 0.45, 0.55)
 """Lengths of a curve's tangents, as shares of the distance of its ends."""
 
 _TURNS = (0.0, 0.5, 1.0)
@@ -155,13 +155,19 @@ def _yaws(points: Vector, first: float, last: float, *, back: bool) -> list[floa
 
 
 def _bezier(a: Vector, first: float, b: Vector, last: float, handle: float) -> Vector:
-    """Return points _ARC apart on a cubic curve with given directions at its ends [rad]."""
+    """Return points _ARC apart on a curve with given directions at its ends [rad].
+
+    It is a Bézier curve of degree 5 that is straight at both ends.
+    """
     far = handle * float(np.linalg.norm(b - a))
-    c = a + far * np.array([math.cos(first), math.sin(first)])
-    d = b - far * np.array([math.cos(last), math.sin(last)])
+    out = far * np.array([math.cos(first), math.sin(first)])
+    into = far * np.array([math.cos(last), math.sin(last)])
     t = np.linspace(0.0, 1.0, 201)[:, None]
-    dense = (1 - t) ** 3 * a + 3 * (1 - t) ** 2 * t * c + 3 * (1 - t) * t**2 * d + t**3 * b
-    return _apart(dense)
+    controls = (a, a + out / 2, a + out, b - into, b - into / 2, b)
+    dense = sum(
+        math.comb(5, n) * (1 - t) ** (5 - n) * t**n * control for n, control in enumerate(controls)
+    )
+    return _apart(np.asarray(dense))
 
 
 def _cut(corners: Sequence[Vector], most: float) -> Vector:

@@ -101,9 +101,13 @@ class Obstacles:
                     f"orientation {turn}"
                 )
 
-    def placements(self, poses: Poses) -> dict[str, Any]:
-        """Return the pose of each link in `frame`, as `pinocchio.SE3`."""
-        base = _pose(poses, self._frame).inverse()
+    def frame_in_world(self, poses: Poses) -> Any:
+        """Return the pose of `frame`, as `pinocchio.SE3`."""
+        return _pose(poses, self._frame)
+
+    def placements(self, poses: Poses, frame: Any = None) -> dict[str, Any]:
+        """Return the pose of each link in `frame`, or in another frame, as `pinocchio.SE3`."""
+        base = (_pose(poses, self._frame) if frame is None else frame).inverse()
         return {name: base * _pose(poses, link.index) for name, link in self.links.items()}
 
     def index_of(self, name: str) -> int | None:

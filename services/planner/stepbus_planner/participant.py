@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Literal
+from typing import Any, Literal
 
 from stepbus_participant import Config, Participant, Ports, Step, need
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
@@ -14,7 +14,7 @@ from . import search, timing
 from .base_path import BasePlanner
 from .obstacles import Obstacles
 from .path_monitor import PathMonitor, PlannedPath, last_step
-from .planning import PathPlanner, is_check
+from .planning import PathPlanner, is_check, map_in_world
 from .setup import read_setup
 
 Level = Literal["info", "warning"]
@@ -66,6 +66,7 @@ class PlannerParticipant(Participant):
         self._pending: _Pending | None = None
         self._monitor: PathMonitor | None = None
         self._request_id = -1
+        self._map: Any = None
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
@@ -134,9 +135,12 @@ class PlannerParticipant(Participant):
         is_quick = request.base is not None or is_check(request)
         answer: Future[Plan | None]
         if request.base is not None and poses is not None:
+            self._map = map_in_world(self._obstacles, request.base[0], poses)
             answer = self._worker.submit(self._base_planner.plan, request, poses)
         else:
-            answer = self._worker.submit(self.planner.plan, request, poses, cancelled.is_set)
+            answer = self._worker.submit(
+                self.planner.plan, request, poses, cancelled.is_set, self._map
+            )
         self._pending = _Pending(
             due=step.index + (self._check_latency if is_quick else self._latency),
             cancelled=cancelled,
@@ -150,7 +154,8 @@ class PlannerParticipant(Participant):
         self._pending = None
         if plan is not None:
             self._publish(messages, plan)
-            if not plan.cause and not plan.route and pending.poses is not None:
+            is_watched = not (plan.cause or plan.route or pending.request.bases)
+            if is_watched and pending.poses is not None:
                 last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
                 path = PlannedPath(
                     request=pending.request, plan=plan, poses=pending.poses, last_step=last

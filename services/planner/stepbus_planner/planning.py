@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from stepbus_kinematics import Vector
-from stepbus_schemas import Plan, PlanRequest, Poses
+from stepbus_schemas import Plan, PlanRequest, Point, Poses
 
 from .obstacles import Obstacles
 from .robot import PlannedRobot
@@ -31,6 +32,9 @@ _LAST_SHARE = 0.5
 
 _LAST_RESOLUTION = 0.5
 """Resolution of the trajectory's check, as a share of the search's."""
+
+_BESIDE_RESOLUTION = 3.0
+"""The same, at poses of the base other than that of the plan."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +77,16 @@ def fingers_at(robot: PlannedRobot, obstacles: Obstacles, poses: Poses, tip: str
     }
 
 
+def _on_floor(base: Point) -> Any:
+    """Return a pose of the base, x, y, yaw, as `pinocchio.SE3`."""
+    return pin.SE3(pin.utils.rotate("z", base[2]), np.array([base[0], base[1], 0.0]))
+
+
+def map_in_world(obstacles: Obstacles, base: Point, poses: Poses) -> Any:
+    """Return the pose of the frame in which the base is at a pose, while the world is at others."""
+    return obstacles.frame_in_world(poses) * _on_floor(base).inverse()
+
+
 class NoPlan(Exception):
     """A request without a plan; cause: one word for programs."""
 
@@ -98,14 +112,19 @@ class PathPlanner:
     seed: int
 
     def plan(
-        self, request: PlanRequest, poses: Poses | None, cancelled: Callable[[], bool]
+        self,
+        request: PlanRequest,
+        poses: Poses | None,
+        cancelled: Callable[[], bool],
+        map_in_world: Any = None,
     ) -> Plan | None:
         """Return the answer to a request; None: it was cancelled meanwhile.
 
         poses: of the world at the time of the request. cancelled: whether the request is obsolete.
+        map_in_world: pose of the frame of the request's `bases`; None: nobody knows.
         """
         try:
-            return _Planning(self, request, poses, cancelled).answer()
+            return _Planning(self, request, poses, cancelled, map_in_world).answer()
         except NoPlan as exc:
             return Plan(id=request.id, cause=exc.cause, text=str(exc))
         except Cancelled:
@@ -121,6 +140,7 @@ class _Planning:
         request: PlanRequest,
         poses: Poses | None,
         cancelled: Callable[[], bool],
+        map_in_world: Any,
     ) -> None:
         self._robot, self._obstacles = planner.robot, planner.obstacles
         self._settings, self._seed = planner.settings, planner.seed
@@ -129,7 +149,9 @@ class _Planning:
         self._start = self._joints("start", request.start)
         self._goal = self._joints("goal", request.goal)
         self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
-        self._scene = self._make_scene(poses)
+        scenes = self._make_scenes(poses, map_in_world)
+        self._scene = scenes.pop()
+        self._beside = [scene.checker_of_world() for scene in scenes]
 
     def _joints(self, field: str, values: list[float]) -> Vector:
         """Return a field of the request as a vector; raises NoPlan for an invalid one."""
@@ -147,7 +169,8 @@ class _Planning:
                 raise NoPlan("bad_request", f"{field}: {name} at {text}")
         return np.clip(q, robot.lower, robot.upper)
 
-    def _make_scene(self, poses: Poses | None) -> Scene:
+    def _make_scenes(self, poses: Poses | None, map_in_world: Any) -> list[Scene]:
+        """Return the scene of each pose of the base; the last one is that of the plan."""
         request, links = self._request, self._obstacles.links
         if poses is None:
             raise NoPlan("bad_request", "the poses of the world are not known yet")
@@ -156,15 +179,26 @@ class _Planning:
                 close = difflib.get_close_matches(name, links, n=1)
                 hint = f"did you mean {close[0]!r}?" if close else f"it has {len(links)} others"
                 raise NoPlan("bad_request", f"the world has no link {name!r}; {hint}")
-        around = Surroundings(
-            links=links,
-            placements=self._obstacles.placements(poses),
-            held=request.held,
-            touches=frozenset(request.touches),
-            tip=self._settings.tip,
-            fingers=fingers_at(self._robot, self._obstacles, poses, self._settings.tip),
-        )
-        return Scene(self._robot, around, self._start, self._settings.margins)
+        if request.bases and map_in_world is None:
+            raise NoPlan("bad_request", "bases need a request of the base before them")
+        here = self._obstacles.placements(poses)
+        fingers = fingers_at(self._robot, self._obstacles, poses, self._settings.tip)
+        frames = [map_in_world * _on_floor(base) for base in request.bases] or [None]
+        scenes = []
+        for frame in frames:
+            placements = self._obstacles.placements(poses, frame)
+            if request.held:
+                placements[request.held] = here[request.held]
+            around = Surroundings(
+                links=links,
+                placements=placements,
+                held=request.held,
+                touches=frozenset(request.touches),
+                tip=self._settings.tip,
+                fingers=fingers,
+            )
+            scenes.append(Scene(self._robot, around, self._start, self._settings.margins))
+        return scenes
 
     def answer(self) -> Plan:
         """Return the plan; raises NoPlan if there is none."""
@@ -175,7 +209,8 @@ class _Planning:
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)
-        self._check_collision("start", self._start)
+        if not self._request.bases:
+            self._check_collision("start", self._start)
         self._check_collision("goal", self._goal)
         if np.linalg.norm(self._goal - self._start) < _SAME:
             return self._standing("the joints are at the goal")
@@ -255,7 +290,10 @@ class _Planning:
         if self._cancelled():
             raise Cancelled
         fine = dense(motion.position, self._settings.resolution * _LAST_RESOLUTION)
-        return all(map(checker.is_free, fine))
+        coarse = dense(motion.position, self._settings.resolution * _BESIDE_RESOLUTION)
+        return all(map(checker.is_free, fine)) and all(
+            all(map(other.is_free, coarse)) for other in self._beside
+        )
 
     def _found(self, path: Vector, name: str, motion: Trajectory, checks: int) -> Plan:
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

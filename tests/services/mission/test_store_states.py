@@ -15,6 +15,9 @@ PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in r
 _DOWN = [("down", number) for number in range(1, 9)]
 
 
+_TOGETHER = {"depart", "fold", "ready", "reach", "return", "draw_in", "bring"}
+
+
 def walked(params=None, **faults):
     return set(sell(FakeStore(shelf_a(*GOODS), **faults), **(params or {})).walked)
 
@@ -55,9 +58,11 @@ def test_every_passage_of_the_table_is_walked():
             faults = {"slips": 1} if state in {"release", "back_off"} else faults
             blocked = _DOWN[:6] if state == "narrow" else []
             fails = {**dict.fromkeys(blocked, "blocked"), (state, 1): "invalid"}
-            found |= walked(params, fails=fails, **faults)
+            together = {"together": state in _TOGETHER}
+            found |= walked(params | together, fails=fails, **faults)
         if "dropped" in STATES[state].then:
-            found |= walked({"safe_height": 0.25}, drops=((state, 1),))
+            together = {"safe_height": 0.25, "together": state in _TOGETHER}
+            found |= walked(together, drops=((state, 1),))
     late = {"verification": "camera", "waits": {"lost": 0.3}}
     found |= walked(late, drift=(0.0, 0.0, 0.0), drops=(("above", 1),))
     found |= walked(fails=dict.fromkeys(_DOWN[:6], "blocked"))
@@ -67,6 +72,12 @@ def test_every_passage_of_the_table_is_walked():
     found |= walked(dark=("order", 0)) | walked(dark=("approach", 1))
     found |= walked(hides={("approach", 1): "cola_a1_2"}) | walked(place_shift=0.1)
     found |= walked(fails={("drive", 1): "jammed"}, drifts=True)
+    together = {"together": True}
+    found |= walked(together) | walked(together, drops=(("bring", 1),))
+    found |= walked(together | {"waits": {"lost": 0.3}}, drops=(("bring", 1),))
+    for state in ("depart", "return"):
+        found |= walked(together, fails_late={(state, 1): "jammed"})
+        found |= walked(together, silent=((state, 1),))
     assert PASSAGES - found == set()
     assert found - PASSAGES == set()
 

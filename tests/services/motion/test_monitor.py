@@ -146,6 +146,7 @@ def test_a_touch_from_before_the_goal_counts_only_when_it_becomes_harder():
 @pytest.mark.parametrize("gap", [0.004, 0.01, 0.03, 0.079])
 def test_a_link_is_slow_enough_to_stop_before_what_is_near(gap):
     stand = Stand(brake=1.0, reaction=0.05, clearance=0.002)
+    stand.monitor.start(moves="arm")
     watch = stand.look(FLOOR, ("elbow", "pillar", 0.0, gap), speed=0.5)
     v = watch.scale * 0.5
     assert v * 0.05 + v**2 / 2.0 == pytest.approx(gap - 0.002)
@@ -161,12 +162,13 @@ def test_a_link_that_is_all_but_touching_creeps(gap):
 def test_a_slow_link_is_not_slowed_down_and_nothing_is_near_farther_away():
     assert Stand().look(("elbow", "pillar", 0.0, 0.04), speed=0.1).scale == 1.0
     watch = Stand().look(("elbow", "pillar", 0.0, 0.09), speed=5.0)
-    assert (watch.scale, watch.near, watch.gap) == (1.0, None, 0.09)
+    assert (watch.scale, watch.near, watch.room) == (1.0, None, 0.09)
 
 
 def test_a_link_that_passes_by_counts_with_a_share_of_its_speed():
     towards, past = Stand(), Stand()
     for stand, before in ((towards, 0.03), (past, 0.01)):
+        stand.monitor.start(moves="arm")
         stand.look(("elbow", "pillar", 0.0, before), dt=0.1, speed=0.2)
     rows = [
         stand.look(("elbow", "pillar", 0.0, 0.01), dt=0.1, speed=0.2).scale
@@ -197,3 +199,23 @@ def test_links_of_the_robot_that_are_near_each_other_do_not_slow_the_base_down()
     stand.monitor.start(moves="base")
     assert stand.look(("chassis", "elbow", 0.0, 0.02)).scale == 1.0
     assert stand.look(("elbow", "pillar", 0.0, 0.04)).scale < 1.0
+
+
+def test_where_base_and_arm_move_each_of_them_may_use_up_half_of_a_gap():
+    one, both = Stand(), Stand()
+    one.monitor.start(moves="arm")
+    both.monitor.start(moves="all")
+    wide = one.look(("elbow", "pillar", 0.0, 0.03), speed=0.5).scale
+    assert both.look(("elbow", "pillar", 0.0, 0.06), speed=0.5).scale == pytest.approx(wide)
+
+
+def test_what_the_base_passes_is_farther_than_what_it_drives_towards():
+    towards, past = Stand(), Stand()
+    gaps = []
+    for stand, before in ((towards, 0.11), (past, 0.1)):
+        stand.monitor.start(moves="base")
+        stand.look(("chassis", "pillar", 0.0, before), dt=0.1, speed=0.0)
+        row = contacts(("chassis", "pillar", 0.0, 0.1))
+        still = {"speed_of": lambda _: (0.0, 0.0), "base_speed": 0.1}
+        gaps.append(stand.monitor.update(row, holding=False, dt=0.1, **still).room)
+    assert gaps == pytest.approx([0.1, 0.1 / 0.3])

@@ -81,8 +81,6 @@ def test_a_curve_that_would_touch_something_is_not_taken():
 def test_a_detour_is_driven_around_its_corners_without_a_stop():
     start = (0.0, 0.0, 0.0)
     route = plan(start, (2.4, 0.0, 0.0), (1.2, 0.0)).route
-    first, *_, last = arcs(start, route)
-    assert (first, last) == (0, 0)
     assert set(arcs(route[0], route[1:-1])) == {1}
 
 

@@ -113,7 +113,7 @@ class FakeStore:
     Events are named by the state that the mission is in and how often it has sent a goal from
     there, e.g. ("lift", 1).
 
-    fails: event → cause. slower: event → text. silent: events without any status. endless: those that only ever run.
+    fails: event → cause. fails_late: the same of a go_together, at its end. slower: event → text. silent: events without any status. endless: those that only ever run.
     drops: those at which the item is lost. pushes: event → item that is pushed, and by how much
     along x [m]. hides: event → item that is not seen from then on. slips: how many lifts lose the
     item. empty_grips: how many times the fingers miss it. shift: of every detection, x and y [m];
@@ -126,6 +126,7 @@ class FakeStore:
 
     things: dict[str, Thing]
     fails: dict = field(default_factory=dict)
+    fails_late: dict = field(default_factory=dict)
     slower: dict = field(default_factory=dict)
     silent: tuple = ()
     endless: tuple = ()
@@ -155,6 +156,7 @@ class FakeStore:
         self.states = []
         self.sent = {}
         self.news = []
+        self.trip = -1
         self.pictures = 0
         self.is_dark = self.dark == ("order", 0)
         self.planogram = self.poses()
@@ -226,6 +228,10 @@ class FakeStore:
         self.states.append(state)
         self.sent[state] = self.sent.get(state, 0) + 1
         which = (state, self.sent[state])
+        # Beside its arm, the base goes on with its goal.
+        beside = goal.base is not None and not goal.type.startswith("go_")
+        trip = [row for row in self.news if row is not None and row.id == self.trip]
+        self.trip = goal.id if goal.type == "go_together" else self.trip if beside else -1
         self.news = []
         if which in self.silent:
             return
@@ -240,12 +246,17 @@ class FakeStore:
             cause = self.fails[which]
             self.news.append(GoalStatus(id=goal.id, state="failed", cause=cause, text=text))
             return
+        if which in self.fails_late:
+            late = GoalStatus(id=goal.id, state="failed", cause=self.fails_late[which], text="late")
+            self.news += [None] * PAUSE + [late]
+            return
         self._do(goal)
         self._happen(which)
         self.news += [None] * PAUSE
         text = self.slower.get(which, "")
         cause, text = ("slower", f"{text}; settled") if text else ("", "")
         self.news.append(GoalStatus(id=goal.id, state="succeeded", cause=cause, text=text))
+        self.news += [*[None] * (PAUSE if trip else 0), *(trip if beside else [])]
 
     def _happen(self, which) -> None:
         if which in self.pushes:
@@ -258,15 +269,21 @@ class FakeStore:
         self.is_dark |= which == self.dark
 
     def _do(self, goal: Goal) -> None:
-        if goal.type == "go_to":
+        if goal.type in {"go_to", "go_together"}:
             self._drive(*goal.base)
         elif goal.type == "drive":
             x, y, yaw = self.base
             self._drive(x + goal.by * math.cos(yaw), y + goal.by * math.sin(yaw), yaw)
         elif goal.type in {"move_to_pose", "move_linear"}:
-            self._move(goal.position)
+            self._move(self._in_odometry(goal.position) if not goal.frame else goal.position)
         elif goal.type == "grip":
             self._grip(goal.width)
+
+    def _in_odometry(self, position):
+        x, y, yaw = self.base
+        dx, dy, z = position
+        c, s = math.cos(yaw), math.sin(yaw)
+        return (x + c * dx - s * dy, y + s * dx + c * dy, z)
 
     def _drive(self, x, y, yaw):
         # The tip goes along with the base.

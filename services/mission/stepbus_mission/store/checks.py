@@ -31,6 +31,11 @@ _APPROACHING = ("approaching it", "following it", "opening less", "moving down")
 """Activities before the gripper has closed."""
 
 _NO_ANSWER = "the controller does not answer"
+_BESIDE = (
+    "fold", "ready", "reach", "arrive", "draw_in", "bring", "come_home",
+)  # fmt: skip
+"""States while the base drives."""
+
 _SAME_WIDTH = 1e-3
 """Difference of two openings that need no motion of the fingers [m]."""
 
@@ -59,7 +64,7 @@ def choose(store: StoreState) -> Outcome | None:
     if problem:
         return _leave_out(store, sale, "too_wide", problem)
     store.report(f"fetching {sale.item.name}")
-    return Outcome(name="chosen")
+    return Outcome(name="together" if settings.together else "chosen")
 
 
 def _leave_out(store: StoreState, sale: Sale, cause: str, text: str) -> Outcome:
@@ -101,8 +106,8 @@ def _misfit(store: StoreState, item: Item) -> str:
 def arrived(store: StoreState) -> Outcome | None:
     """Wait until the controller reports the end of the goal."""
     status = store.inputs.status
-    if dropped := _dropped(store):
-        return dropped
+    if ended := _dropped(store) or _trip_failed(store):
+        return ended
     if status is not None and status.state == "succeeded":
         if status.cause:
             store.report(f"{STATES[store.visit.state].doing} {status.text.partition('; ')[0]}")
@@ -113,6 +118,44 @@ def arrived(store: StoreState) -> Outcome | None:
     if status is not None and status.text and status.state == "running":
         _forward(store, status.text)
     return _timeout(store)
+
+
+def departed(store: StoreState) -> Outcome | None:
+    """Wait until the controller has taken the goal of the base; others follow beside it."""
+    status = store.inputs.status
+    if status is not None and status.state in {"accepted", "running"}:
+        return Outcome(name="done")
+    return arrived(store)
+
+
+def landed(store: StoreState) -> Outcome | None:
+    """Wait until the base has arrived, beside which others were carried out."""
+    if ended := _dropped(store) or _trip_failed(store):
+        return ended
+    trip = store.inputs.trip
+    if trip is not None and trip.state == "succeeded":
+        return Outcome(name="done")
+    if store.elapsed < store.settings.waits.motion:
+        return None
+    text = (
+        f"not done, goal {store.trip} (go_together) goes on after {store.settings.waits.motion:g} s"
+    )
+    return Outcome(name="failed", cause="not_done", text=text)
+
+
+def _trip_failed(store: StoreState) -> Outcome | None:
+    """Return a failure if the base's goal has failed while others are carried out beside it."""
+    trip = store.inputs.trip
+    if trip is None or store.visit.state not in _BESIDE:
+        return None
+    if trip.state == "running" and trip.text and trip.text != store.trip_text:
+        store.trip_text = trip.text
+        store.report(trip.text, "warning")
+    if trip.state not in {"failed", "cancelled"}:
+        return None
+    cause = trip.cause or trip.state
+    text = _phrase(cause, trip.text)
+    return Outcome(name="failed", cause=cause, text=text, doing=store.trip_doing)
 
 
 def _forward(store: StoreState, text: str) -> None:
@@ -176,6 +219,8 @@ def check_lift(store: StoreState) -> Outcome | None:
         gripper = store.inputs.gripper
         width = f"{gripper.width * 1e3:.1f} mm"
         store.report(f"lifted, held with {gripper.force:.1f} N at a width of {width}")
+        if store.settings.together:
+            return Outcome(name="together")
     return outcome
 
 
@@ -276,6 +321,10 @@ CHECKS: Mapping[str, Check] = {
     "check_grip": check_grip,
     "check_lift": check_lift,
     "check_height": check_height,
+    "depart": departed,
+    "return": departed,
+    "arrive": landed,
+    "come_home": landed,
     "verify": verify,
     "retry": retry,
     "stop": at_rest,

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+import msgspec
+
 from stepbus_schemas import Goal, Point
 
 from .geometry import Spot, gripper_down, spot_of
@@ -117,6 +119,45 @@ def up(store: StoreState) -> Goal:
     return _pose(store, "move_linear", _spot(store), height, slow=True)
 
 
+def depart(store: StoreState) -> Goal:
+    """Drive in front of the item's column, with the arm moving on the way."""
+    return msgspec.structs.replace(drive(store), type="go_together")
+
+
+def fold(store: StoreState) -> Goal:
+    """Tuck the arm in while the base leaves."""
+    return msgspec.structs.replace(tuck(store), base=store.destination)
+
+
+def ready(store: StoreState) -> Goal:
+    """Open the gripper while the base drives."""
+    return msgspec.structs.replace(open_gripper(store), base=store.destination)
+
+
+def reach(store: StoreState) -> Goal:
+    """Move above the item's expected position while the base arrives."""
+    return msgspec.structs.replace(inspect(store), base=store.destination)
+
+
+def return_home(store: StoreState) -> Goal:
+    """Drive home with the item, with the arm moving on the way."""
+    return msgspec.structs.replace(home(store), type="go_together")
+
+
+def draw_in(store: StoreState) -> Goal:
+    """Take the item off the shelf, over the base, while the base leaves."""
+    sale, _ = store.now
+    ahead, left = store.settings.carry
+    spot = Spot(x=ahead, y=left, yaw=store.settings.gripper_yaw)
+    goal = _pose(store, "move_to_pose", spot, sale.tip)
+    return msgspec.structs.replace(goal, frame="", base=store.destination)
+
+
+def bring(store: StoreState) -> Goal:
+    """Move the item above its spot in the outlet while the base arrives."""
+    return msgspec.structs.replace(above(store), base=store.destination)
+
+
 def back_off(store: StoreState) -> Goal:
     """Move straight up from a failed attempt."""
     height = store.grip_height() + store.settings.approach_height
@@ -151,6 +192,13 @@ GOALS: Mapping[str, MakeGoal] = {
     "release": open_gripper,
     "back_off": back_off,
     "stop": stop,
+    "depart": depart,
+    "fold": fold,
+    "ready": ready,
+    "reach": reach,
+    "return": return_home,
+    "draw_in": draw_in,
+    "bring": bring,
 }
 """State → its goal; the other states send none."""
 
@@ -207,6 +255,7 @@ def _grip(store: StoreState, width: float) -> Goal:
 
 _TOUCHING = (
     "down", "close", "lift", "retreat", "lower", "reverse", "home", "above", "release", "back_off",
+    "return", "draw_in", "bring",
 )  # fmt: skip
 _PLACING = ("place", "let_go", "up")
 

@@ -151,6 +151,9 @@ class Params(Settings):
     """How far to lift an item [m]."""
     safe_height: Positive = 0.6
     """Largest height of the tip while the base carries an item [m]."""
+    together: bool = False
+    """Move the arm while the base drives, where that is free. Otherwise it is tucked in, or has
+    lowered the item, before the base moves."""
     lower_step: Positive = 0.1
     """Step in which to lower an item [m]."""
     drop_height: Positive = 0.003

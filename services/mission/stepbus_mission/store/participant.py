@@ -5,7 +5,7 @@ of each state, `checks.py` and `detection.py` decide when a state ends.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 
@@ -75,6 +75,7 @@ class StoreMission(Participant):
         self._ports = _find_ports(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
+        self._statuses: dict[int, GoalStatus] = {}
         self._failure = ""
         self._is_done = False
         self._store: StoreState | None = None
@@ -154,7 +155,8 @@ class StoreMission(Participant):
     def _read(self, step: Step) -> Inputs:
         ports = self._ports
         status = step.get(ports.status, GoalStatus)
-        is_newest = status is not None and status.id == self._goals - 1
+        if status is not None:
+            self._statuses[status.id] = status
         fresh = step.is_new(ports.detections)
         return Inputs(
             t_ns=step.t_ns,
@@ -162,7 +164,8 @@ class StoreMission(Participant):
             odometry=step.read(ports.odometry, BaseState),
             pose=step.read(ports.pose, BaseState) if ports.pose != ports.odometry else None,
             gripper=step.read(ports.gripper, GripperState),
-            status=status if is_newest else None,
+            status=self._statuses.get(self._goals - 1),
+            trip=self._statuses.get(self._store.trip) if self._store is not None else None,
             detections=step.get(ports.detections, Detections) if fresh else None,
             contacts=step.get(ports.contacts, Contacts) if ports.contacts else None,
         )
@@ -209,6 +212,10 @@ class StoreMission(Participant):
         goal = msgspec.structs.replace(make_goal(store), id=self._goals)
         self._goals += 1
         visit.goal, visit.goal_type = goal.id, goal.type
+        if goal.type in {"go_to", "go_together"}:
+            store.trip, store.destination = goal.id, goal.base
+            store.trip_doing, store.trip_text = STATES[visit.state].doing, ""
+            store.inputs = replace(store.inputs, trip=None)
         return goal
 
     def _end(self, step: Step, store: StoreState) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Poses
+from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Point, Poses
 
 from .approaches import APPROACHES, Approach
 from .geometry import Spot, nearest_quarter, spot_of
@@ -23,12 +23,14 @@ class Outcome:
     """How a state ended.
 
     name: of the outcome in the table of states. cause: one word for programs; text: a phrase with
-    numbers; both are empty unless something went wrong.
+    numbers; both are empty unless something went wrong. doing: the activity that failed, if it is
+    not that of the state.
     """
 
     name: str
     cause: str = ""
     text: str = ""
+    doing: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +38,8 @@ class Inputs:
     """The inputs at one step.
 
     pose: of the base on the map; None: odometry is right. status: of the latest goal; None: none
-    yet. detections: None unless new at this step. contacts: of the robot; None where nothing senses
-    them.
+    yet. trip: the same of the base's goal, where others are carried out beside it. detections: None
+    unless new at this step. contacts: of the robot; None where nothing senses them.
     """
 
     t_ns: int
@@ -46,6 +48,7 @@ class Inputs:
     gripper: GripperState
     pose: BaseState | None = None
     status: GoalStatus | None = None
+    trip: GoalStatus | None = None
     detections: Detections | None = None
     contacts: Contacts | None = None
 
@@ -108,7 +111,8 @@ class StoreState:
     settings: of the scenario. witness: of items that move; None: nobody sees that. started: number
     of orders started. missing: names of items not found. unsold: orders that were left out. log:
     entries of this step. problem: the latest failure; doing: the activity that failed;
-    attempts_text: how many attempts failed. rest: how the emergency stop went.
+    attempts_text: how many attempts failed. rest: how the emergency stop went. trip: id of the goal
+    of the base beside which others are carried out, with its destination, activity and latest text.
     """
 
     settings: Params
@@ -127,6 +131,10 @@ class StoreState:
     doing: str = ""
     attempts_text: str = ""
     rest: str = ""
+    trip: int = -1
+    destination: Point | None = None
+    trip_doing: str = ""
+    trip_text: str = ""
 
     @property
     def now(self) -> tuple[Sale, Item]:
@@ -158,7 +166,8 @@ class StoreState:
         if self.visit.state == "retry":
             self.attempts_text = outcome.text
         else:
-            self.problem, self.doing = outcome, STATES[self.visit.state].doing
+            self.problem = outcome
+            self.doing = outcome.doing or STATES[self.visit.state].doing
             self.attempts_text = ""
 
     def failure(self) -> str:

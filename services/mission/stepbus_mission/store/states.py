@@ -41,6 +41,7 @@ STATES: Mapping[str, State] = {
         doing="choosing an item",
         then={
             "chosen": "tuck",
+            "together": "depart",
             "skipped": "order",
             "all_sold": "park",
             "nothing_sold": "stop",
@@ -65,7 +66,9 @@ STATES: Mapping[str, State] = {
     "close": _grasp("closing the gripper", "check_grip"),
     "check_grip": State(doing="grasping", then={"held": "lift", "not_held": "retry"}),
     "lift": _grasp("lifting", "check_lift"),
-    "check_lift": State(doing="lifting", then={"held": "retreat", "slipped": "retry"}),
+    "check_lift": State(
+        doing="lifting", then={"held": "retreat", "slipped": "retry", "together": "return"}
+    ),
     "retreat": _carry("taking it off the shelf", "check_height"),
     "check_height": State(doing="lowering it", then={"safe": "reverse", "too_high": "lower"}),
     "reverse": _carry("driving back from the shelf", "home"),
@@ -81,6 +84,15 @@ STATES: Mapping[str, State] = {
     "park": _goal("tucking the arm in after the last sale", "end"),
     "end": State(doing="being done", then={}),
     "lower": _carry("lowering it", "check_height"),
+    "depart": _goal("driving to the shelf", "fold"),
+    "fold": _goal("tucking the arm in", "ready"),
+    "ready": _goal("opening the gripper", "reach"),
+    "reach": _goal("moving above its position", "arrive"),
+    "arrive": _goal("driving to the shelf", "find"),
+    "return": _goal("driving home", "draw_in"),
+    "draw_in": _carry("taking it off the shelf", "bring"),
+    "bring": _carry("moving above the outlet", "come_home"),
+    "come_home": _carry("driving home", "aim"),
     "shift": _grasp("following it", "correct"),
     "retry": State(
         doing="trying again", then={"again": "release", "other": "approach", "over": "stop"}

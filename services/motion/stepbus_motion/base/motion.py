@@ -2,10 +2,11 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 
 from stepbus_motion.motions.joint_motion import JointMotion, Motion, motion_to, stop_from
 from stepbus_motion.outcome import Outcome
@@ -19,8 +20,15 @@ from .tracking import TrackingError, slow_wheels, tracking_command, tracking_err
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""
 
+_APART = 0.1
+"""Distance of the poses that `ahead` returns [m]."""
+
 _EMERGENCY = 1.5
 """Of the hardest braking without slip, for what appears within its path."""
+
+
+def _length(segment: Segment | Curve) -> float:
+    return abs(segment.length) * (_BACK_TURN if segment.turns else 1.0)
 
 
 @dataclass(kw_only=True)
@@ -86,6 +94,11 @@ class BaseMotion:
         if self._state is None:
             raise RunError("the base has not been measured yet")
         return self._state
+
+    @property
+    def position(self) -> float:
+        """Return the largest error at a goal [m]."""
+        return self._settings.position
 
     @property
     def is_halting(self) -> bool:
@@ -159,6 +172,53 @@ class BaseMotion:
         """Return how far odometry has moved since a state, a turn as an arc [m]."""
         now = self.state
         return math.hypot(now.x - start.x, now.y - start.y) + _BACK_TURN * abs(now.yaw - start.yaw)
+
+    @property
+    def remaining(self) -> float:
+        """Return the length of the route that is left, a turn as an arc [m]."""
+        left = sum(_length(segment) for segment in self._planned_ahead())
+        if self._drive is not None:
+            rest = abs(self._drive.segment.length) - abs(self._drive.now()[0])
+            left += max(rest, 0.0) * (_BACK_TURN if self._drive.segment.turns else 1.0)
+        return left
+
+    def ahead(self, route: Iterable[PlannedSegment] | None = None) -> list[tuple[float, Point]]:
+        """Return poses along the route that is left, and how far each is from its end [m].
+
+        route: instead of that. The poses are about 0.1 m apart; a turn counts as an arc.
+        """
+        poses: list[Point] = [(self.state.x, self.state.y, self.state.yaw)]
+        lengths = [0.0]
+        drive = self._drive
+        parts: list[tuple[Segment | Curve, float]] = []
+        if drive is not None and not drive.brakes:
+            parts.append((drive.segment, drive.now()[0]))
+        parts += [(segment, 0.0) for segment in self._planned_ahead(route)]
+        for segment, start in parts:
+            left = (segment.length - start) * (_BACK_TURN if segment.turns else 1.0)
+            count = max(math.ceil(abs(left) / _APART), 1)
+            for n in range(1, count + 1):
+                at = segment.at(start + (segment.length - start) * n / count, 0.0)
+                poses.append((at.x, at.y, at.yaw))
+                lengths.append(lengths[-1] + abs(left) / count)
+        return [(lengths[-1] - s, pose) for s, pose in zip(lengths, poses, strict=True)]
+
+    def _planned_ahead(
+        self, route: Iterable[PlannedSegment] | None = None
+    ) -> list[Segment | Curve]:
+        """Return the segments that have not begun, as they will be if the base is exact."""
+        now = self.state
+        found: list[Segment | Curve] = []
+        if self._drive is not None:
+            end = self._drive.segment.at(self._drive.segment.length, 0.0)
+            now = replace(now, x=end.x, y=end.y, yaw=end.yaw)
+        for make in self._waiting if route is None else route:
+            segment = make(now)
+            if segment is not None:
+                found.append(segment)
+                end = segment.at(segment.length, 0.0)
+                now = replace(now, x=end.x, y=end.y, yaw=end.yaw)
+        return found
 
     def advance(self, dt: float, gap: float = math.inf) -> None:
         """Move the reference on by dt [s], so fast that the base could stop within a gap [m].

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from stepbus_motion.outcome import Outcome, Refused
-from stepbus_schemas import BaseState, Goal, Plan, PlanRequest
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
 
 from .motion import BaseMotion
+from .route import base_route
 
 
 @dataclass(kw_only=True)
@@ -19,6 +20,7 @@ class _Trip:
     asked_at: float | None = None
     drives: bool = False
     replans: int = 0
+    route: list[Point] | None = None
 
 
 class Navigator:
@@ -38,19 +40,51 @@ class Navigator:
         self._trip: _Trip | None = None
         self._unsent: PlanRequest | None = None
         self._verdict: Outcome | None = None
+        self.waits = False
+        """Whether the base stays where it is until the arm may move."""
+        self.is_accompanied = False
+        """Whether the goal of the arm has come that the base waits for."""
+
+    @property
+    def has_route(self) -> bool:
+        """Return whether it is known where the base goes."""
+        trip = self._trip
+        return trip is None or trip.drives or trip.route is not None
+
+    @property
+    def drives(self) -> bool:
+        """Return whether the base follows a route to its goal."""
+        return self._trip is not None and self._trip.drives
+
+    def ahead(self) -> list[tuple[float, Point]]:
+        """Return poses along the route, and how far each is from its end [m]."""
+        trip = self._trip
+        if trip is None or trip.drives or trip.route is None:
+            return self._base.ahead()
+        state, position = self._base.state, self._base.position
+        return self._base.ahead(base_route(trip.goal, state, position, trip.route).segments)
+
+    def go(self) -> None:
+        """Wait no longer, and drive the route that is known."""
+        self.waits = False
+        trip = self._trip
+        if trip is not None and trip.route is not None and not trip.drives:
+            self._drive(trip, trip.route)
 
     def start(self, goal: Goal, held: str, t: float, state: BaseState) -> str:
-        """Start a goal of type go_to at a time [s]; raises Refused for one without sense."""
+        """Start a go_to or go_together at a time [s]; raises Refused for one without sense."""
         text = self._base.check_goal(goal, state)
         self.cancel()
         self._base.stop()
         self._trip = _Trip(goal=goal, held=held)
+        self.waits = goal.type == "go_together"
+        self.is_accompanied = False
         self._ask(self._trip, t)
         return text
 
     def cancel(self) -> None:
         """Forget the goal."""
-        self._trip, self._unsent, self._verdict = None, None, None
+        self._trip, self._unsent, self._verdict, self.waits = None, None, None, False
 
     def pop(self) -> PlanRequest | None:
         """Return what to ask the planner, once."""
@@ -65,8 +99,13 @@ class Navigator:
         if plan.cause:
             self._verdict = Outcome(state="failed", cause="no_path", text=plan.text)
             return
+        trip.route = plan.route
+        if not self.waits:
+            self._drive(trip, plan.route)
+
+    def _drive(self, trip: _Trip, route: list[Point]) -> None:
         try:
-            self._base.start(trip.goal, self._base.state, plan.route)
+            self._base.start(trip.goal, self._base.state, route)
         except Refused as exc:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return
@@ -78,7 +117,7 @@ class Navigator:
         if trip is None or trip.replans >= self._most:
             return ""
         trip.replans += 1
-        trip.drives, trip.asked_at = False, None
+        trip.drives, trip.asked_at, trip.route = False, None, None
         return f"{why}; asked for another route ({trip.replans} of {self._most})"
 
     def check(self, end: Outcome | None, t: float) -> Outcome | None:
@@ -92,9 +131,12 @@ class Navigator:
         if trip.asked_at is None:
             if not self._base.is_moving:
                 self._ask(trip, t)
-        elif t - trip.asked_at > self._timeout:
+        elif trip.route is None and t - trip.asked_at > self._timeout:
             text = f"the planner has not answered for {self._timeout:g} s; is it running?"
             return Outcome(state="failed", cause="no_plan", text=text)
+        elif self.waits and not self.is_accompanied and t - trip.asked_at > self._timeout:
+            text = f"no goal of the arm has come for {self._timeout:g} s"
+            return Outcome(state="failed", cause="invalid", text=text)
         return None
 
     def _ask(self, trip: _Trip, t: float) -> None:

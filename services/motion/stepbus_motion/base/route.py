@@ -50,7 +50,7 @@ def base_route(
         _refuse_odd("by", goal.by)
         text = f"turn by {math.degrees(goal.by):.1f}°"
         return BaseRoute(segments=deque([turn_by(goal.by)]), text=text)
-    if goal.type != "go_to" or goal.base is None:
+    if goal.type not in {"go_to", "go_together"} or goal.base is None:
         raise Refused("invalid", f"type {goal.type} needs base: x, y, yaw")
     for name, value in zip(("x", "y", "yaw"), goal.base, strict=True):
         _refuse_odd(name, value)

@@ -22,8 +22,8 @@ _CLOSER = 1e-5
 _SIDEWAYS = 0.3
 """Share of a link's speed that counts as coming closer, even if the gap has not become smaller."""
 
-_STANDING = 1e-3
-"""Speed below which the direction of a link is not known [m/s]."""
+_STANDING = 1e-5
+"""Movement in a step below which the direction of a link is not known [m]."""
 
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
@@ -111,9 +111,10 @@ class Watch:
     """What the monitor found in a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch; None: nothing is near. gap: to the closest thing that contacts report [m]. held: link
-    of the world between the pads; empty: none. scale: share of the full speed, 0 to 1; slow: the
-    pair that it is for, and their distance [m].
+    not touch, and `gap` its distance [m]; None: nothing is near. room: for the base, the distance
+    to the closest thing, longer for what it passes by [m]. held: link of the world between the
+    pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
+    their distance [m].
     """
 
     collision: Collision | None
@@ -121,6 +122,7 @@ class Watch:
     gap: float
     held: str
     scale: float
+    room: float = math.inf
     slow: tuple[str, str, float] | None = None
 
 
@@ -174,12 +176,14 @@ class CollisionMonitor:
         holding: bool,
         dt: float,
         speed_of: Callable[[str], tuple[float, float]] = lambda _: (1.0, 1.0),
+        base_speed: float = 0.0,
     ) -> Watch:
         """Check the contacts of a step, dt [s] after the one before.
 
         holding: whether the gripper holds something between its pads. speed_of: speed of a link of
-        the robot, or of what it holds, now and at the arm's full rate [m/s]. Raises RunError for
-        contacts whose fields have different lengths.
+        the robot, or of what it holds, now and at the arm's full rate [m/s]. base_speed: of the
+        fastest point that the base moves [m/s]. Raises RunError for contacts whose fields have
+        different lengths.
         """
         counts = (len(contacts.pairs), len(contacts.force), len(contacts.distance))
         if len(set(counts)) > 1:
@@ -192,15 +196,28 @@ class CollisionMonitor:
         watched = [row for row in self._last if not self._is_allowed(row)]
         closing = self._closing = [row for row in watched if self._may_close(row)]
         nearest = min(closing, key=lambda row: row.distance, default=None)
-        gap = max(nearest.distance, 0.0) if nearest else math.inf
-        if gap >= self._settings.within:
+        if nearest is not None and nearest.distance >= self._settings.within:
             nearest = None
-        shares = [(self._share(row, dt, speed_of), row) for row in closing]
+        speeds = [self._speeds(row, speed_of) for row in closing]
+        closer = [
+            self._closer(row, dt * (now + base_speed))
+            for row, (now, _) in zip(closing, speeds, strict=True)
+        ]
+        shares = [
+            (self._share(row, share * full), row)
+            for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
+        ]
         scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
+        rooms = [
+            row.distance / share
+            for row, share in zip(closing, closer, strict=True)
+            if not self._is_ours(row.other)
+        ]
         return Watch(
             collision=self._hardest(watched),
             near=(nearest.ours, nearest.other) if nearest else None,
-            gap=gap,
+            gap=max(nearest.distance, 0.0) if nearest else self._settings.within,
+            room=max(min(rooms, default=math.inf), 0.0),
             held=self._held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
@@ -215,6 +232,7 @@ class CollisionMonitor:
             row
             for row in self._closing
             if row.distance < _CLOSE
+            and not self._is_ours(row.other)
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
             and (besides is None or row.other != besides[1])
         ]
@@ -233,21 +251,31 @@ class CollisionMonitor:
         rows = [row for row in self._last if (row.ours, row.other) == pair]
         return (rows[0].force, rows[0].distance) if rows else (0.0, None)
 
-    def _share(self, row: _Row, dt: float, speed_of: Callable[[str], tuple[float, float]]) -> float:
-        """Return the share of the full rate at which two links can stop before they touch."""
+    def _share(self, row: _Row, closing: float) -> float:
+        """Return the share of the full rate at which two links can stop before they touch.
+
+        closing: how fast they come closer at the full rate [m/s].
+        """
         if row.distance >= self._settings.within:
             return 1.0
+        # Where base and arm move, each of them may use up one half.
+        gap = row.distance / 2 if self._moves == "all" else row.distance
+        return min(self._settings.safe_speed(gap) / max(closing, 1e-9), 1.0)
+
+    def _speeds(
+        self, row: _Row, speed_of: Callable[[str], tuple[float, float]]
+    ) -> tuple[float, float]:
+        """Return how fast two links move, now and at the arm's full rate [m/s]."""
         speeds = [speed_of(link) for link in (row.ours, row.other) if self._is_ours(link)]
-        now = sum(speed for speed, _ in speeds)
-        full = sum(speed for _, speed in speeds)
+        return sum(now for now, _ in speeds), sum(full for _, full in speeds)
+
+    def _closer(self, row: _Row, moved: float) -> float:
+        """Return by which share of the way that two links have moved they came closer [m]."""
         before = self._gaps.get((row.ours, row.other))
         if before is None:
-            closer = 1.0
-        elif now < _STANDING:
-            closer = _SIDEWAYS
-        else:
-            closer = min(max((before - row.distance) / (dt * now), _SIDEWAYS), 1.0)
-        return min(self._settings.safe_speed(row.distance) / max(full * closer, 1e-9), 1.0)
+            return 1.0
+        share = (before - row.distance) / max(moved, _STANDING)
+        return min(max(share, _SIDEWAYS), 1.0)
 
     def _hardest(self, watched: list[_Row]) -> Collision | None:
         settings = self._settings

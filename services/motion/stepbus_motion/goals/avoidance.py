@@ -12,6 +12,9 @@ from .measured import Measured
 from .parts import MOVES, Part, Parts
 from .reports import Reports
 
+_REACH = 0.5
+"""Of the robot from the axis about which its base turns [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AvoidanceSettings:
@@ -66,6 +69,7 @@ class Avoidance:
         self.slowest = ""
         """What the robot was nearest to while the goal slowed down for it; empty: nothing."""
         self._least_scale = 1.0
+        self._is_beside = False
 
     @property
     def held(self) -> str:
@@ -78,7 +82,21 @@ class Avoidance:
         self._back_off, self._replans, self._close = None, 0, None
         self.slowest, self._least_scale = "", 1.0
         self._base_back_off, self._near = None, None
+        self._is_beside = False
         self._monitor_goal(goal, part, grips=goal.type == "grip")
+
+    def join(self, goal: Goal, part: Part, driving: Goal | None = None) -> None:
+        """Watch a goal in the place of another one, or beside that of the base.
+
+        What has happened to the base is not forgotten.
+        """
+        self._back_off, self._replans, self._close = None, 0, None
+        self.slowest, self._least_scale = "", 1.0
+        self._is_beside = driving is not None
+        if self._monitor is not None:
+            touches = [*goal.touches, *(driving.touches if driving is not None else ())]
+            moves = "all" if driving is not None else MOVES[part]
+            self._monitor.start(touches, grips=goal.type == "grip", moves=moves)
 
     def _monitor_goal(self, goal: Goal, part: Part, *, grips: bool = False) -> None:
         if self._monitor is not None:
@@ -94,7 +112,11 @@ class Avoidance:
             return None
         holding = now.gripper is not None and now.gripper.holding
         watch = self._watch = self._monitor.update(
-            now.contacts, holding=holding, dt=dt, speed_of=self._parts.arm.link_speeds()
+            now.contacts,
+            holding=holding,
+            dt=dt,
+            speed_of=self._parts.arm.link_speeds(),
+            base_speed=abs(now.base.vx) + _REACH * abs(now.base.wz),
         )
         if watch.near is not None and not self._is_slow and has_goal:
             self._reports.warn(f"{_gap(watch)}: slower")
@@ -106,12 +128,16 @@ class Avoidance:
         return watch.scale
 
     @property
-    def gap(self) -> float:
-        """Return the distance to the nearest thing that must not be touched [m].
+    def room(self) -> float:
+        """Return how far the base may go until it must not be any closer to something [m].
 
         What contacts do not report may be just beyond their range.
         """
-        return min(self._watch.gap, self._settings.range) if self._watch is not None else math.inf
+        if self._watch is None:
+            return math.inf
+        room = min(self._watch.room, self._settings.range)
+        # Where the arm moves beside the base, each of them may use up one half.
+        return room / 2 if self._is_beside and room < self._settings.range else room
 
     def new_collision(self) -> Collision | None:
         """Return a collision when it starts; each pair of links once for each goal."""

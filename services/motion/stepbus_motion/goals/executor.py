@@ -7,6 +7,7 @@ from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, RunError
 
 from .avoidance import Avoidance, AvoidanceSettings
+from .beside import Companion
 from .measured import Measured
 from .parts import PART_OF, Part, Parts
 from .reports import Reports
@@ -26,7 +27,9 @@ class _Active:
 
 
 class GoalExecutor:
-    """Carries out one goal at a time; a new one cancels the one before.
+    """Carries out one goal at a time; a new one cancels the one before, unless it has `base`.
+
+    Beside a goal of the base, one of the arm or the gripper is carried out, and then another one.
 
     monitor: None: contacts are not checked. In each step: `check`, then `start` where there is a
     new goal, then the commands of the parts, then what `reports` has to publish.
@@ -45,6 +48,8 @@ class GoalExecutor:
         self._avoidance = Avoidance(parts, self.reports, monitor, settings)
         self._lost_planner = ""
         self._active: _Active | None = None
+        self._driving: _Active | None = None
+        self._companion: Companion | None = None
         self._measured: Measured | None = None
 
     def hold(self, now: Measured) -> None:
@@ -54,12 +59,17 @@ class GoalExecutor:
 
     def start(self, goal: Goal, t: float) -> None:
         """Start a goal at a time [s]; its status reports what is wrong with it."""
-        if self._active is not None:
-            text = f"goal {goal.id} came before it was done"
-            self.reports.status(self._active.goal.id, "cancelled", text=text)
         part = PART_OF[goal.type]
-        if self._active is not None and self._active.part != part:
-            self._rest(t)
+        if goal.base is not None and self._joins(part):
+            self._join(goal, part, t)
+            return
+        for old in (self._active, self._driving):
+            if old is not None:
+                text = f"goal {goal.id} came before it was done"
+                self.reports.status(old.goal.id, "cancelled", text=text)
+                if old.part != part:
+                    self._parts.rest(old.part, t)
+        self._driving, self._companion = None, None
         self._avoidance.start(goal, part)
         try:
             text = self._begin(goal, part, t)
@@ -73,6 +83,47 @@ class GoalExecutor:
         self.reports.status(goal.id, "accepted", caution, text)
         self._active = _Active(goal=goal, part=part)
 
+    def _joins(self, part: Part) -> bool:
+        """Return whether a goal of a part can be carried out beside the base's."""
+        drives = self._driving or self._active
+        is_driving = drives is not None and drives.part == "base" and not self._avoidance.backs_off
+        return is_driving and part in {"arm", "gripper"} and self._parts.navigator is not None
+
+    def _join(self, goal: Goal, part: Part, t: float) -> None:
+        """Carry out a goal beside that of the base."""
+        base, navigator, now = self._parts.base, self._parts.navigator, self._measured
+        if base is None or navigator is None or now is None:
+            raise RunError("there is no base to move beside")
+        if self._driving is None:
+            self._driving = self._active
+        elif self._active is not None:
+            text = f"goal {goal.id} came before it was done"
+            self.reports.status(self._active.goal.id, "cancelled", text=text)
+            self._rest(t)
+        self._active = active = _Active(goal=goal, part=part)
+        self._companion = None
+        if self._driving is not None:
+            self._avoidance.join(goal, part, self._driving.goal)
+        text = "beside the base"
+        try:
+            if self._lost_planner:
+                raise Refused("no_plan", self._lost_planner)
+            if part == "arm":
+                self._companion = Companion(
+                    goal=goal,
+                    held=self._avoidance.held,
+                    arm=self._parts.arm,
+                    base=base,
+                    navigator=navigator,
+                )
+            else:
+                text = self._begin(goal, part, t)
+        except RunError as exc:
+            cause = exc.cause if isinstance(exc, Refused) else "invalid"
+            self._end(active, Outcome(state="failed", cause=cause, text=str(exc)))
+            return
+        self.reports.status(goal.id, "accepted", text=text)
+
     def _begin(self, goal: Goal, part: Part, t: float) -> str:
         if self._measured is None:
             raise RunError("nothing has been measured yet")
@@ -85,20 +136,24 @@ class GoalExecutor:
         if self._lost_planner:
             return
         self._lost_planner = text
-        active = self._active
-        if active is not None and active.part != "all":
-            self._rest(t)
-            self._end(active, Outcome(state="failed", cause="no_plan", text=text))
+        failure = Outcome(state="failed", cause="no_plan", text=text)
+        for _ in range(2):
+            active = self._active
+            if active is not None and active.part != "all":
+                self._rest(t)
+                self._end(active, failure)
 
     def check(self, now: Measured, t: float, dt: float) -> None:
         """Compare with what was measured at a time [s], dt after the step before [s]."""
         self._measured = now
         scale = self._avoidance.scale(now, dt, has_goal=self._active is not None)
         if scale is not None or self._parts.base is not None:
-            self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.gap)
+            self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
         ends = self._parts.check(now, t)
         self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
+        if self._driving is not None:
+            self._check_driving(self._driving, ends, collision, lost, t)
         active = self._active
         if active is None:
             self.reports.warn(str(collision) if collision is not None else "", lost)
@@ -106,9 +161,59 @@ class GoalExecutor:
         if not active.is_reported:
             active.is_reported = True
             self.reports.status(active.goal.id, "running")
-        outcome = self._outcome(active, ends, collision, lost, t)
+        if self._companion is not None:
+            outcome = self._accompanied(self._companion, active, ends, t)
+        else:
+            outcome = self._outcome(active, ends, collision, lost, t)
         if outcome is not None:
             self._end(active, outcome)
+
+    def _check_driving(
+        self,
+        driving: _Active,
+        ends: dict[Part, Outcome | None],
+        collision: Collision | None,
+        lost: str,
+        t: float,
+    ) -> None:
+        """Follow the goal of the base while another part moves beside it."""
+        now, active = self._measured, self._active
+        if now is None or active is None:
+            return
+        if collision is not None or lost:
+            # Both stop; then the base backs off.
+            self._rest(t)
+            cause, text = ("collision", f"{collision}") if collision else ("slipped", lost)
+            self._end(active, Outcome(state="failed", cause=cause, text=f"{text}; stopped"))
+            return
+        companion = self._companion
+        try:
+            if companion is not None:
+                companion.check(now, t)
+            end = self._avoidance.approach(driving.goal, "base") or ends["base"]
+            if end is None:
+                if self._parts.base is not None and self._parts.base.is_halting and companion:
+                    companion.postpone(now, t)
+                return
+            self._arrive(driving, end, now, t)
+        except RunError as exc:
+            cause = exc.cause if isinstance(exc, Refused) else "invalid"
+            self._rest(t)
+            self._end(active, Outcome(state="failed", cause=cause, text=str(exc)))
+
+    def _arrive(self, driving: _Active, end: Outcome, now: Measured, t: float) -> None:
+        """Report the end of the base's goal; what moves beside it goes on, unless that failed."""
+        active, self._driving = self._active, None
+        self.reports.status(driving.goal.id, end.state, end.cause, end.text)
+        if active is None:
+            return
+        if end.state != "succeeded":
+            self._rest(t)
+            self._end(active, end)
+            return
+        self._avoidance.join(active.goal, active.part)
+        if self._companion is not None:
+            self._companion.arrived(now, t)
 
     def _outcome(
         self,
@@ -135,6 +240,32 @@ class GoalExecutor:
             return avoidance.evade(goal, part, hindrance, t)
         return avoidance.approach(goal, part) or ends[part]
 
+    def _accompanied(
+        self,
+        companion: Companion,
+        active: _Active,
+        ends: dict[Part, Outcome | None],
+        t: float,
+    ) -> Outcome | None:
+        """Return the end of an arm's goal beside the base's, once it has ended."""
+        now = self._measured
+        if now is None:
+            return None
+        try:
+            end = companion.follow(ends["arm"], now, t)
+            drives, moves = self._driving is not None, companion.phase == "moves"
+            if end is None and drives and moves and self._avoidance.hindrance("arm"):
+                companion.postpone(now, t)
+        except RunError as exc:
+            cause = exc.cause if isinstance(exc, Refused) else "invalid"
+            return Outcome(state="failed", cause=cause, text=str(exc))
+        if end is not None:
+            companion.leave(is_done=end.state == "succeeded")
+        elif companion.phase == "moves" and self._driving is None:
+            # From now on it is a goal like any other.
+            self._companion = None
+        return end
+
     def _stopped(self, active: _Active, end: Outcome | None) -> Outcome | None:
         if end is not None and end.state == "failed":
             return end
@@ -149,7 +280,9 @@ class GoalExecutor:
             late = self._late(active.goal)
             cause, text = ("slower", f"{late}; {text}") if late else (cause, text)
         self.reports.status(active.goal.id, outcome.state, cause, text)
-        self._active = None
+        self._active, self._driving, self._companion = self._driving, None, None
+        if self._active is not None:
+            self._avoidance.join(self._active.goal, self._active.part)
 
     def _late(self, goal: Goal) -> str:
         """Return how much longer than requested a motion took, and why; empty: it did not."""

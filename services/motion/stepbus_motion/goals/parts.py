@@ -26,6 +26,7 @@ PART_OF: Mapping[GoalType, Part] = {
     "drive": "base",
     "turn": "base",
     "go_to": "base",
+    "go_together": "base",
     "grip": "gripper",
     "stop": "all",
 }
@@ -67,7 +68,9 @@ class Parts:
             case "base" if self.base is not None:
                 if self.stow is not None:
                     self.stow.check(now.q)
-                if self.navigator is not None and goal.type == "go_to":
+                if self.navigator is None and goal.type == "go_together":
+                    raise Refused("invalid", "go_together needs a planner")
+                if self.navigator is not None and goal.type in {"go_to", "go_together"}:
                     return self.navigator.start(goal, held, t, now.base)
                 if self.navigator is not None:
                     self.navigator.cancel()

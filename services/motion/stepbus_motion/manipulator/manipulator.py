@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from stepbus_motion.motions.player import MotionPlayer
 from stepbus_motion.motions.trajectory import AlongPath, Rest, Trajectory
 from stepbus_motion.outcome import Outcome, Refused
 from stepbus_motion.paths.joint_path import joint_path
-from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, RunError
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, RunError
 
 from .back_off import BackOffPath
 from .candidates import Candidate, CandidateFinder
@@ -31,6 +32,17 @@ _LINK_RADIUS = 0.1
 
 _AT_ONCE = 1e-6
 """Distance of a target that needs no motion [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beside:
+    """The base moves beside the arm: bases are its poses at which the path of the arm is checked.
+
+    waits: the arm moves only when it is told to.
+    """
+
+    bases: Sequence[Point] = ()
+    waits: bool = False
 
 
 class Manipulator:
@@ -79,6 +91,8 @@ class Manipulator:
         self._blocked = ""
         self._behind = BackOffPath(robot, options.tip)
         self._backs_off = False
+        self._ready: tuple[list[Trajectory], PlannerSearch] | None = None
+        self._beside = Beside()
         self._began_at = 0.0
         self.took: float | None = None
         """How long the last motion took, once it is over [s]."""
@@ -146,15 +160,25 @@ class Manipulator:
         twist = jacobian @ now.velocity
         return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))
 
-    def start(self, goal: Goal, q: Vector, base: BaseState, t: float, *, held: str = "") -> str:
+    def start(
+        self,
+        goal: Goal,
+        q: Vector,
+        base: BaseState,
+        t: float,
+        *,
+        held: str = "",
+        beside: Beside | None = None,
+    ) -> str:
         """Start a goal and return a sentence for its status; the one before is forgotten.
 
-        q: measured. base: odometry. held: link of the world in the gripper. Raises Refused for
-        a goal that cannot be carried out; then the arm comes to rest.
+        q: measured. base: odometry. held: link of the world in the gripper. beside: the base moves
+        meanwhile. Raises Refused for a goal that cannot be carried out; then the arm comes to rest.
         """
         now = self._player.catch_up(t)
         self._route = None
         self._forget()
+        self._beside = beside or Beside()
         self._tip = (goal.tip or self._options.tip) if self._options.tip else ""
         try:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
@@ -166,6 +190,18 @@ class Manipulator:
             if isinstance(exc, Refused):
                 raise
             raise Refused("invalid", str(exc)) from exc
+
+    @property
+    def asks(self) -> bool:
+        """Return whether a planner has been asked and has not answered."""
+        return self._queries.search is not None
+
+    def release(self) -> None:
+        """Move along the path that is known, or as soon as it is."""
+        self._beside = Beside()
+        ready, self._ready = self._ready, None
+        if ready is not None:
+            self._follow(*ready)
 
     def next_request_id(self) -> int:
         """Return the id of a request to the planner that somebody else makes."""
@@ -190,6 +226,12 @@ class Manipulator:
             self._fail(self._queries.try_next(search, exc, t))
             return
         self._queries.cancel()
+        if self._beside.waits:
+            self._ready = (parts, search)
+        else:
+            self._follow(parts, search)
+
+    def _follow(self, parts: list[Trajectory], search: PlannerSearch) -> None:
         self._route = search
         self._then(parts)
         # What follows the plan is a given path, such as a line: no other one can replace it.
@@ -298,7 +340,8 @@ class Manipulator:
         )
 
     def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
-        search = self._queries.make(goal, held, rest, candidates, self._player.clock.t)
+        bases = self._beside.bases
+        search = self._queries.make(goal, held, rest, candidates, self._player.clock.t, bases=bases)
         candidate = search.candidate
         if _is_there(rest, candidate) and not candidate.paths:
             self._then([Rest(rest)])
@@ -317,6 +360,7 @@ class Manipulator:
         self._settle, self._verdict = None, None
         self._blocked, self._route_ends, self.caution = "", 0.0, ""
         self._backs_off = False
+        self._ready, self._beside = None, Beside()
 
     def _brake(self, now: JointMotion, *, hard: bool = False) -> Vector:
         self._backs_off = False

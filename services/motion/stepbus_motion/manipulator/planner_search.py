@@ -9,7 +9,7 @@ import numpy as np
 from stepbus_kinematics import Vector
 from stepbus_motion.outcome import Refused
 from stepbus_motion.paths.joint_path import JointPath
-from stepbus_schemas import Goal, Plan, PlanRequest
+from stepbus_schemas import Goal, Plan, PlanRequest, Point
 
 from .candidates import Candidate
 
@@ -29,7 +29,8 @@ _APART = 0.02
 class PlannerSearch:
     """The candidates of a goal, and what the planner is asked about the current one.
 
-    rest: where the arm waits, shape (n,) [rad]. asked_at: time of the newest request [s].
+    rest: where the arm waits, shape (n,) [rad]. asked_at: time of the newest request [s]. bases:
+    poses of the base at which the path has to be free; empty: where it stands.
     """
 
     goal: Goal
@@ -40,6 +41,7 @@ class PlannerSearch:
     asked_at: float
     request: PlanRequest
     refusals: list[str] = field(default_factory=list)
+    bases: list[Point] = field(default_factory=list)
 
 
 class PlannerQueries:
@@ -56,7 +58,14 @@ class PlannerQueries:
         self.search: PlannerSearch | None = None
 
     def make(
-        self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate], t: float
+        self,
+        goal: Goal,
+        held: str,
+        rest: Vector,
+        candidates: Iterator[Candidate],
+        t: float,
+        *,
+        bases: Sequence[Point] = (),
     ) -> PlannerSearch:
         """Return a search for a goal; raises Refused where it has no candidate."""
         candidate = next(candidates)
@@ -67,7 +76,8 @@ class PlannerQueries:
             candidates=candidates,
             candidate=candidate,
             asked_at=t,
-            request=self._request(goal, held, rest, candidate),
+            request=self._request(goal, held, rest, candidate, bases),
+            bases=list(bases),
         )
 
     def ask(self, search: PlannerSearch) -> None:
@@ -112,11 +122,20 @@ class PlannerQueries:
             tried = f"{count} solutions were tried; the last: " if count > 1 else ""
             return Refused(problem.cause, f"{tried}{problem}")
         search.candidate, search.asked_at = candidate, t
-        search.request = self._request(search.goal, search.held, search.rest, candidate)
+        search.request = self._request(
+            search.goal, search.held, search.rest, candidate, search.bases
+        )
         self.ask(search)
         return None
 
-    def _request(self, goal: Goal, held: str, rest: Vector, candidate: Candidate) -> PlanRequest:
+    def _request(
+        self,
+        goal: Goal,
+        held: str,
+        rest: Vector,
+        candidate: Candidate,
+        bases: Sequence[Point],
+    ) -> PlanRequest:
         """Return a request for a way to a candidate, and for the check of the paths from there."""
         return PlanRequest(
             id=self.next_id(),
@@ -126,6 +145,7 @@ class PlannerQueries:
             touches=list(goal.touches),
             path=checked_points(candidate.paths),
             load=self.load,
+            bases=list(bases),
         )
 
 
