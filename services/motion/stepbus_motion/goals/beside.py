@@ -50,7 +50,7 @@ class Companion:
         self.navigator.is_accompanied = True
         if self.phase == "waits for a route" and self.navigator.has_route:
             self._ask(now, t)
-        elif self.phase == "asked" and not self.arm.asks and self._may_move():
+        elif self.phase == "asked" and self.arm.is_ready and self._may_move():
             self._move()
 
     def follow(self, end: Outcome | None, now: Measured, t: float) -> Outcome | None:

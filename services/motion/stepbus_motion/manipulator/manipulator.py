@@ -192,9 +192,11 @@ class Manipulator:
             raise Refused("invalid", str(exc)) from exc
 
     @property
-    def asks(self) -> bool:
-        """Return whether a planner has been asked and has not answered."""
-        return self._queries.search is not None
+    def is_ready(self) -> bool:
+        """Return whether a path waits for `release`, or none is needed."""
+        return self._ready is not None or (
+            self._settle is not None and self._queries.search is None
+        )
 
     def release(self) -> None:
         """Move along the path that is known, or as soon as it is."""
