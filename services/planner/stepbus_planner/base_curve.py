@@ -24,6 +24,12 @@ _TURNS = (0.0, 0.5, 1.0)
 _CUTS = (0.45, 0.3, 0.15)
 """Distances from a corner at which a curve around it begins, the largest first [m]."""
 
+_SHARPEST = 3.0
+"""Largest curvature of a curve [1/m]."""
+
+_SHARPEST_CORNER = 6.0
+"""The same where a corner is cut [1/m]."""
+
 _STOP = 0.3
 """What each stop on the way costs besides [s]."""
 
@@ -54,11 +60,12 @@ class SmoothRoute:
     """Poses along a route, each x, y, yaw [m, rad]; the first one is the start.
 
     Between two poses the base turns on the spot, where they have the same position, or drives an
-    arc. seconds: estimated.
+    arc. seconds: estimated. sharpest: largest curvature [1/m].
     """
 
     poses: tuple[Point, ...]
     seconds: float
+    sharpest: float = 0.0
 
     @property
     def length(self) -> float:
@@ -83,7 +90,8 @@ def direct_routes(start: Point, goal: Point, pace: BasePace) -> list[SmoothRoute
         for handle in _HANDLES:
             points = _bezier(a, first - flip, b, last - flip, handle)
             found.append(_route((start, goal), points, (first, last), pace, back=back))
-    return sorted(found, key=lambda route: route.seconds)
+    smooth = [route for route in found if route.sharpest <= _SHARPEST]
+    return sorted(smooth, key=lambda route: route.seconds)
 
 
 def rounded_routes(
@@ -100,7 +108,8 @@ def rounded_routes(
             flip = math.pi if back else 0.0
             first, last = (math.atan2(*(q - p)[::-1]) + flip for p, q in _ends(points))
             both.append(_route((start, goal), points, (first, last), pace, back=back))
-        yield from sorted(both, key=lambda route: route.seconds)
+        smooth = [route for route in both if route.sharpest <= _SHARPEST_CORNER]
+        yield from sorted(smooth, key=lambda route: route.seconds)
 
 
 def _ends(points: Vector) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
@@ -134,7 +143,7 @@ def _route(
     curvature = float((np.abs(np.diff(yaws)) / steps).max())
     seconds = pace.turn(wrapped(first - start[2])) + pace.turn(wrapped(goal[2] - yaws[-1]))
     seconds += pace.line(float(steps.sum()), curvature)
-    return SmoothRoute(poses=tuple(poses), seconds=seconds)
+    return SmoothRoute(poses=tuple(poses), seconds=seconds, sharpest=curvature)
 
 
 def _yaws(points: Vector, first: float, last: float, *, back: bool) -> list[float]:

@@ -30,6 +30,9 @@ _LONGEST_ESCAPE = 0.6
 
 _ESCAPE_STEP = 0.02
 
+_ROOM = 0.12
+"""By how much farther away the base first looks for a detour [m]."""
+
 _STRAIGHT = 1e-6
 """Change of the heading between two poses up to which the base drives straight [rad]."""
 
@@ -106,16 +109,22 @@ class BasePlanner:
         for route in direct_routes(start, goal, self._pace):
             if self._is_clear(route, outlines):
                 return route, "direct"
-        corners = self._route(np.array(start[:2]), np.array(goal[:2]), outlines)
+        a, b = np.array(start[:2]), np.array(goal[:2])
+        corners = None
+        for extra in (_ROOM, 0.0):
+            # Corners that keep some distance can be cut.
+            wide = BasePlanner(
+                self._obstacles, self._radius + extra, self._half_width + extra, self._pace
+            )
+            corners = wide._route(a, b, outlines)
+            if corners is None:
+                continue
+            for route in rounded_routes(start, goal, corners, self._pace):
+                if self._is_clear(route, outlines):
+                    return route, _detour(corners)
         if corners is None:
             return None, ""
-        for route in rounded_routes(start, goal, corners, self._pace):
-            if self._is_clear(route, outlines):
-                break
-        else:
-            route = _with_corners(start, goal, corners)
-        bends = len(corners) - 2
-        return route, f"detour with {bends} corner{'s' if bends > 1 else ''}"
+        return _with_corners(start, goal, corners), _detour(corners)
 
     def _is_clear(self, route: SmoothRoute, outlines: Sequence[_Outline]) -> bool:
         """Return whether the base may drive along a route; where it turns, its disc counts."""
@@ -195,6 +204,11 @@ class BasePlanner:
         if path is None:
             return None
         return [a, *(low + _CELL * np.array(cell) for cell in path[1:-1]), b]
+
+
+def _detour(corners: Sequence[Vector]) -> str:
+    bends = len(corners) - 2
+    return f"detour with {bends} corner{'s' if bends > 1 else ''}"
 
 
 def _with_corners(start: Point, goal: Point, corners: Sequence[Vector]) -> SmoothRoute:

@@ -15,8 +15,8 @@ from stepbus_schemas import BaseState, Point
 LEAST_ARC = 1e-3
 """Distance of two poses below which the base turns on the spot [m]."""
 
-_TANGENT = 0.03
-"""Largest difference of an arc's chord from the mean of its headings [rad]."""
+_BESIDE = 3e-3
+"""How far beside an arc its end may be [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,12 +155,13 @@ def turn_to(yaw: float) -> PlannedSegment:
 
 def arc_direction(a: Point, b: Point) -> int:
     """Return whether an arc leads from one pose to another: 1, backwards: -1, none does: 0."""
-    if math.dist(a[:2], b[:2]) < LEAST_ARC:
+    length = math.dist(a[:2], b[:2])
+    if length < LEAST_ARC:
         return 0
     chord = math.atan2(b[1] - a[1], b[0] - a[0])
     middle = a[2] + wrapped(b[2] - a[2]) / 2
     for direction, heading in ((1, middle), (-1, middle + math.pi)):
-        if abs(wrapped(chord - heading)) < _TANGENT:
+        if length * abs(wrapped(chord - heading)) < _BESIDE:
             return direction
     return 0
 
