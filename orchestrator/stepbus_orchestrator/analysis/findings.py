@@ -79,12 +79,17 @@ class _Count:
 
 @dataclass
 class _Watched:
-    """A port whose values have limits. receiver: who applies them; empty for a reference."""
+    """A port whose values have limits.
+
+    receiver: who applies them; empty for a reference. own: limits of the sender, by joint.
+    has_targets: whether positions are checked too.
+    """
 
     port: Port
     receiver: str
     joints: Mapping[str, Joint]
     own: Mapping[str, float]
+    has_targets: bool = True
     torques: dict[str, _Count] = field(default_factory=dict)
     targets: dict[str, _Count] = field(default_factory=dict)
 
@@ -94,7 +99,7 @@ class _Watched:
             joint = self.joints.get(name)
             if joint is None:
                 continue
-            if self.port.type == REFERENCE or modes == {"position"}:
+            if self.port.type == REFERENCE or (modes == {"position"} and self.has_targets):
                 quantity = "position" if self.port.type == REFERENCE else "values"
                 if (values := signal.of(quantity, name)) is not None:
                     self.targets.setdefault(name, _Count()).take_targets(values, joint)
@@ -177,14 +182,19 @@ def _watched(
     rows: Mapping[str, Mapping[str, Any]],
     plants: Mapping[str, Mapping[str, Joint]],
 ) -> Iterator[_Watched]:
-    """Yield the ports with limits: commands with those of their plant, references with all."""
+    """Yield the ports with limits: commands with those of their plant, references with all.
+
+    Targets of plants that report events are left out: these warn of them by themselves.
+    """
+    reporting = {split_topic(port.topic)[0] for port in recording.of_type("Event/1")}
     for port in recording.of_type(COMMAND):
         efforts = port.description.limits.get("effort", ())
         own = dict(zip(port.names, efforts, strict=False))
         for name, joints in plants.items():
             if port.topic in _sources(rows.get(name, {})):
-                yield _Watched(port, name, joints, own)
-    every = {name: joint for joints in plants.values() for name, joint in joints.items()}
+                yield _Watched(port, name, joints, own, has_targets=name not in reporting)
+    silent = (joints for name, joints in plants.items() if name not in reporting)
+    every = {name: joint for joints in silent for name, joint in joints.items()}
     for port in recording.of_type(REFERENCE):
         yield _Watched(port, "", every, {})
 
