@@ -5,6 +5,8 @@ import math
 import pytest
 from support.services.mission_store import FakeStore, sell, shelf_a
 
+from stepbus_schemas import BaseState
+
 DRIFT = (0.03, -0.02, 0.05)
 GOODS = (("cola", 2), ("water", 4), ("juice", 5))
 
@@ -91,3 +93,18 @@ def test_several_sales_in_a_row():
     assert result.end == "mission: 3 of 3 sales are done"
     xs = [on_the_map(store, name)[0] for name in ("cola_a1_2", "water_a1_4", "juice_a1_5")]
     assert xs == pytest.approx([0.03, 0.15, 0.27])
+
+
+def test_the_report_names_who_has_measured():
+    assert honest()[1].summary.endswith("placed within 0.0 mm by the camera")
+    true = sell(FakeStore(shelf_a(*GOODS)), orders=["cola"])
+    assert "placed within 0.0 mm by the true poses, other items" in true.summary
+
+
+def test_without_a_world_model_everything_stops():
+    store = FakeStore(shelf_a(*GOODS), drift=DRIFT)
+    pose = store.pose
+    nowhere = BaseState(x=math.inf, y=math.inf, yaw=0.0, vx=0.0, wz=0.0)
+    store.pose = lambda: nowhere if store.sent.get("inspect") else pose()
+    result = sell(store, verification="camera")
+    assert "nobody knows where the base is; everything is at rest" in result.error

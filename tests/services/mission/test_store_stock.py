@@ -128,7 +128,7 @@ def test_the_columns_of_the_summary_are_aligned():
         SaleResult(number=n, item=item, attempts=1, detection_error=1e-3, place_error=6e-4, moved=0.0, duration=31.2)
         for n, item in ((1, "cola_a1_3"), (2, "juice_b2_12"))
     ]  # fmt: skip
-    assert summary(rows, 3, 80.0, "sale 3 failed").splitlines() == [
+    assert summary(rows, 3, 80.0, failure="sale 3 failed").splitlines() == [
         "sale  item         attempts  detection  place   others  duration",
         "1     cola_a1_3    1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
         "2     juice_b2_12  1         1.0 mm     0.6 mm  0.0 mm  31.2 s",

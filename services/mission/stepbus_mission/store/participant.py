@@ -4,6 +4,7 @@ Run as `python -m stepbus_mission.store`. `states.py` has the table of states, `
 of each state, `checks.py` and `detection.py` decide when a state ends.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,7 +29,7 @@ from stepbus_schemas import (
 from .checks import PLANNABLE, check_of
 from .goals import GOALS
 from .params import Params, unknown_type
-from .report import Unsold, summary
+from .report import WITNESSES, Unsold, summary
 from .state import Inputs, Level, LogEntry, Outcome, StoreState, Visit
 from .states import FIRST, LAST, STATES
 from .stock import Stock
@@ -172,9 +173,8 @@ class StoreMission(Participant):
 
     def _advance(self, store: StoreState) -> Goal | None:
         """Change states until one has to wait; return its goal, if it sends one."""
-        found = store.inputs.detections
-        if found is not None and not found.frame and store.visit.state not in ("stop", *LAST):
-            lost = Outcome(name="failed", cause="no_perception", text="perception has failed")
+        lost = _lost(store.inputs)
+        if lost is not None and store.visit.state not in ("stop", *LAST):
             return self._go_to(store, "stop", lost)
         while True:
             outcome = check_of(store.visit.state)(store)
@@ -242,9 +242,24 @@ class StoreMission(Participant):
     def _report(self, store: StoreState) -> list[LogEntry]:
         orders, duration = len(self._settings.orders), store.since(0)
         text = summary(
-            store.results, orders, duration, failure=self._failure, unsold=_all_unsold(store)
+            store.results,
+            orders,
+            duration,
+            failure=self._failure,
+            unsold=_all_unsold(store),
+            by=WITNESSES[self._settings.verification],
         )
         return [("info", text)]
+
+
+def _lost(inputs: Inputs) -> Outcome | None:
+    """Return that a participant has failed whose safe messages show it."""
+    found, pose = inputs.detections, inputs.pose
+    if found is not None and not found.frame:
+        return Outcome(name="failed", cause="no_perception", text="perception has failed")
+    if pose is not None and not math.isfinite(pose.x + pose.y + pose.yaw):
+        return Outcome(name="failed", cause="no_pose", text="nobody knows where the base is")
+    return None
 
 
 def _all_unsold(store: StoreState) -> list[Unsold]:

@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
+WITNESSES = {"camera": " by the camera", "truth": " by the true poses"}
+"""Who verifies a sale → a phrase for the summary."""
+
 _HEADER = ("sale", "item", "attempts", "detection", "place", "others", "duration")
 
 
@@ -65,17 +68,20 @@ def summary(
     results: Sequence[SaleResult],
     orders: int,
     duration: float,
+    *,
     failure: str = "",
     unsold: Sequence[Unsold] = (),
+    by: str = "",
 ) -> str:
     """Return the table and a summary line.
 
-    orders: number of orders. duration: of the mission [s]. failure: why it ended early.
+    orders: number of orders. duration: of the mission [s]. failure: why it ended early. by: of
+    `WITNESSES`: who has measured all this.
     """
     last = f"{len(results)} of {orders} sales in {duration:.1f} s"
     if results:
         place = max(result.place_error for result in results) * 1e3
-        last += f"; placed within {place:.1f} mm"
+        last += f"; placed within {place:.1f} mm{by}"
         moved = [result.moved for result in results if result.moved is not None]
         if moved:
             last += f", other items moved up to {max(moved) * 1e3:.1f} mm"
