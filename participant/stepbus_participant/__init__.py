@@ -5,7 +5,16 @@ from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ti
 from .config import Config, Ports
 from .config.plugins import make_plugin
 from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
-from .files import find_file, last_error, package_path, parse_urdf, read_urdf_text, urdf_warnings
+from .files import (
+    Mimic,
+    find_file,
+    last_error,
+    mimics,
+    package_path,
+    parse_urdf,
+    read_urdf_text,
+    urdf_warnings,
+)
 from .hosting import HOST, Host
 from .main import main, take_part
 from .methods import CallError, Method
@@ -41,6 +50,7 @@ __all__ = [
     "LoopbackBus",
     "MessageFault",
     "Method",
+    "Mimic",
     "ModelFile",
     "Name",
     "Names",
@@ -79,6 +89,7 @@ __all__ = [
     "load_types",
     "main",
     "make_plugin",
+    "mimics",
     "need",
     "needed_when",
     "package_path",

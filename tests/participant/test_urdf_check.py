@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stepbus_orchestrator.cli import main
-from stepbus_participant import package_path, read_urdf_text, urdf_warnings
+from stepbus_participant import package_path, parse_urdf, read_urdf_text, urdf_warnings
 from stepbus_schemas import WiringError
 
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="3"/>'
@@ -58,9 +58,11 @@ CASES = {
     "unknown type": ('"revolute"', '"hinge"', "6: joint 'j': unknown type 'hinge'; known: revolute, continuous, prismatic, fixed, floating, planar, spherical"),
     "unknown child": ('child link="arm"', 'child link="amr"', "6: joint 'j': its child 'amr' is no link; did you mean 'arm'?"),
     "no parent": ('<parent link="base"/>', "", "6: joint 'j' has no <parent link=\"…\"/>"),
+    "follows nothing": ("</joint>", '<mimic joint="jj"/></joint>', "8: joint 'j' follows joint 'jj', which is none that moves; did you mean 'j'?"),
+    "follows itself": ("</joint>", '<mimic joint="j"/></joint>', "8: joint 'j' follows 'j', which follows 'j'; let both follow that"),
     "link twice": ('<link name="base"/>', '<link name="arm"/>', "3: link 'arm' is there twice, first in line 2"),
     "joint twice": ("</joint>", '</joint><joint name="j" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: joint 'j' is there twice, first in line 6"),
-    "two parents": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: link 'arm' is the child of joints 'j' and 'k'; a robot is a tree"),
+    "two parents": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: link 'arm' is the child of joints 'j' and 'k'; a robot is a tree, closed chains are not supported"),
     "a circle": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="arm"/><child link="base"/></joint>', "8: links base, arm are in a circle of joints; a robot is a tree"),
     "two roots": ('<link name="base"/>', '<link name="base"/><link name="alone"/>', "2: has 2 roots: base, alone; connect them by joints"),
     "no name": ('<link name="base"/>', "<link/>", "2: a <link> has no name"),
@@ -135,9 +137,9 @@ def test_well_known_robots_pass(url):
 def test_what_the_engine_computes_otherwise_is_a_warning(tmp_path, before, after, note):
     text = ARM.replace(before, after)
     assert problems(tmp_path, text) == []
-    (found,) = urdf_warnings(text)
+    (found,) = urdf_warnings(parse_urdf(text))
     assert found.startswith(note)
-    assert urdf_warnings(ARM) == []
+    assert urdf_warnings(parse_urdf(ARM)) == []
 
 
 def copy_of_two_link(folder, before, after, world=("", "")):

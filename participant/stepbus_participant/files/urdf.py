@@ -8,7 +8,7 @@ from stepbus_participant.extras import need
 from stepbus_schemas import WiringError
 
 from .paths import package_path
-from .urdf_check import parse_urdf, urdf_notes, urdf_problems
+from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
 
@@ -27,9 +27,9 @@ def read_urdf_text(path: Path) -> str:
     return text
 
 
-def urdf_warnings(text: str) -> list[str]:
+def urdf_warnings(root: Element) -> list[str]:
     """Return what engines compute otherwise than a checked URDF says, a sentence each."""
-    return urdf_notes(parse_urdf(text))
+    return urdf_notes(root)
 
 
 def _check(path: Path, text: str) -> None:

@@ -8,6 +8,7 @@ drops such an <inertial>. What both handle alike, such as a massless link that s
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
@@ -51,6 +52,27 @@ def parse_urdf(text: str) -> Element:
     parser.Parse(_DECLARATION.sub("", text, count=1).rstrip("\0 \t\r\n"), True)
     root: Any = builder.close()
     return root  # type: ignore[no-any-return]  # what the factory made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mimic:
+    """A joint that follows another one: q = multiplier · q of `joint` + offset [rad or m]."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+def mimics(root: Element) -> dict[str, Mimic]:
+    """Return the joints of a checked URDF that follow another one."""
+    found = {}
+    for joint in root.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None and joint.get("type") in MOVING:
+            values = {key: _value(mimic, key) for key in ("multiplier", "offset")}
+            given = {key: value for key, value in values.items() if value is not None}
+            found[joint.get("name", "")] = Mimic(joint=mimic.get("joint", ""), **given)
+    return found
 
 
 def urdf_problems(root: Element) -> list[tuple[int, str]]:
@@ -105,6 +127,7 @@ class _Robot:
             kind = joint.get("type")
             if kind not in _TYPES:
                 yield joint.line, f"{who}: unknown type {kind!r}{suggest(kind, _TYPES)}"
+            yield from self._mimic(joint, who)
             for end in ("parent", "child"):
                 element = joint.find(end)
                 name = None if element is None else element.get("link")
@@ -115,6 +138,25 @@ class _Robot:
                     yield element.line, text
             yield from _limits(joint, who, kind)
 
+    def _mimic(self, joint: Any, who: str) -> Found:
+        """Yield what is wrong with the joint that a joint follows."""
+        mimic = joint.find("mimic")
+        if mimic is None:
+            return
+        moving = {other.get("name"): other for other in self._joints if other.get("type") in MOVING}
+        name = mimic.get("joint")
+        if name not in moving:
+            text = f"{who} follows joint {name!r}, which is none that moves"
+            yield mimic.line, text + suggest(name, moving)
+        elif moving[name].find("mimic") is not None:
+            followed = moving[name].find("mimic").get("joint")
+            text = f"{who} follows {name!r}, which follows {followed!r}; let both follow that"
+            yield mimic.line, text
+        for key in ("multiplier", "offset"):
+            if mimic.get(key) is not None and _value(mimic, key) is None:
+                text = f"{who}: {key}={mimic.get(key)!r} of <mimic> is no finite number"
+                yield mimic.line, text
+
     def tree(self) -> Found:
         """Yield why the joints make no tree of the links."""
         parents: dict[str, Any] = {}
@@ -123,7 +165,7 @@ class _Robot:
             if child in parents:
                 first = parents[child].get("name")
                 text = f"link {child!r} is the child of joints {first!r} and {joint.get('name')!r}"
-                yield joint.line, f"{text}; a robot is a tree"
+                yield joint.line, f"{text}; a robot is a tree, closed chains are not supported"
             parents.setdefault(child, joint)
             above = joint.find("parent").get("link")
             self._children.setdefault(above, []).append(child)

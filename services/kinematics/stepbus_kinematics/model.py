@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from stepbus_participant import suggest
+from stepbus_participant import mimics, parse_urdf, suggest
 from stepbus_schemas import RunError, WiringError
 
 from .urdf import joint_problems, link_names, link_problems, load_urdf, movable_joints, posture_of
@@ -41,8 +41,8 @@ class RobotModel:
 
     path: URDF or `.xacro`. joints: those that move, in the order of every vector of shape (n,);
     None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those not named
-    are at neutral. gravity: in the base, shape (3,) [m/s²]. bounded: every joint needs position
-    limits. links: which the model must have.
+    are at neutral; those with `<mimic>` follow theirs. gravity: in the base, shape (3,) [m/s²].
+    bounded: every joint needs position limits. links: which the model must have.
 
     lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
     prismatic ones, here and everywhere, [m, m/s, N]. load: what it carries [kg].
@@ -63,9 +63,11 @@ class RobotModel:
     ) -> None:
         self.path = path
         self.text, self.full = load_urdf(path)
-        self.joints = movable_joints(self.full) if joints is None else tuple(joints)
+        self._mimics = mimics(parse_urdf(self.text))
+        movable = [name for name in movable_joints(self.full) if name not in self._mimics]
+        self.joints = tuple(movable if joints is None else joints)
         self._check(posture or {}, links, bounded=bounded)
-        self.stance: Vector = posture_of(self.full, posture or {})
+        self.stance: Vector = posture_of(self.full, self._with_followers(posture or {}))
         self.model: Any = self._reduced()
         self.model.gravity.linear = np.array(gravity, dtype=np.float64)
         self.data: Any = self.model.createData()
@@ -78,16 +80,31 @@ class RobotModel:
         problems = joint_problems(self.full, self.joints, file, bounded=bounded)
         problems += joint_problems(self.full, others, file, bounded=True)
         problems += [f"joint {name!r} is in joints, too" for name in others if name in self.joints]
+        problems += [
+            f"joint {name!r} of {file} follows {self._mimics[name].joint!r}; name that one"
+            for name in (*self.joints, *others)
+            if name in self._mimics
+        ]
         problems += link_problems(self.full, links, file)
         if not self.joints:
             problems.append(f"{self.path} has no movable joint")
         if problems:
             raise WiringError("\n".join(problems))
 
+    def _with_followers(self, posture: Mapping[str, float]) -> dict[str, float]:
+        """Return a posture with the joints that follow others where these take them."""
+        followed = {
+            name: mimic.multiplier * posture.get(mimic.joint, 0.0) + mimic.offset
+            for name, mimic in self._mimics.items()
+        }
+        return {**posture, **followed}
+
     def locked(self) -> list[int]:
         """Return the Pinocchio numbers of the joints that stand still."""
+        moving = {name for name, mimic in self._mimics.items() if mimic.joint in self.joints}
+        moving |= set(self.joints)
         names = movable_joints(self.full)
-        return [self.full.getJointId(name) for name in names if name not in self.joints]
+        return [self.full.getJointId(name) for name in names if name not in moving]
 
     def _reduced(self) -> Any:
         locked = self.locked()
@@ -106,10 +123,25 @@ class RobotModel:
         self._in_velocity = np.array([model.idx_vs[i] for i in ids], dtype=np.intp)
         self._plain, self._in_plain = np.flatnonzero(~continuous), position[~continuous]
         self._turning, self._in_turning = np.flatnonzero(continuous), position[continuous]
+        self._index_followers()
         self.lower: Vector = np.where(continuous, -np.inf, model.lowerPositionLimit[position])
         self.upper: Vector = np.where(continuous, np.inf, model.upperPositionLimit[position])
         self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
         self.effort_limit: Vector = np.array(model.upperEffortLimit)[self._in_velocity]
+
+    def _index_followers(self) -> None:
+        """Find where the joints that follow one of `joints` are in Pinocchio's vectors."""
+        model = self.model
+        rows = [
+            (model.getJointId(name), self.joints.index(mimic.joint), mimic)
+            for name, mimic in self._mimics.items()
+            if mimic.joint in self.joints
+        ]
+        self._followed = np.array([leader for _, leader, _ in rows], dtype=np.intp)
+        self._gear: Vector = np.array([mimic.multiplier for _, _, mimic in rows], dtype=float)
+        self._offset: Vector = np.array([mimic.offset for _, _, mimic in rows], dtype=float)
+        self._follower_v = np.array([model.idx_vs[number] for number, _, _ in rows], dtype=np.intp)
+        self._follower_q = [(model.idx_qs[number], model.nqs[number]) for number, _, _ in rows]
 
     def unit(self, joint: str) -> str:
         """Return the unit of a joint's position: m of a prismatic one, else rad."""
@@ -136,7 +168,21 @@ class RobotModel:
             # Pinocchio stores the cosine and sine of a continuous joint's angle.
             angle = q[self._turning]
             out[self._in_turning], out[self._in_turning + 1] = np.cos(angle), np.sin(angle)
+        if self._followed.size:
+            followers = self._gear * q[self._followed] + self._offset
+            for (at, size), value in zip(self._follower_q, followers, strict=True):
+                out[at : at + size] = value if size == 1 else (np.cos(value), np.sin(value))
         return out
+
+    def _of_joints(self, values: Any) -> Vector:
+        """Return what Pinocchio has for each degree of freedom, last axis, for the joints.
+
+        That of a follower adds to its joint's, by the gear between them.
+        """
+        found: Vector = values[..., self._in_velocity]
+        for leader, gear, at in zip(self._followed, self._gear, self._follower_v, strict=True):
+            found[..., leader] += gear * values[..., at]
+        return found
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's number of a link, or of another frame where no link has that name.
@@ -184,7 +230,7 @@ class RobotModel:
         pin.updateFramePlacement(self.model, self.data, number)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         matrix = pin.getFrameJacobian(self.model, self.data, number, axes)
-        return self.data.oMf[number], matrix[:, self._in_velocity]
+        return self.data.oMf[number], self._of_joints(matrix)
 
     def inverse_dynamics(self, q: Vector, v: Vector, a: Vector) -> Vector:
         """Return the torques M(q) a + C(q, v) v + g(q), shape (n,) [N·m].
@@ -194,8 +240,12 @@ class RobotModel:
         """
         rates = np.zeros((2, self.model.nv))
         rates[:, self._in_velocity] = v, a
-        torque: Vector = pin.rnea(self.model, self.data, self.in_model(q), *rates)
-        return torque[self._in_velocity]
+        if self._followed.size:
+            rates[:, self._follower_v] = (
+                self._gear * v[self._followed],
+                self._gear * a[self._followed],
+            )
+        return self._of_joints(pin.rnea(self.model, self.data, self.in_model(q), *rates))
 
     def carry(self, mass: float, frame: str) -> None:
         """Count a mass at the origin of a frame in all torques from now on, instead of the last.
@@ -220,8 +270,8 @@ class RobotModel:
 
         q: shape (n,) [rad].
         """
-        torque: Vector = pin.computeGeneralizedGravity(self.model, self.data, self.in_model(q))
-        return torque[self._in_velocity]
+        torque = pin.computeGeneralizedGravity(self.model, self.data, self.in_model(q))
+        return self._of_joints(torque)
 
     def overload(
         self, q: Vector, among: Indices | None = None, share: float = 1.0

@@ -156,10 +156,19 @@ def test_a_joint_that_pinocchio_calls_continuous_is_described_as_such(tmp_path):
     assert plant.describe().limits["lower"] == [-math.inf]
 
 
-def test_joints_of_several_degrees_of_freedom_are_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("joint_type", "instead"),
+    [
+        ("spherical", "three revolute"),
+        ("planar", "two prismatic"),
+        ("floating", "without `fixed_base` floats"),
+    ],
+)
+def test_joints_of_several_degrees_of_freedom_are_refused(tmp_path, joint_type, instead):
     make_plant(tmp_path)
-    (tmp_path / "ball.urdf").write_text(WHEEL.format(type="spherical", limit=LIMIT))
-    with pytest.raises(WiringError, match=r"joint 'axle' of .*ball\.urdf is spherical"):
+    (tmp_path / "ball.urdf").write_text(WHEEL.format(type=joint_type, limit=LIMIT))
+    match = rf"ball\.urdf: joint 'axle' is {joint_type}, which is not supported; .*{instead}"
+    with pytest.raises(WiringError, match=match):
         make_plant(tmp_path, body("b", "ball"))
 
 

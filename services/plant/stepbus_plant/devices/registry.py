@@ -213,6 +213,8 @@ def _joint_problem(name: str, joints: Mapping[str, Joint], *, rotary: bool) -> s
     joint = joints[name]
     if joint.is_rotary != rotary:
         return f"joint {name!r} is {joint.type}, not {'revolute' if rotary else 'prismatic'}"
+    if joint.mimic is not None:
+        return f"joint {name!r} follows {joint.mimic.joint!r} (<mimic>); give it `mimic: false`"
     if joint.effective_mode != "velocity":
         return f"joint {name!r} has mode {joint.effective_mode}; give it mode velocity"
     return None

@@ -87,6 +87,8 @@ class JointCalls:
                 f"joint {name} cannot be teleported to {position:g}; its limits are "
                 f"[{joint.lower:g}, {joint.upper:g}]{degrees_hint(joint, position)}"
             )
+        if joint.mimic is not None:
+            raise CallError(f"joint {name} follows joint {joint.mimic.joint!r}; teleport that one")
         self._physics.teleport(joint, float(position), 0.0)
         drive, index = self._drives[joint.name]
         drive.teleport(index, float(position))

@@ -44,7 +44,12 @@ class Warnings:
         for index, joint in enumerate(joints):
             value = command.values[index]
             effort = joint.effort if limits is None else min(joint.effort, limits[index])
-            if not joint.motor:
+            if joint.mimic is not None:
+                text = (
+                    f"follows joint {joint.mimic.joint!r} (<mimic> of its URDF); command that one"
+                )
+                self._add(joint, "mimic", text)
+            elif not joint.motor:
                 text = "has no motor (world file: motor: false); it swings freely"
                 self._add(joint, "motor", text)
             elif command.mode == "torque":

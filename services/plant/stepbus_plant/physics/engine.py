@@ -1,12 +1,12 @@
 """The physics engine: headless PyBullet with a world loaded."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import pybullet as bullet
 
-from stepbus_participant import suggest, urdf_warnings
+from stepbus_participant import Mimic, mimics, parse_urdf, suggest, urdf_warnings
 from stepbus_participant.parameters import Keys
 from stepbus_plant.errors import PhysicsError
 from stepbus_plant.params import Params
@@ -22,9 +22,14 @@ from .joint import (
     is_movable,
     make_joint,
     name_uniquely,
-    unsupported_type,
+    refuse_unsupported,
     with_efforts,
 )
+
+_GEAR_ERP = 0.2
+"""Share of a follower's error that a substep corrects."""
+_GEAR_FORCE = 1e4
+"""Largest force between a joint and its follower [N or N·m]."""
 
 
 class Physics:
@@ -48,6 +53,7 @@ class Physics:
         self.fixed: set[str] = set()
         self.urdfs: list[bytes] = []
         self.notes: list[str] = []
+        self._followers: dict[tuple[int, int], list[Joint]] = {}
         try:
             self._set_up(world, step_ns)
             found = [
@@ -72,6 +78,9 @@ class Physics:
         self.joints = with_efforts(self.joints, self._efforts)
         for joint in self.joints:
             self._prepare(joint)
+        for leader, followers in self._followers.items():
+            for follower in followers:
+                self._couple(leader, follower)
 
     def _set_up(self, world: World, step_ns: int) -> None:
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
@@ -88,6 +97,8 @@ class Physics:
         item = world.items.get(name)
         try:
             with loadable(body.urdf, None if item is None else item.make) as urdf:
+                root = parse_urdf(urdf.read_text(encoding="utf-8"))
+                refuse_unsupported(root, body.urdf)
                 number: int = bullet.loadURDF(
                     str(urdf),
                     basePosition=body.position,
@@ -96,9 +107,8 @@ class Physics:
                     flags=_flags(body, item),
                     physicsClientId=self.client,
                 )
-                content = urdf.read_bytes()
-                self.urdfs.append(content)
-                self.notes += [f"body {name}: {note}" for note in urdf_warnings(content.decode())]
+                self.urdfs.append(urdf.read_bytes())
+                self.notes += [f"body {name}: {note}" for note in urdf_warnings(root)]
         except bullet.error as exc:
             self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
             return []
@@ -109,7 +119,7 @@ class Physics:
             self._allow_sleep(number)
         self._set_dynamics(number, body)
         self._disable_collisions(number, name, body)
-        return self._joints_of(number, name, body)
+        return self._joints_of(number, name, body, mimics(root))
 
     def _set_dynamics(self, number: int, body: Body) -> None:
         """Remove PyBullet's default damping and velocity limit, and set each link's friction."""
@@ -173,20 +183,49 @@ class Physics:
         count: int = bullet.getNumJoints(body, physicsClientId=self.client)
         return count
 
-    def _joints_of(self, number: int, name: str, body: Body) -> list[Joint]:
+    def _joints_of(
+        self, number: int, name: str, body: Body, followed: Mapping[str, Mimic]
+    ) -> list[Joint]:
         infos = self._infos(number)
         joints = [
             make_joint(number, info, self._settings(info, body), self._actuation)
             for info in infos
             if is_movable(info)
         ]
-        for info in infos:
-            if joint_type := unsupported_type(info):
-                text = f"joint {info[1].decode()!r} of {body.urdf} is {joint_type}: not supported"
-                self._problems.append((("bodies", name, "urdf"), text))
         self.fixed |= {info[1].decode() for info in infos if is_fixed(info)}
+        joints = self._coupled(joints, name, body, followed)
         self._check_joints(name, body, joints)
+        if not body.fixed_base and joints and not any(self._has_shape(number)):
+            text = "it is not fixed to the world and has no collision shape, so it falls"
+            self.notes.append(f"body {name}: {text}; is `fixed_base: true` missing?")
         return joints
+
+    def _has_shape(self, number: int) -> Iterator[bool]:
+        for link in range(-1, self._count(number)):
+            yield bool(bullet.getCollisionShapeData(number, link, self.client))
+
+    def _coupled(
+        self, joints: Sequence[Joint], name: str, body: Body, followed: Mapping[str, Mimic]
+    ) -> list[Joint]:
+        """Return the joints of a body, those with <mimic> as followers of others."""
+        by_name = {joint.name: joint for joint in joints}
+        found = []
+        for joint in joints:
+            mimic, own = followed.get(joint.name), body.joints.get(joint.name, JointSettings())
+            if mimic is None or own.mimic is False:
+                found.append(joint)
+                continue
+            leader = by_name[mimic.joint]
+            follower = joint.follow(leader, mimic)
+            found.append(follower)
+            self._followers.setdefault((leader.body, leader.index), []).append(follower)
+            for key in ("position", "velocity", "mode"):
+                if getattr(own, key) is not None:
+                    text = (
+                        f"follows joint {mimic.joint!r} (<mimic>); leave it out, or `mimic: false`"
+                    )
+                    self._problems.append((("bodies", name, "joints", joint.name, key), text))
+        return found
 
     def _settings(self, info: Sequence[Any], body: Body) -> JointSettings:
         return body.joints.get(info[1].decode(), JointSettings()).over(body.joint_defaults)
@@ -227,11 +266,50 @@ class Physics:
             physicsClientId=self.client,
         )
 
+    def _couple(self, leader: tuple[int, int], follower: Joint) -> None:
+        """Let the engine keep a follower where its leader takes it, as by gears."""
+        body, index = leader
+        zero = (0.0, 0.0, 0.0)
+        gear = bullet.createConstraint(
+            body,
+            follower.index,
+            body,
+            index,
+            bullet.JOINT_GEAR,
+            jointAxis=(1.0, 0.0, 0.0),
+            parentFramePosition=zero,
+            childFramePosition=zero,
+            physicsClientId=self.client,
+        )
+        mimic = follower.mimic or Mimic(joint="")
+        bullet.changeConstraint(
+            gear,
+            gearRatio=-mimic.multiplier,
+            relativePositionTarget=mimic.offset,
+            erp=_GEAR_ERP,
+            maxForce=_GEAR_FORCE,
+            physicsClientId=self.client,
+        )
+
     def teleport(self, joint: Joint, position: float, velocity: float) -> None:
-        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces."""
+        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces.
+
+        Those that follow it go along; a follower alone stays where it is.
+        """
+        if joint.mimic is not None:
+            return
         bullet.resetJointState(
             joint.body, joint.index, position, velocity, physicsClientId=self.client
         )
+        for follower in self._followers.get((joint.body, joint.index), ()):
+            if (mimic := follower.mimic) is not None:
+                bullet.resetJointState(
+                    follower.body,
+                    follower.index,
+                    mimic.multiplier * position + mimic.offset,
+                    mimic.multiplier * velocity,
+                    physicsClientId=self.client,
+                )
 
     def wake(self, body: int) -> None:
         """Wake up a body: a sleeping one would stay where it is put, even in the air."""

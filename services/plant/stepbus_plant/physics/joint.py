@@ -1,20 +1,28 @@
 """The movable joints of a world: the URDF's properties, overridden by the world file's."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pybullet as bullet
 
-from stepbus_participant import suggest
+from stepbus_participant import Mimic, suggest
 from stepbus_plant.world.declaration import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description, WiringError
 
 _TYPES = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
-_UNSUPPORTED = {bullet.JOINT_SPHERICAL: "spherical", bullet.JOINT_PLANAR: "planar"}
+_INSTEAD = {
+    "floating": "leave it and its parent out: a body without `fixed_base` floats",
+    "planar": "use two prismatic joints and a revolute one",
+    "spherical": "use three revolute joints",
+}
+"""Type of a URDF that the plant does not support → what to use."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +33,7 @@ class Joint:
     numbers. type: revolute, continuous or prismatic. lower, upper: stops [rad]. effort: torque
     limit [N·m]. max_velocity: limit of the commanded velocity [rad/s]; 0: none. motor: a joint
     without a motor swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
-    start, start_velocity: at t = 0 [rad, rad/s].
+    start, start_velocity: at t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
 
@@ -44,6 +52,7 @@ class Joint:
     friction: float
     start: float
     start_velocity: float
+    mimic: Mimic | None = None
 
     @property
     def effective_mode(self) -> str:
@@ -64,6 +73,16 @@ class Joint:
     def effort_unit(self) -> str:
         """Return the unit of its effort."""
         return "N·m" if self.is_rotary else "N"
+
+    def follow(self, leader: Joint, mimic: Mimic) -> Joint:
+        """Return the joint as a follower of another one: without a motor, where that takes it."""
+        return dataclasses.replace(
+            self,
+            motor=False,
+            start=mimic.multiplier * leader.start + mimic.offset,
+            start_velocity=mimic.multiplier * leader.start_velocity,
+            mimic=mimic,
+        )
 
     def problems(self) -> list[str]:
         """Return contradictions between the world file and the URDF."""
@@ -96,9 +115,16 @@ def is_fixed(info: Sequence[Any]) -> bool:
     return bool(info[2] == bullet.JOINT_FIXED)
 
 
-def unsupported_type(info: Sequence[Any]) -> str | None:
-    """Return the type of a movable joint that the plant does not support."""
-    return _UNSUPPORTED.get(info[2])
+def refuse_unsupported(root: Any, file: Path) -> None:
+    """Raise WiringError that lists the joints of a URDF that the plant does not support."""
+    rows = [(joint.get("name"), joint.get("type")) for joint in root.findall("joint")]
+    lines = [
+        f"{file}: joint {name!r} is {joint_type}, which is not supported; {_INSTEAD[joint_type]}"
+        for name, joint_type in rows
+        if joint_type in _INSTEAD
+    ]
+    if lines:
+        raise WiringError("\n".join(lines))
 
 
 def make_joint(
@@ -132,7 +158,8 @@ def make_joint(
 
 
 def describe_joints(joints: Sequence[Joint]) -> Description:
-    """Return their names, limits, types and modes."""
+    """Return their names, limits, types and modes, and the joints that some follow."""
+    followed = [joint.mimic.joint if joint.mimic is not None else "" for joint in joints]
     return Description(
         names=[joint.name for joint in joints],
         limits={
@@ -144,6 +171,7 @@ def describe_joints(joints: Sequence[Joint]) -> Description:
         details={
             "type": [joint.type for joint in joints],
             "mode": [joint.effective_mode for joint in joints],
+            **({"mimic": followed} if any(followed) else {}),
         },
     )
 

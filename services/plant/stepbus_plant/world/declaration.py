@@ -46,6 +46,9 @@ class JointSettings(Settings):
     motor: bool | None = None
     """A joint without a motor swings freely; the plant warns about commands to it. Default:
     true."""
+    mimic: bool | None = None
+    """Whether a joint with `<mimic>` in its URDF follows the other one; false: it moves on its
+    own. Default: true."""
     actuation: Actuation | None = None
     """How to apply torques. Default: the plant's `actuation`, or direct."""
     position: Finite | None = None
