@@ -60,7 +60,8 @@ def programs_of(
 
     participant: the only one that is started; default: all. own_program: it is started with a
     program of the user's. tree: it is started from there: of the recording, nothing is executed,
-    and what is started is known when you have run a scenario of that folder here.
+    and what is started is known when you have run a scenario of that folder here; with overrides of
+    the run (from a file beside the recording) only when you have made the recording too.
 
     Raises RecordingFailed or WiringError when the recording holds no scenario, or a file whose
     name leads out of its folder.
@@ -73,7 +74,7 @@ def programs_of(
             fingerprint=programs,
             commands={participant: tree.command(participant)},
             files=(f"those in {tree.folder}",),
-            is_known=tree.is_known,
+            is_known=tree.is_known and (not tree.overrides or is_known(programs)),
         )
     commands = {
         name: words

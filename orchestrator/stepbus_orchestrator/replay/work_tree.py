@@ -81,12 +81,13 @@ def find_work_tree(
     the installation, and in no work tree. Raises WiringError when `given` has no such scenario, or
     several folders have one.
     """
-    recorded, origin = _recorded(recording), _origin(recording.path)
+    trusted = _owners(recording.path)
+    recorded, origin = _recorded(recording), _origin(recording.path, trusted)
     if given is not None:
         return WorkTree(file=_given(given, recorded, participant), overrides=origin.overrides)
-    trusted = _owners(recording.path)
     file = Path(origin.file)
-    if not (origin.file and not _is_builtin(file) and _fits(file, recorded, participant)):
+    is_own = bool(origin.file) and not _is_builtin(file) and _owner(file) in trusted
+    if not (is_own and _fits(file, recorded, participant)):
         file = next(_near(recording.path, recorded, participant, trusted), Path())
     return WorkTree(file=file, overrides=origin.overrides) if file.name else None
 
@@ -139,11 +140,22 @@ def _recorded(recording: Recording) -> dict[str, Any]:
     return {}
 
 
-def _origin(recording: Path) -> _Origin:
+def _origin(recording: Path, trusted: frozenset[int]) -> _Origin:
+    """Return what `result.json` says, if it belongs to somebody who is trusted."""
+    path = recording.parent / RESULT_FILE
     try:
-        return msgspec.json.decode((recording.parent / RESULT_FILE).read_bytes(), type=_Origin)
+        if not path.is_file() or _owner(path) not in trusted:
+            return _Origin()
+        found = msgspec.json.decode(path.read_bytes(), type=_Origin)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
         return _Origin()
+    return _Origin(file=found.file, overrides=list(filter(_is_of_parameters, found.overrides)))
+
+
+def _is_of_parameters(override: str) -> bool:
+    """Return whether an override sets parameters or a deadline: none of these starts anything."""
+    _, _, key = override.partition("=")[0].partition(".")
+    return key.strip().partition(".")[0] == "params" or key.strip().endswith("_timeout")
 
 
 def _given(given: Path, recorded: Mapping[str, Any], participant: str) -> Path:

@@ -1,5 +1,6 @@
 """A replay tests the program in the work tree, and says what is not as recorded."""
 
+import json
 import shutil
 
 import pytest
@@ -7,8 +8,9 @@ import pytest
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import Recording, known_programs
 from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.trust import programs_of
 from stepbus_orchestrator.replay.work_tree import find_work_tree
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
@@ -158,6 +160,29 @@ def test_files_of_another_user_are_no_work_tree_of_a_recording(project, log, mon
         lambda path: 12345 if path == log else 54321,
     )
     assert find_work_tree(Recording(log), "controller") is None
+
+
+def test_a_file_beside_a_recording_sets_parameters_and_starts_nothing_else(project, log):
+    overrides = ["controller.exec=[sh, evil]", "controller.params.kp=150", "controller={exec: [x]}"]
+    result = {"file": str(project / "arm/scenario.yaml"), "overrides": overrides}
+    log.with_name("result.json").write_text(json.dumps(result))
+    tree = find_work_tree(Recording(log), "controller")
+    assert list(tree.overrides) == ["controller.params.kp=150"]
+    # The fingerprint of the recording is known here, that of a stranger's would be asked for.
+    assert programs_of(Recording(log), "controller", tree=tree).is_known
+
+
+def test_overrides_beside_a_strangers_recording_are_asked_for(project, log, monkeypatch):
+    overrides = ["controller.params.kp=150"]
+    result = {"file": str(project / "arm/scenario.yaml"), "overrides": overrides}
+    log.with_name("result.json").write_text(json.dumps(result))
+    monkeypatch.setenv("XDG_STATE_HOME", str(project / "state"))
+    known_programs.remember(known_programs.folder_mark(project / "arm"))
+    tree = find_work_tree(Recording(log), "controller")
+    assert not programs_of(Recording(log), "controller", tree=tree).is_known
+    log.with_name("result.json").unlink()
+    tree = find_work_tree(Recording(log), "controller")
+    assert programs_of(Recording(log), "controller", tree=tree).is_known
 
 
 @pytest.mark.parametrize("words", [("recover", "--out", "new.mcap"), ("diff", "run"), ("rerun",)])
