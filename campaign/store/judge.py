@@ -29,7 +29,7 @@ _OUTLET = (0.15, 0.65, 0.35)
 
 _TOUCH = re.compile(r"\b(\w+) touches (\w+) with ([\d.]+) N")
 _PLACED = re.compile(r"(\w+): placed ([\d.]+) mm from its spot")
-_SOLD = re.compile(r"^1 +(\w+) +\d+ +[\d.]+ mm +([\d.]+) mm", re.MULTILINE)
+_SOLD = re.compile(r"^1 +(\w+) +\d+ +(?:-|[\d.]+ mm) +([\d.]+) mm", re.MULTILINE)
 _MOVED = re.compile(r"\b(\w+) was moved by ([\d.]+) mm")
 _GROUND = ("floor",)
 _ROLLING = ("left_wheel_link", "right_wheel_link", "front_caster", "back_caster")

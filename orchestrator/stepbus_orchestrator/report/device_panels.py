@@ -90,8 +90,8 @@ def _gripper(axis: Any, gripper: Columns) -> None:
     right = axis.twinx()
     right.set_ylabel("force [N]")
     right.plot(*gripper["force"], color=_ORANGE, linewidth=1.2, label="force [N]")
-    axis.set_ylim(bottom=0)
-    right.set_ylim(bottom=0)
+    for one, values in ((axis, 1e3 * width), (right, gripper["force"][1])):
+        one.set_ylim(0, 1.1 * max(float(values.max()), 1.0))
     _shade(axis, gripper)
     handles = [*axis.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
     legend(axis, handles, right=1.14)

@@ -35,6 +35,7 @@ def pose_errors(recording: Recording) -> list[PoseError]:
         for _, goal in one.messages()
         if isinstance(goal, Goal) and goal.type == "move_to_pose"
         if goal.tip in names and goal.frame in names
+        if goal.position is not None and goal.orientation is not None
     }
     if port is None or not goals:
         return []
@@ -60,8 +61,9 @@ def _error(goal: Goal, poses: Poses, names: Sequence[str]) -> PoseError:
     tip, frame = names.index(goal.tip), names.index(goal.frame)
     turn = _rotation(poses.orientation[frame])
     away = np.subtract(poses.position[tip], poses.position[frame])
-    off = turn.T @ away - np.array(goal.position)
-    between = _rotation(goal.orientation).T @ turn.T @ _rotation(poses.orientation[tip])
+    wanted, towards = goal.position or (0.0, 0.0, 0.0), goal.orientation or (0.0, 0.0, 0.0, 1.0)
+    off = turn.T @ away - np.array(wanted)
+    between = _rotation(towards).T @ turn.T @ _rotation(poses.orientation[tip])
     sine = np.array([between[2, 1] - between[1, 2], between[0, 2] - between[2, 0],
                      between[1, 0] - between[0, 1]])  # fmt: skip
     angle = float(np.arctan2(np.linalg.norm(sine), np.trace(between) - 1.0))

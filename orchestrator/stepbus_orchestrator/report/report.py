@@ -93,7 +93,7 @@ def draw_report(
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     has_joints = bool(tracking.measured)
-    width = 28 if devices and has_joints else 18
+    width = 30 if devices and has_joints else 18
     has_panels = len(tracking.measured) > _MOST_LINES
     height = max(10.0, 2.5 * panel_rows(tracking)) if has_panels else 10.0
     figure = Figure(figsize=(width, height), dpi=100 if not devices else 75, layout="constrained")

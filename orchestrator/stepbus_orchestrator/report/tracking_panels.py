@@ -93,20 +93,19 @@ def draw_torque(axis: Any, tracking: TrackingCurves) -> None:
         values = signal.of(quantity, joint)
         if values is not None:
             label = _label(tracking, joint, joints, "N")
-            unit = "N" if tracking.is_prismatic(joint) else "N·m"
-            line(axis, values, f"{label}, limit {limit:g} {unit}" if limit else label, index)
+            line(axis, values, f"{label}, ±{limit:g}" if limit else label, index)
         largest = max(largest, signal.largest(quantity))
         limits.setdefault(limit, []).append(index)
     for limit, indices in sorted(limits.items()):
         if 0 < limit < _NEAR * largest:
-            _draw_limit(axis, limit, indices, [tracking.measured[index] for index in indices])
+            _draw_limit(axis, limit, indices)
     legend(axis)
 
 
-def _draw_limit(axis: Any, limit: float, indices: Sequence[int], joints: Sequence[str]) -> None:
-    """Draw a limit in the colour of its joint, or grey where several have it, with their names."""
+def _draw_limit(axis: Any, limit: float, indices: Sequence[int]) -> None:
+    """Draw a limit in the colour of its joint, or grey where several have it."""
     style = {"color": colour(indices[0]) if len(indices) == 1 else "grey", "linestyle": ":"}
-    axis.axhline(limit, label=f"limit of {', '.join(joints)}", linewidth=1.3, **style)
+    axis.axhline(limit, label=f"limit ±{limit:g}", linewidth=1.3, **style)
     axis.axhline(-limit, linewidth=1.3, **style)
 
 

@@ -196,8 +196,7 @@ def test_the_torque_panel_names_each_joint_with_its_limit():
     axis = draw(lambda a: draw_torque(a, curves(Tracking(states={"a": state}))))
     labels = axis.get_legend_handles_labels()[1]
     assert labels == [
-        "shoulder, limit 60 N·m", "wrist_1, limit 28 N·m", "wrist_2, limit 28 N·m",
-        "limit of wrist_1, wrist_2", "limit of shoulder",
+        "shoulder, ±60", "wrist_1, ±28", "wrist_2, ±28", "limit ±28", "limit ±60",
     ]  # fmt: skip
     drawn = {round(float(np.mean(line.get_ydata()))) for line in axis.lines[3:]}
     assert drawn == {28, -28, 60, -60}

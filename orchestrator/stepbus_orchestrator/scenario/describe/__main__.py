@@ -33,6 +33,7 @@ SERVICES = (
     "stepbus_motion.arm",
     "stepbus_motion.mobile",
     "stepbus_mission",
+    "stepbus_mission.goals",
     "stepbus_mission.round_trip",
     "stepbus_mission.store",
     "stepbus_perception",

@@ -1,0 +1,1 @@
+"""A mission that sends goals one after the other."""
