@@ -1,4 +1,4 @@
-"""Models of robots: URDF as it is, and xacro, expanded."""
+"""Models of robots: URDF as it is, xacro expanded, and SDF converted."""
 
 from pathlib import Path
 from xml.dom import minidom
@@ -8,6 +8,7 @@ from stepbus_participant.extras import need
 from stepbus_schemas import WiringError
 
 from .paths import package_path
+from .sdf import sdf_to_urdf
 from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
@@ -16,9 +17,10 @@ from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
 def read_urdf_text(path: Path) -> str:
     """Return the text of a robot's URDF, which has been checked: it can be simulated.
 
-    path: a URDF, which is returned as it is, or a `.xacro`, which is expanded by the package
-    xacro. There, `<xacro:include filename="package://<package>/<path>"/>` is found like every
-    `package://` of stepbus, and relative names are relative to the file that has them.
+    path: a URDF, which is returned as it is, an SDF, which is converted (see `sdf`), or a `.xacro`,
+    which is expanded by the package xacro. There,
+    `<xacro:include filename="package://<package>/<path>"/>` is found like every `package://` of
+    stepbus, and relative names are relative to the file that has them.
     Raises WiringError when the file cannot be read or expanded, or a package is missing, or with
     all that is wrong with the robot, one a line.
     """
@@ -38,22 +40,37 @@ def _check(path: Path, text: str) -> None:
     except ExpatError as exc:
         raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
     if found:
-        # The lines of what xacro has made are those of no file.
-        is_xacro = path.suffix.lower() == ".xacro"
-        places = (str(path) if is_xacro else f"{path}:{line}" for line, _ in found)
+        # The lines of what was made from a file are not those of the file.
+        places = (str(path) if _is_made(path) else f"{path}:{line}" for line, _ in found)
         lines = (f"{place}: {text}" for place, (_, text) in zip(places, found, strict=True))
         raise WiringError("\n".join(lines))
 
 
 def _text(path: Path) -> str:
-    if path.suffix.lower() != ".xacro":
-        try:
-            return path.read_text(encoding="utf-8")
-        except OSError as exc:
-            raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
-        except UnicodeDecodeError as exc:
-            raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
-    return _expand(path)
+    if path.suffix.lower() == ".xacro":
+        return _expand(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as exc:
+        raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
+    except UnicodeDecodeError as exc:
+        raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
+    return _converted(path, text) if path.suffix.lower() == ".sdf" else text
+
+
+def _is_made(path: Path) -> bool:
+    """Return whether the URDF of a model is made from its file, which is a xacro or an SDF."""
+    return path.suffix.lower() in {".xacro", ".sdf"}
+
+
+def _converted(path: Path, text: str) -> str:
+    try:
+        root = parse_urdf(text)
+    except ExpatError as exc:
+        raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
+    if root.tag != "sdf":
+        raise WiringError(f"{path}:{root.line}: is no SDF: its root is <{root.tag}>, not <sdf>")
+    return sdf_to_urdf(root, path)
 
 
 def _expand(path: Path) -> str:

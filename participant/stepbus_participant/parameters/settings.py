@@ -173,7 +173,7 @@ File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"
 ModelFile = Annotated[
     Path, msgspec.Meta(extra={"read": "model"}, extra_json_schema={"type": "string"})
 ]
-"""A robot's URDF or `.xacro`, named like a `File`; masses, inertias, limits, tree are checked."""
+"""A robot's URDF, `.xacro` or SDF, named like a `File`; its physics is checked."""
 Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
 """Different names, at least one."""
 Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]

@@ -65,12 +65,14 @@ def _read(path: Path) -> str:
 
 
 def _xml_names(text: str) -> list[str]:
-    """Return the attributes `filename` and `file` of all elements."""
+    """Return the attributes `filename` and `file` of all elements, and each <uri> of an SDF."""
     try:
         root = ET.fromstring(text)  # noqa: S314  the user's own file; expat stops expansions
     except ET.ParseError as exc:
         raise FileUnreadable(f":{exc.position[0]}: not XML: {exc}") from exc
-    values = (element.get(key) for element in root.iter() for key in ("filename", "file"))
+    values = [element.get(key) for element in root.iter() for key in ("filename", "file")]
+    uris = ((element.text or "").strip() for element in root.iter("uri"))
+    values += [uri.replace("model://", "package://") for uri in uris]
     return [value for value in values if value]
 
 

@@ -21,14 +21,14 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     """Provide a URDF in which every link has an inertial, as a context manager.
 
     A link without one is massless by the definition of URDF and gets a negligible mass. A `.xacro`
-    is expanded. edit: further changes to the root of the file. A file that needs no change stays
-    as it is. Raises WiringError with all that is wrong with the model.
+    is expanded, an SDF converted. edit: further changes to the root of the file. A file that needs
+    no change stays as it is. Raises WiringError with all that is wrong with the model.
     """
     text = read_urdf_text(urdf)
     root = parse_urdf(text)
     refuse_missing_meshes(urdf, root)
     links = [link for link in root.findall("link") if link.find("inertial") is None]
-    if not links and urdf.suffix.lower() != ".xacro" and edit is None:
+    if not links and urdf.suffix.lower() not in {".xacro", ".sdf"} and edit is None:
         yield urdf
         return
     for link in links:

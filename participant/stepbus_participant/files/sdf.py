@@ -1,0 +1,248 @@
+"""Models of robots in SDF, as URDF: one model of links and joints, without what only Gazebo uses.
+
+Specification: sdformat.org. A child link's frame becomes that of its joint, and the root's that of
+the model, as URDF has it. The model's own <pose> is left out: the world says where a body is.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from stepbus_schemas import WiringError
+
+from .urdf_check import Element
+
+_TYPES = ("revolute", "continuous", "prismatic", "fixed")
+_REFUSED = ("include", "model", "frame")
+_UNLIMITED = 1e15
+_INERTIA = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
+"""What SDF takes where a moment of inertia is missing [kg·m²]."""
+
+Matrix = tuple[tuple[float, ...], ...]
+"""A rotation, by rows."""
+
+
+class _Pose:
+    """A pose: rotation, and translation [m]."""
+
+    def __init__(self, rotation: Matrix, translation: Sequence[float]) -> None:
+        self.rotation, self.translation = rotation, tuple(translation)
+
+    def __matmul__(self, other: "_Pose") -> "_Pose":
+        turned = self.turn(other.translation)
+        moved = [a + b for a, b in zip(self.translation, turned, strict=True)]
+        columns = tuple(zip(*other.rotation, strict=True))
+        rows = (tuple(_dot(row, column) for column in columns) for row in self.rotation)
+        return _Pose(tuple(rows), moved)
+
+    def turn(self, vector: Sequence[float]) -> list[float]:
+        """Return a vector, turned."""
+        return [_dot(row, vector) for row in self.rotation]
+
+    def inverse(self) -> "_Pose":
+        """Return the inverse."""
+        back = _Pose(tuple(zip(*self.rotation, strict=True)), (0.0, 0.0, 0.0))
+        return _Pose(back.rotation, [-value for value in back.turn(self.translation)])
+
+    def origin(self) -> ET.Element:
+        """Return it as the <origin> of a URDF."""
+        r = self.rotation
+        pitch = math.atan2(-r[2][0], math.hypot(r[0][0], r[1][0]))
+        if math.hypot(r[0][0], r[1][0]) > 1e-9:
+            rpy = (math.atan2(r[2][1], r[2][2]), pitch, math.atan2(r[1][0], r[0][0]))
+        else:
+            rpy = (math.atan2(-r[1][2], r[1][1]), pitch, 0.0)
+        return ET.Element("origin", {"xyz": _text(self.translation), "rpy": _text(rpy)})
+
+
+_IDENTITY = _Pose(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0))
+
+
+def sdf_to_urdf(root: Element, path: Path) -> str:
+    """Return a model in SDF as the text of a URDF.
+
+    Raises WiringError with line and reason for what no URDF says, or this does not read.
+    """
+    return ET.tostring(_Sdf(root, path).urdf(), encoding="unicode")
+
+
+class _Sdf:
+    def __init__(self, root: Element, path: Path) -> None:
+        self._path = path
+        models: list[Any] = [*root.findall("model"), *root.findall("world/model")]
+        if len(models) != 1:
+            self._refuse(root, f"has {len(models)} models; give a body a file with one")
+        self._model = models[0]
+        for tag in _REFUSED:
+            for element in self._model.findall(tag):
+                self._refuse(element, f"<{tag}> in a model is not supported; write it out")
+        version = root.get("version", "1.7").split(".")
+        self._axis_in_model = [int(part) for part in version[:2]] < [1, 5]
+        self._links = {link.get("name", ""): link for link in self._model.findall("link")}
+        self._joints = {joint.get("name", ""): joint for joint in self._model.findall("joint")}
+        self._children = {_word(joint, "child"): joint for joint in self._joints.values()}
+
+    def urdf(self) -> ET.Element:
+        """Return the robot."""
+        robot = ET.Element("robot", {"name": self._model.get("name", "model")})
+        robot.extend([self._link(link) for link in self._links.values()])
+        if any(_word(joint, "parent") == "world" for joint in self._joints.values()):
+            robot.append(ET.Element("link", {"name": "world"}))
+        robot.extend([self._joint(joint) for joint in self._joints.values()])
+        return robot
+
+    def _pose(self, element: Any, default: str = "", above: tuple[str, ...] = ()) -> _Pose:
+        """Return the pose of a link or joint in the model. default: what it is relative to."""
+        pose = element.find("pose")
+        given = "" if pose is None else pose.get("relative_to", pose.get("frame", ""))
+        name = given or default
+        own = self._own_pose(element)
+        if name in {"", "__model__", "world"}:
+            return own
+        other = self._links.get(name, self._joints.get(name))
+        if other is None or name in above:
+            self._refuse(element, f"its pose is relative to {name!r}, which is nowhere")
+        base = "" if name in self._links else _word(other, "child")
+        return self._pose(other, base, (*above, name)) @ own
+
+    def _own_pose(self, element: Any) -> _Pose:
+        pose = element.find("pose")
+        values = self._numbers(pose, 6, [0.0] * 6)
+        if pose is not None and pose.get("degrees") == "true":
+            values[3:] = map(math.radians, values[3:])
+        return _of_rpy(values[:3], values[3:])
+
+    def _frame(self, link: str) -> _Pose:
+        """Return the frame of a link in the URDF, in the model."""
+        joint = self._children.get(link)
+        return _IDENTITY if joint is None else self._pose(joint, link)
+
+    def _link(self, link: Any) -> ET.Element:
+        name = link.get("name", "")
+        found = ET.Element("link", {"name": name})
+        here = self._frame(name).inverse() @ self._pose(link)
+        inertial = link.find("inertial")
+        found.append(self._inertial(inertial, here))
+        for tag in ("visual", "collision"):
+            for shape in link.findall(tag):
+                row = ET.SubElement(found, tag, {"name": shape.get("name", "")})
+                row.append((here @ self._own_pose(shape)).origin())
+                row.append(self._geometry(shape))
+                color = shape.find("material/diffuse")
+                if tag == "visual" and color is not None:
+                    material = ET.SubElement(row, "material", {"name": f"{name}_{len(found)}"})
+                    rgba = self._numbers(color, 4, [1.0] * 4)
+                    ET.SubElement(material, "color", {"rgba": _text(rgba)})
+        return found
+
+    def _inertial(self, inertial: Any, here: _Pose) -> ET.Element:
+        """Return mass and inertia, which are 1 kg and 1 kg·m² where SDF has none."""
+        element = Element("inertial", {}) if inertial is None else inertial
+        found = ET.Element("inertial")
+        found.append((here @ self._own_pose(element)).origin())
+        ET.SubElement(found, "mass", {"value": element.findtext("mass", "1").strip()})
+        moments = {
+            key: element.findtext(f"inertia/{key}", str(value)).strip()
+            for key, value in _INERTIA.items()
+        }
+        ET.SubElement(found, "inertia", moments)
+        return found
+
+    def _geometry(self, shape: Any) -> ET.Element:
+        found = ET.Element("geometry")
+        given: Any = next(shape.iterfind("geometry/*"), None)
+        tag = "nothing" if given is None else given.tag
+        if tag == "mesh":
+            uri = _word(given, "uri").replace("model://", "package://").removeprefix("file://")
+            scale = given.findtext("scale", "1 1 1").strip()
+            ET.SubElement(found, "mesh", {"filename": uri, "scale": scale})
+        elif tag in {"box", "sphere", "cylinder", "capsule"}:
+            ET.SubElement(found, tag, {part.tag: (part.text or "").strip() for part in given})
+        else:
+            self._refuse(shape, f"geometry {tag!r} is not supported; use a box, a mesh, …")
+        return found
+
+    def _joint(self, joint: Any) -> ET.Element:
+        name, joint_type = joint.get("name", ""), joint.get("type", "")
+        if joint_type not in _TYPES:
+            self._refuse(joint, f"joint {name!r} is {joint_type}, which is not supported")
+        parent, child = _word(joint, "parent"), _word(joint, "child")
+        pose = self._pose(joint, child)
+        axis, limits = joint.find("axis"), self._limits(joint)
+        if joint_type == "revolute" and "lower" not in limits:
+            joint_type = "continuous"
+        elif joint_type == "prismatic" and "lower" not in limits:
+            self._refuse(joint, f"joint {name!r} is prismatic and has no <limit>")
+        found = ET.Element("joint", {"name": name, "type": joint_type})
+        found.append((self._frame(parent).inverse() @ pose).origin())
+        ET.SubElement(found, "parent", {"link": parent})
+        ET.SubElement(found, "child", {"link": child})
+        if axis is not None and joint_type != "fixed":
+            ET.SubElement(found, "axis", {"xyz": _text(self._axis(axis, pose))})
+            ET.SubElement(found, "limit", limits)
+        return found
+
+    def _axis(self, axis: Any, pose: _Pose) -> list[float]:
+        """Return the axis of a joint in its own frame."""
+        element = axis.find("xyz")
+        vector = self._numbers(element, 3, [0.0, 0.0, 1.0])
+        frame = "" if element is None else element.get("expressed_in", "")
+        in_model = axis.findtext("use_parent_model_frame", "").strip() in {"1", "true"}
+        if frame not in {"", "__model__"}:
+            self._refuse(axis, f"an axis in the frame {frame!r} is not supported")
+        is_turned = self._axis_in_model or in_model or frame == "__model__"
+        return pose.inverse().turn(vector) if is_turned else vector
+
+    def _limits(self, joint: Any) -> dict[str, str]:
+        """Return effort and velocity, and lower and upper where these limit."""
+        limit = joint.find("axis/limit")
+        found = {"effort": "1e12", "velocity": "1e12"}
+        for key in () if limit is None else ("lower", "upper", "effort", "velocity"):
+            (value,) = self._numbers(limit.find(key), 1, [-1.0])
+            is_given = limit.find(key) is not None and abs(value) < _UNLIMITED
+            if is_given and (value >= 0 or key in {"lower", "upper"}):
+                found[key] = repr(value)
+        if ("lower" in found) != ("upper" in found):
+            found = {key: value for key, value in found.items() if key not in {"lower", "upper"}}
+        return found
+
+    def _numbers(self, element: Any, count: int, default: list[float]) -> list[float]:
+        words = [] if element is None else (element.text or "").split()
+        if not words:
+            return list(default)
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            values = []
+        if len(values) != count:
+            self._refuse(element, f"<{element.tag}> {' '.join(words)!r} is not {count} numbers")
+        return values
+
+    def _refuse(self, element: Any, text: str) -> Any:
+        raise WiringError(f"{self._path}:{element.line}: {text}")
+
+
+def _of_rpy(translation: Sequence[float], rpy: Sequence[float]) -> _Pose:
+    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(a), math.cos(a)) for a in rpy)
+    rotation = (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+    return _Pose(rotation, translation)
+
+
+def _dot(one: Sequence[float], other: Sequence[float]) -> float:
+    return sum(a * b for a, b in zip(one, other, strict=True))
+
+
+def _text(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _word(element: Any, tag: str) -> str:
+    found: Mapping[str, Any] | None = element.find(tag)
+    text: str = "" if found is None else (element.findtext(tag) or "")
+    return text.strip()
