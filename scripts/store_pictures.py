@@ -234,10 +234,11 @@ def camera_view(log: Log, step: int) -> Picture:
     found = log.at("perception/detections", step, Detections)
     to_camera = np.linalg.inv(_matrix(poses["camera"])) @ _matrix(poses[found.frame])
     sizes = _sizes(log)
-    for number, item_type in enumerate(found.types):
+    items = [(n, item_type) for n, item_type in enumerate(found.types) if item_type in sizes]
+    for number, item_type in items:
         place = to_camera @ _matrix((found.position[number], found.orientation[number]))
         _draw_box(large, image, place, sizes[item_type])
-    for number, item_type in enumerate(found.types):
+    for number, item_type in items:
         place = to_camera @ np.array([*found.position[number], 1.0])
         _label(large, f"{item_type} {found.confidence[number]:.2f}", _pixel(image, place[:3]))
     return _beside(_picture(large), _depth(log.at("plant/depth", step, Image)))

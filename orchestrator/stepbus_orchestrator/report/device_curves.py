@@ -124,8 +124,8 @@ class Devices:
 
 
 def _first(recording: Recording, type_name: str) -> Port | None:
-    """Return the first port of a type, unless it has no messages."""
-    port = next(iter(recording.of_type(type_name)), None)
+    """Return the first port of a type that lasts; one message at the start is a map."""
+    port = max(recording.of_type(type_name), key=lambda port: port.last_step, default=None)
     return port if port is not None and port.last_step >= 0 else None
 
 

@@ -104,6 +104,13 @@ def test_the_path_is_that_of_odometry(record):
     assert (list(x), list(y)) == ([0.0, 0.5, 1.0, 1.5], [0.0] * 4)
 
 
+def test_a_map_that_comes_first_and_once_is_not_where_the_link_is(record):
+    plan = Poses(position=[(0, 0, 9.0), (0, 0, 7.0)], orientation=[UPRIGHT] * 2)
+    plans = {"planogram": ("Poses/1", ["chassis", "grasp"], [plan])}
+    line = draw(device_panels(record(**plans, **mobile()))[3]).lines[0]
+    assert list(line.get_ydata()) == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
 def test_the_height_is_that_of_the_link_that_goals_move(record):
     line = draw(device_panels(record(**mobile()))[3]).lines[0]
     assert line.get_ydata() == pytest.approx([0.0, 0.1, 0.2, 0.3])
