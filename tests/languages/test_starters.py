@@ -51,12 +51,10 @@ def test_the_python_starter_knows_joints_by_name_and_absent_inputs(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("language", ["python", *QUICK])
-def test_a_starter_passes_the_kit_in_full(language, tmp_path):
-    if language in TOOLS and shutil.which(TOOLS[language]) is None:
-        pytest.skip(f"{TOOLS[language]} is not installed")
-    # A program behind the bridge names no ports, `raw` none of what it reads.
-    assert set(conforms(tmp_path, language)) <= {"port-types"}
+@pytest.mark.timeout(900)
+def test_the_python_starter_passes_the_kit_in_full(tmp_path):
+    # The others are the examples of the repository, which orchestrator/conformance tests.
+    assert conforms(tmp_path, "python") == {}
 
 
 @pytest.mark.parametrize("language", STARTERS)
