@@ -396,3 +396,36 @@ def test_a_prismatic_joint_is_plotted_in_metres_and_newtons():
     ]
     labels = [axis.get_legend_handles_labels()[1] for axis in figure.axes]
     assert [row[-1] for row in labels] == ["slide [m]", "slide [m]", "slide [m/s]", "slide [N]"]
+
+
+def test_two_plants_with_a_reference_each_are_both_summed_up(record):
+    times = [0.1 * n for n in range(40)]
+    states = [JointState(position=[0.1], velocity=[0.0]) for _ in times]
+    wanted = [reference(1) for _ in times]
+    recording = record(
+        left=("JointState/1", ["left/j"], states),
+        right=("JointState/1", ["right/j"], states),
+        filtered=("JointState/1", ["left/j"], [JointState(position=[9.0]) for _ in times]),
+        one=("JointReference/1", ["right/j"], wanted),
+        other=("JointReference/1", ["left/j"], wanted),
+    )
+    summary = Summary()
+    for piece in tracking_pieces(recording, 500):
+        summary.take(piece)
+    (line,) = summary.lines(tracking_pieces(recording, 500))
+    assert "right/j 0 rad" in line
+    assert "left/j" in line
+
+
+def test_the_worst_of_many_joints_is_named_for_each_unit():
+    steps, names = np.arange(400), [f"j{n}" for n in range(8)]
+    offset = np.zeros((400, 8)) + 0.01 * np.arange(8)
+    types = {"j7": "prismatic"}
+    state = Signal(
+        names=names, steps=steps, t=steps * 0.01, fields={"position": offset}, joint_types=types
+    )
+    wanted = Signal(names=names, steps=steps, t=steps * 0.01, fields={"position": 0 * offset})
+    summary, tracking = Summary(), Tracking(states={"a": state}, references={"b": wanted})
+    summary.take(tracking)
+    (line,) = summary.lines([tracking])
+    assert line == "tracking RMSE after 2 s: at most 0.06 rad (j6), 0.07 m (j7)"

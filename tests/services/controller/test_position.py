@@ -89,3 +89,11 @@ def test_a_missing_joint_is_named_for_both_inputs():
 def test_an_unknown_parameter_is_refused():
     with pytest.raises(WiringError, match="unknown key 'kp'"):
         controller(kp=3)
+
+
+def test_a_prefix_names_one_of_two_robots_of_one_urdf():
+    names = ["right/a", "right/b", "left/b", "left/a"]
+    made = controller(names=names, prefix="left/", effort_limit={"a": 1, "b": 2})
+    assert made.describe()["command"].names == ["left/a", "left/b"]
+    with pytest.raises(WiringError, match="has no joint 'other/a'"):
+        controller(names=names, prefix="other/")
