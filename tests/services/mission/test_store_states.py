@@ -34,7 +34,9 @@ def test_every_state_asks_for_something_or_looks_at_something():
     assert set(GOALS) | set(CHECKS) == set(STATES) - set(LAST)
 
 
-@pytest.mark.parametrize("state", [state for state in STATES if state not in {*LAST, "stop"}])
+@pytest.mark.parametrize(
+    "state", [state for state in STATES if state not in {*LAST, "stop", "recover"}]
+)
 def test_the_stop_can_be_reached_from_every_state(state):
     assert "stop" in _reachable(state)
 
@@ -75,6 +77,8 @@ def test_every_passage_of_the_table_is_walked():
     together = {"together": True}
     found |= walked(together) | walked(together, drops=(("bring", 1),))
     found |= walked(together | {"waits": {"lost": 0.3}}, drops=(("bring", 1),))
+    found |= walked({"recover": True}, fails={("drive", 1): "jammed"})
+    found |= walked({"recover": True}, fails={("drive", 1): "jammed", ("recover", 1): "no_path"})
     for state in ("depart", "return"):
         found |= walked(together, fails_late={(state, 1): "jammed"})
         found |= walked(together, silent=((state, 1),))

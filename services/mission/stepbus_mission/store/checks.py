@@ -296,7 +296,7 @@ def at_rest(store: StoreState) -> Outcome | None:
         visit.since_ns = store.inputs.t_ns
     if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
         store.rest = "everything is at rest"
-        return Outcome(name="rest")
+        return Outcome(name="recover" if store.settings.recover else "rest")
     if store.elapsed < waits.halt:
         return None
     store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
@@ -310,6 +310,15 @@ def _restless(store: StoreState) -> str:
     if status is None:
         return _NO_ANSWER
     return f"the controller reports {status.state}" + (f", {status.text}" if status.text else "")
+
+
+def recovered(store: StoreState) -> Outcome | None:
+    """Wait until the arm is back at rest, or until there is no way."""
+    outcome = arrived(store)
+    if outcome is not None:
+        is_back = outcome.name == "done"
+        store.rest += "; the arm is back at rest" if is_back else f"; {outcome.text}"
+    return outcome
 
 
 CHECKS: Mapping[str, Check] = {
@@ -328,6 +337,7 @@ CHECKS: Mapping[str, Check] = {
     "verify": verify,
     "retry": retry,
     "stop": at_rest,
+    "recover": recovered,
 }
 """State → its check; other states end when the controller reports the end of the goal."""
 

@@ -169,6 +169,18 @@ def stop(_: StoreState) -> Goal:
     return Goal(id=0, type="stop")
 
 
+def recover(store: StoreState) -> Goal:
+    """Bring the arm back to rest from wherever it has stopped."""
+    joints, held = store.settings.tuck, store.sale.item if store.sale is not None else None
+    return Goal(
+        id=0,
+        type="back_to_rest",
+        joints=list(joints),
+        values=list(joints.values()),
+        touches=[held.name] if held is not None else [],
+    )
+
+
 GOALS: Mapping[str, MakeGoal] = {
     "tuck": tuck,
     "drive": drive,
@@ -192,6 +204,7 @@ GOALS: Mapping[str, MakeGoal] = {
     "release": open_gripper,
     "back_off": back_off,
     "stop": stop,
+    "recover": recover,
     "depart": depart,
     "fold": fold,
     "ready": ready,

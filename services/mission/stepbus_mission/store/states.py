@@ -99,7 +99,10 @@ STATES: Mapping[str, State] = {
     ),
     "release": _goal("releasing it", "back_off"),
     "back_off": _goal("moving up", "inspect"),
-    "stop": State(doing="stopping", then={"rest": "failed", "restless": "failed"}),
+    "stop": State(
+        doing="stopping", then={"rest": "failed", "restless": "failed", "recover": "recover"}
+    ),
+    "recover": State(doing="going back to rest", then={"done": "failed", "failed": "failed"}),
     "failed": State(doing="being stopped", then={}),
 }
 

@@ -7,6 +7,7 @@ from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, RunError
 
 from .avoidance import Avoidance, AvoidanceSettings
+from .back_to_rest import BackToRest
 from .beside import Companion
 from .measured import Measured
 from .parts import PART_OF, Part, Parts
@@ -50,6 +51,7 @@ class GoalExecutor:
         self._active: _Active | None = None
         self._driving: _Active | None = None
         self._companion: Companion | None = None
+        self._return: BackToRest | None = None
         self._measured: Measured | None = None
 
     def hold(self, now: Measured) -> None:
@@ -69,7 +71,7 @@ class GoalExecutor:
                 self.reports.status(old.goal.id, "cancelled", text=text)
                 if old.part != part:
                     self._parts.rest(old.part, t)
-        self._driving, self._companion = None, None
+        self._driving, self._companion, self._return = None, None, None
         self._avoidance.start(goal, part)
         try:
             text = self._begin(goal, part, t)
@@ -129,6 +131,10 @@ class GoalExecutor:
             raise RunError("nothing has been measured yet")
         if self._lost_planner and part != "all":
             raise Refused("no_plan", self._lost_planner)
+        if goal.type == "back_to_rest":
+            arm = self._parts.arm
+            self._return = BackToRest(goal=goal, held=self._avoidance.held, arm=arm, tip=arm.tip)
+            return self._return.start(self._measured, t)
         return self._parts.start(part, goal, self._measured, t, self._avoidance.held)
 
     def lose_planner(self, text: str, t: float) -> None:
@@ -165,6 +171,10 @@ class GoalExecutor:
             outcome = self._accompanied(self._companion, active, ends, t)
         else:
             outcome = self._outcome(active, ends, collision, lost, t)
+        if outcome is not None and self._return is not None:
+            outcome = self._return.follow(outcome, now, t)
+            if outcome is None:
+                self._avoidance.join(active.goal, active.part)
         if outcome is not None:
             self._end(active, outcome)
 
@@ -281,6 +291,7 @@ class GoalExecutor:
             cause, text = ("slower", f"{late}; {text}") if late else (cause, text)
         self.reports.status(active.goal.id, outcome.state, cause, text)
         self._active, self._driving, self._companion = self._driving, None, None
+        self._return = None
         if self._active is not None:
             self._avoidance.join(self._active.goal, self._active.part)
 

@@ -23,6 +23,7 @@ PART_OF: Mapping[GoalType, Part] = {
     "move_to_pose": "arm",
     "move_linear": "arm",
     "spiral": "arm",
+    "back_to_rest": "arm",
     "drive": "base",
     "turn": "base",
     "go_to": "base",

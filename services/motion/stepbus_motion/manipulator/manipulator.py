@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_motion.motions.fitting import fitted
@@ -17,7 +18,7 @@ from stepbus_motion.motions.player import MotionPlayer
 from stepbus_motion.motions.trajectory import AlongPath, Rest, Trajectory
 from stepbus_motion.outcome import Outcome, Refused
 from stepbus_motion.paths.joint_path import joint_path
-from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, RunError
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, Quaternion, RunError
 
 from .back_off import BackOffPath
 from .candidates import Candidate, CandidateFinder
@@ -135,6 +136,18 @@ class Manipulator:
     def at(self, t: float) -> JointMotion:
         """Return what to command at a time [s]."""
         return self._player.command(t)
+
+    @property
+    def tip(self) -> str:
+        """Return the frame whose path counts when the arm backs off."""
+        return self._options.tip
+
+    def tip_pose(self, q: Vector) -> tuple[Point, Quaternion]:
+        """Return position and orientation of the tip in the base at q, shape (n,) [rad, m]."""
+        pose = self._robot.frame_pose(q, self._options.tip)
+        x, y, z = pose.translation.tolist()
+        a, b, c, d = pin.Quaternion(pose.rotation).coeffs().tolist()
+        return (x, y, z), (a, b, c, d)
 
     def link_speeds(self) -> Callable[[str], tuple[float, float]]:
         """Return a function: link → its speed now, and at the full rate of the motion [m/s].
