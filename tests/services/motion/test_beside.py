@@ -158,3 +158,17 @@ def test_a_base_that_waits_for_an_arm_in_vain_gives_up(robot):
     robot.run(6.0)
     end = robot.news[-1]
     assert (end.state, end.text, robot.x) == ("failed", "no goal of the arm has come for 5 s", 0.0)
+
+
+def test_a_base_that_drives_in_steps_asks_for_the_rest_of_its_route_after_each(tmp_path):
+    robot = Robot(config(tmp_path, plans=True, base_step=0.1))
+    robot.start(0, "go_to", base=(0.35, 0.0, 0.0))
+    stood = []
+    for _ in range(4):
+        request = robot.requests[-1]
+        stood.append(request.base[0][0])
+        robot.step(plan=Plan(id=request.id, route=[(0.2, 0.0, 0.0), (0.35, 0.0, 0.0)][-1:]))
+        while robot.requests[-1] is request and robot.states(0)[-1] != "succeeded":
+            robot.step()
+    assert stood == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=2e-3)
+    assert (robot.states(0)[-1], robot.x) == ("succeeded", pytest.approx(0.35, abs=2e-3))

@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
 
 from .motion import BaseMotion
-from .route import base_route
+from .route import base_route, first_part
 
 
 @dataclass(kw_only=True)
@@ -21,18 +23,27 @@ class _Trip:
     drives: bool = False
     replans: int = 0
     route: list[Point] | None = None
+    is_cut: bool = False
 
 
 class Navigator:
     """Lets a base drive to a pose along a planner's route; one goal at a time.
 
     next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
-    replans: how often a goal may get another route.
+    replans: how often a goal may get another route. step: after which the base stops and asks for
+    the rest of its route anew; 0: it does not [m].
     """
 
     def __init__(
-        self, base: BaseMotion, next_id: Callable[[], int], timeout: float, replans: int
+        self,
+        base: BaseMotion,
+        next_id: Callable[[], int],
+        timeout: float,
+        replans: int,
+        *,
+        step: float = 0.0,
     ) -> None:
+        self._step = step
         self._base = base
         self._next_id = next_id
         self._timeout = timeout
@@ -104,8 +115,12 @@ class Navigator:
             self._drive(trip, plan.route)
 
     def _drive(self, trip: _Trip, route: list[Point]) -> None:
+        state = self._base.state
+        cut = first_part((state.x, state.y, state.yaw), route, self._step) if self._step else None
+        trip.is_cut = cut is not None
+        goal = trip.goal if cut is None else replace(trip.goal, base=cut[-1])
         try:
-            self._base.start(trip.goal, self._base.state, route)
+            self._base.start(goal, state, cut or route)
         except Refused as exc:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return
@@ -123,6 +138,9 @@ class Navigator:
     def check(self, end: Outcome | None, t: float) -> Outcome | None:
         """Return how the goal ended at a time [s]; end: of the base's motion."""
         trip = self._trip
+        if trip is not None and trip.drives and trip.is_cut and end and end.state == "succeeded":
+            trip.drives, trip.asked_at, trip.route = False, None, None
+            return None
         if trip is None or trip.drives:
             return end
         if self._verdict is not None:

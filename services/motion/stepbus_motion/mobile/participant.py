@@ -89,6 +89,7 @@ class MobileController(Participant):
                 self._arm.next_request_id,
                 settings.arm.plan_timeout,
                 settings.avoidance.replans,
+                step=settings.base_step,
             )
         self._executor = GoalExecutor(
             Parts(

@@ -23,8 +23,8 @@ from .ports import MobilePorts, find_ports
 class MobileSettings:
     """What a `MobileController` works with.
 
-    limits: of the arm's joints. collisions: with itself; None: not checked. monitor: None: nothing
-    senses contacts.
+    limits: of the arm's joints. base_step: of a planned route [m]. collisions: with itself; None:
+    not checked. monitor: None: nothing senses contacts.
     """
 
     ports: MobilePorts
@@ -34,6 +34,7 @@ class MobileSettings:
     settling: Settling
     arm: ManipulatorOptions
     base: BaseSettings
+    base_step: float
     gripper: GripperSettings
     stow: StowCondition
     monitor: MonitorSettings | None
@@ -64,6 +65,7 @@ def read_mobile_settings(config: Config) -> MobileSettings:
         settling=make_settling(params),
         arm=_arm(params, config),
         base=_base(params),
+        base_step=params.base_step,
         gripper=GripperSettings(
             widest=params.gripper_widest,
             tolerance=params.gripper_tolerance,
