@@ -106,7 +106,7 @@ class Devices:
         self.path, self.base = Path(), Columns("vx", "wz")
         self.gripper = Columns("width", "force", "holding")
         base, gripper = (_first(recording, name) for name in ("BaseState/1", "GripperState/1"))
-        poses = _first(recording, "Poses/1") if base or gripper else None
+        poses = moving_poses(recording) if base or gripper else None
         self.height = None if poses is None else _height(recording, poses)
         takers = {
             port: columns
@@ -121,6 +121,11 @@ class Devices:
             for port, columns in takers.items():
                 for one in columns:
                     one.take(batch[port.topic])
+
+
+def moving_poses(recording: Recording) -> Port | None:
+    """Return the first port of poses that were published more than once, unlike a planogram."""
+    return next((port for port in recording.of_type("Poses/1") if port.last_step > 0), None)
 
 
 def _first(recording: Recording, type_name: str) -> Port | None:

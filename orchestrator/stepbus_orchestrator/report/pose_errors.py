@@ -10,6 +10,7 @@ from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Goal, GoalStatus, Poses
 
+from .device_curves import moving_poses
 from .style import colour, legend
 
 
@@ -25,9 +26,9 @@ class PoseError:
 def pose_errors(recording: Recording) -> list[PoseError]:
     """Return the errors of all goals that sent a link to a pose in the frame of another link.
 
-    The poses are the first ones of all links that the recording has.
+    The poses are those of the first port that has published them more than once.
     """
-    port = next(iter(recording.of_type("Poses/1")), None)
+    port = moving_poses(recording)
     names = [] if port is None else list(port.names)
     goals = {
         goal.id: goal

@@ -15,6 +15,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader import source
 from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.report.curve import Curve
+from stepbus_orchestrator.report.device_curves import Devices
 from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
 from stepbus_orchestrator.report.joint_panels import draw_panels
 from stepbus_orchestrator.report.pose_errors import draw_pose_errors, pose_errors
@@ -207,6 +208,13 @@ def test_the_torque_panel_names_each_joint_with_its_limit():
     ]  # fmt: skip
     drawn = {round(float(np.mean(line.get_ydata()))) for line in axis.lines[3:]}
     assert drawn == {28, -28, 60, -60}
+
+
+def test_the_height_is_not_that_of_a_planogram_which_is_published_once(record):
+    once = [Poses(position=[(0, 0, 9.0), (0, 0, 9.0)], orientation=[UPRIGHT] * 2)]
+    planogram = {"a_planogram": ("Poses/1", ["chassis", "grasp"], once)}
+    found = Devices(record(**planogram, **mobile())).height
+    assert list(found.line()[1]) == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
 def test_no_legend_covers_the_curves():
