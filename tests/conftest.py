@@ -22,6 +22,7 @@ NEED_ROBOTS = [
     "participant/test_models.py",
     "services/perception/test_accuracy.py",
     "services/perception/test_detector.py",
+    "services/perception/test_landmarks.py",
     "services/perception/test_participant.py",
     "services/planner/test_participant.py",
     "services/planner/test_run.py",
