@@ -77,7 +77,7 @@ def test_targets_and_measurements_of_all_fourteen_are_recorded(tracking):
     # Positions that are commanded are no torques to plot.
     curves = TrackingCurves()
     curves.take(tracking)
-    assert curves.command is None
+    assert curves.torques == []
 
 
 def test_the_summary_gives_amplitude_and_lag_in_degrees_and_milliseconds(tracking, motions):
