@@ -80,7 +80,7 @@ def test_what_stands_in_the_way_is_not_touched(tmp_path, overrides, link, since)
 
 
 def test_what_appears_within_the_braking_distance_is_left_at_once(tmp_path):
-    crate = "body: crate, position: [1.1556, 0.3298, 0], orientation_rpy: [0, 0, 0.356]"
+    crate = "body: crate, position: [1.2227, 0.3730, 0], orientation_rpy: [0, 0, 0.3892]"
     result = store(tmp_path, script(f"at: 1.92s, {crate}"), "duration=12s")
     recording = Recording(result.recording)
     assert 1 <= len(touches(recording, "crate_box")) < 10
