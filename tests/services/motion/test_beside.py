@@ -132,10 +132,9 @@ def test_a_collision_of_either_stops_both(robot):
     answer(robot)
     robot.run(0.6)
     robot.touching = [("hand", "pillar", 20.0, -0.001)]
-    robot.run(0.1)
-    assert robot.states(1)[-1] == "failed"
     robot.run(3.0)
-    assert robot.states(0)[-1] == "failed"
+    assert (robot.states(0)[-1], robot.states(1)[-1]) == ("failed", "failed")
+    assert "by odometry" in robot.news[-1].text
     assert {n.cause for n in robot.news if n.state == "failed"} == {"collision"}
     assert max(abs(robot.vx), np.abs(robot.v).max()) < 1e-5
 

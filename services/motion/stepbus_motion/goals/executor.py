@@ -52,6 +52,7 @@ class GoalExecutor:
         self._driving: _Active | None = None
         self._companion: Companion | None = None
         self._return: BackToRest | None = None
+        self._stopped_beside: _Active | None = None
         self._measured: Measured | None = None
 
     def hold(self, now: Measured) -> None:
@@ -65,7 +66,8 @@ class GoalExecutor:
         if goal.base is not None and self._joins(part):
             self._join(goal, part, t)
             return
-        for old in (self._active, self._driving):
+        beside, self._stopped_beside = self._stopped_beside, None
+        for old in (self._active, self._driving, beside):
             if old is not None:
                 text = f"goal {goal.id} came before it was done"
                 self.reports.status(old.goal.id, "cancelled", text=text)
@@ -191,10 +193,10 @@ class GoalExecutor:
         if now is None or active is None:
             return
         if collision is not None or lost:
-            # Both stop; then the base backs off.
+            # Both stop; then the base backs off. The goal beside its own ends with it.
             self._rest(t)
-            cause, text = ("collision", f"{collision}") if collision else ("slipped", lost)
-            self._end(active, Outcome(state="failed", cause=cause, text=f"{text}; stopped"))
+            self._active, self._driving, self._companion = driving, None, None
+            self._stopped_beside = active
             return
         companion = self._companion
         try:
@@ -292,6 +294,9 @@ class GoalExecutor:
         self.reports.status(active.goal.id, outcome.state, cause, text)
         self._active, self._driving, self._companion = self._driving, None, None
         self._return = None
+        beside, self._stopped_beside = self._stopped_beside, None
+        if beside is not None:
+            self.reports.status(beside.goal.id, outcome.state, cause, text)
         if self._active is not None:
             self._avoidance.join(self._active.goal, self._active.part)
 
