@@ -80,7 +80,7 @@ class Companion:
         """Let the base drive on its own; unless the arm is done, it waits for another goal."""
         if is_done:
             self.navigator.go()
-        self.navigator.is_accompanied = False
+        self.navigator.wait_again()
 
     def _alone(self, now: Measured, t: float) -> None:
         self.phase = "moves"
