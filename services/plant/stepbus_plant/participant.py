@@ -139,7 +139,8 @@ class PlantParticipant(Participant):
     def _sensed(self) -> dict[str, Message]:
         """Return the readings of the devices; ports may share one, whose noise counts readings."""
         found = {
-            key: device.sense() for key, device in {id(d): d for d in self._devices.values()}.items()
+            key: device.sense()
+            for key, device in {id(d): d for d in self._devices.values()}.items()
         }
         return {port: found[id(device)] for port, device in self._devices.items()}
 
