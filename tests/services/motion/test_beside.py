@@ -216,3 +216,17 @@ def test_the_arm_counts_on_the_whole_route_also_of_a_base_that_else_drives_in_st
     while robot.x < 3.1:
         robot.step()
     assert np.array_equal(robot.q, before)
+
+
+def test_an_arm_that_fails_on_its_way_stops_the_base_too(robot):
+    set_off(robot)
+    answer(robot)
+    robot.run(0.5)
+    stuck = robot.q.copy()
+    while robot.states(1)[-1] == "running":
+        robot.step()
+        robot.q, robot.v = stuck.copy(), np.zeros(6)
+    robot.run(2.0)
+    assert [robot.states(n)[-1] for n in (0, 1)] == ["failed", "failed"]
+    assert robot.news[-1].cause == "not_settled"
+    assert abs(robot.vx) < 1e-4

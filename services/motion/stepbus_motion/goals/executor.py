@@ -177,6 +177,7 @@ class GoalExecutor:
         else:
             outcome = self._outcome(active, ends, collision, lost, t)
         if outcome is not None and self._return is not None:
+            self.reports.warn(outcome.text if outcome.state == "failed" else "")
             outcome = self._return.follow(outcome, now, t)
             if outcome is None:
                 self._avoidance.join(active.goal, active.part)
@@ -277,7 +278,16 @@ class GoalExecutor:
         if end is None and companion.phase == "moves" and self._driving is None:
             # From now on it is a goal like any other.
             self._companion = None
+        if end is not None and end.state == "failed" and not companion.navigator.waits:
+            self._stop_driving(end, t)
         return end
+
+    def _stop_driving(self, end: Outcome, t: float) -> None:
+        """Stop the base, since the arm beside it is not where it should be; end: of the arm."""
+        driving, self._driving = self._driving, None
+        if driving is not None:
+            self._parts.rest(driving.part, t)
+            self.reports.status(driving.goal.id, end.state, end.cause, end.text)
 
     def _stopped(self, active: _Active, end: Outcome | None) -> Outcome | None:
         if end is not None and end.state == "failed":
