@@ -42,8 +42,9 @@ class Localization:
     """Estimates x, y, yaw of a base on a map [m, rad].
 
     landmarks: on the map, shape (m, 2) [m]. All look alike: a detection is taken for the one that
-    it is nearest to. start: x, y, yaw at the first odometry. After Thrun, Burgard, Fox: Probabilistic Robotics, 2005, section 7.4; the
-    motion comes from odometry instead of commands, as in its section 5.4.
+    it is nearest to. start: x, y, yaw at the first odometry. After Thrun, Burgard, Fox:
+    Probabilistic Robotics, 2005, section 7.4; the motion comes from odometry instead of commands,
+    as in its section 5.4.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The world model as a participant: what a robot knows of its world without being told."""
+"""The world model as a participant: what a robot knows of its world by itself."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Range sensors all over the links of a robot: what they measure is how far things are away."""
+"""Range sensors all over the links of a robot, which measure how far things are away."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
