@@ -18,6 +18,12 @@ def robot(tmp_path):
 def answer(robot, **fields):
     """Answer the latest request: a route, or a path of one second that ends where it has to."""
     request = robot.requests[-1]
+    robot.step(plan=reply(request, **fields))
+    return request
+
+
+def reply(request, **fields):
+    """Return the answer to a request, see `answer`."""
     if request.base is not None:
         fields = {"route": [(0.5, 0.0, 0.0), HOME], **fields}
     elif "cause" not in fields:
@@ -28,8 +34,7 @@ def answer(robot, **fields):
             "position": [(start + s * (goal - start)).tolist() for s in shares],
             "velocity": [(v * (goal - start)).tolist() for v in (0.0, 1.5, 0.0)],
         }
-    robot.step(plan=Plan(id=request.id, **fields))
-    return request
+    return Plan(id=request.id, **fields)
 
 
 def set_off(robot):
@@ -230,3 +235,27 @@ def test_an_arm_that_fails_on_its_way_stops_the_base_too(robot):
     assert [robot.states(n)[-1] for n in (0, 1)] == ["failed", "failed"]
     assert robot.news[-1].cause == "not_settled"
     assert abs(robot.vx) < 1e-4
+
+
+def test_an_arm_that_is_hindered_while_both_leave_moves_on_only_while_the_base_stands(robot):
+    set_off(robot)
+    answer(robot)
+    robot.run(1.0)
+    assert robot.vx > 0.1
+    asked = len(robot.requests)
+    robot.touching = [("hand", "pillar", 0.0, 0.0035)]
+    robot.run(0.1)
+    robot.touching = []
+    while len(robot.requests) == asked:
+        robot.step()
+    robot.run(0.5)
+    for request in robot.requests[asked:]:
+        robot.step(plan=reply(request))
+    stood = robot.x
+    robot.run(0.7)
+    assert (robot.vx, robot.x) == pytest.approx((0.0, stood), abs=2e-3)
+    while robot.states(1)[-1] != "succeeded":
+        robot.step()
+        assert abs(robot.x - stood) < 2e-3
+    robot.run(12.0)
+    assert (robot.states(0)[-1], robot.x) == ("succeeded", pytest.approx(4.0, abs=2e-3))

@@ -83,6 +83,13 @@ class Navigator:
         if trip is not None and trip.route is not None and not trip.drives:
             self._drive(trip, trip.route)
 
+    def pause(self) -> None:
+        """Stop, and wait with the rest of the route until the arm has moved."""
+        self.waits, trip = True, self._trip
+        if trip is not None and trip.drives and not self._base.is_halting:
+            trip.drives, trip.asked_at, trip.route = False, None, None
+            self._base.stop()
+
     def wait_again(self) -> None:
         """Wait for another goal of the arm, as long as for the first one."""
         self.is_accompanied = False
