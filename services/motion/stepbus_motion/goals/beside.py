@@ -64,7 +64,7 @@ class Companion:
         return None
 
     def postpone(self, now: Measured, t: float) -> None:
-        """Move while the base stands: before it goes on, or after it has arrived. Raises Refused."""
+        """Move while the base stands: before it drives on, or once it is there. Raises Refused."""
         if self.arrives or self.base.is_moving:
             self.arm.stop(t)
             self.phase = "postponed"
