@@ -31,7 +31,7 @@ _SHARPEST_CORNER = 6.0
 """The same where a corner is cut [1/m]."""
 
 _STOP = 0.3
-"""What each stop on the way costs besides [s]."""
+"""What each stop costs besides [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

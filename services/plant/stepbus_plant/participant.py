@@ -129,12 +129,20 @@ class PlantParticipant(Participant):
             messages.pop(plan.PORT, None)
             if self.plant.t_ns == 0:
                 messages[plan.PORT] = self._planogram
-        messages.update({port: device.sense() for port, device in self._devices.items()})
+        messages.update(self._sensed())
         messages.update(self._views.images(self.plant.t_ns))
         messages.update(self._readings(self.plant.t_ns))
         if self._warnings or self._events:
             messages.update(dict.fromkeys(self._event_ports, self._event()))
         return messages
+
+    def _sensed(self) -> dict[str, Message]:
+        """Return the readings of the devices; ports may share one, whose noise counts readings."""
+        found = {
+            key: device.sense()
+            for key, device in {id(d): d for d in self._devices.values()}.items()
+        }
+        return {port: found[id(device)] for port, device in self._devices.items()}
 
     def _readings(self, t_ns: int) -> dict[str, Message]:
         """Return the readings of the sensors that are due; ports may share one."""

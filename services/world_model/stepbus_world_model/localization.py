@@ -42,14 +42,20 @@ class Localization:
     """Estimates x, y, yaw of a base on a map [m, rad].
 
     landmarks: on the map, shape (m, 2) [m]. All look alike: a detection is taken for the one that
-    it is nearest to. After Thrun, Burgard, Fox: Probabilistic Robotics, 2005, section 7.4; the
-    motion comes from odometry instead of commands, as in its section 5.4.
+    it is nearest to. start: x, y, yaw at the first odometry. After Thrun, Burgard, Fox:
+    Probabilistic Robotics, 2005, section 7.4; the motion comes from odometry instead of commands,
+    as in its section 5.4.
     """
 
-    def __init__(self, landmarks: Vector, uncertainty: Uncertainty) -> None:
+    def __init__(
+        self,
+        landmarks: Vector,
+        uncertainty: Uncertainty,
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
         self._landmarks = landmarks
         self._uncertainty = uncertainty
-        self._pose: Vector = np.zeros(3)
+        self._pose: Vector = np.array(start)
         self._covariance: Vector = uncertainty.start**2 * np.eye(3)
         self._odometry: BaseState | None = None
 

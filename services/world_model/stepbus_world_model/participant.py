@@ -1,4 +1,4 @@
-"""The world model as a participant: what a robot knows of its world without being told."""
+"""The world model as a participant: what a robot knows of its world by itself."""
 
 import math
 from collections.abc import Mapping
@@ -135,7 +135,11 @@ class WorldModelParticipant(Participant):
             landmark=params.landmark_noise,
             farthest=params.farthest,
         )
-        self._localization = Localization(np.array(marks).reshape(-1, 2), uncertainty)
+        start = _place(*self._known[self._names.index(params.frame)])
+        self._height = start.z
+        self._localization = Localization(
+            np.array(marks).reshape(-1, 2), uncertainty, (start.x, start.y, start.yaw)
+        )
         places = {
             name: _place(*self._known[n])
             for n, name in enumerate(self._names)
@@ -150,7 +154,7 @@ class WorldModelParticipant(Participant):
 
     def _base(self) -> pin.SE3:
         x, y, yaw = self._localization.pose
-        return pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, 0.0]))
+        return pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, self._height]))
 
     def _see(self, items: Items, found: Detections) -> None:
         rows = list(zip(found.types, found.position, found.orientation, strict=True))

@@ -65,7 +65,9 @@ def test_a_goal_that_fails_ends_the_run_with_its_reason(tmp_path):
     [
         ({**SPIRAL, "spiral": None}, "spiral: is missing; a goal of type spiral needs it"),
         ({"type": "move_joints"}, "joints: is missing"),
+        ({"type": "back_to_rest"}, "joints: is missing"),
         ({"type": "go_to"}, "base: is missing"),
+        ({"type": "go_together", "base": [1, 0, 0]}, "use go_to"),
         ({"type": "flies"}, "flies"),
     ],
 )

@@ -5,7 +5,7 @@ import math
 import pytest
 from support.services.mission_store import FakeStore, sell, shelf_a
 
-from stepbus_schemas import BaseState
+from stepbus_schemas import BaseState, Detections
 
 DRIFT = (0.03, -0.02, 0.05)
 GOODS = (("cola", 2), ("water", 4), ("juice", 5))
@@ -76,6 +76,28 @@ def test_the_camera_notices_an_item_that_lies_too_high():
 def test_a_camera_that_fails_above_the_outlet_is_the_reason():
     _, result = honest(dark=("up", 1))
     assert "no detections for 3 s above the outlet" in result.error
+
+
+LATER = 30
+"""Detections after which the arm rests."""
+
+
+@pytest.mark.parametrize(("state", "where"), [("inspect", "shelf"), ("up", "outlet")])
+def test_a_camera_that_fails_after_one_image_is_the_reason_too(state, where):
+    store = FakeStore(shelf_a(*GOODS), drift=DRIFT)
+    detections, calls = store.detections, []
+
+    def once():
+        found = detections()
+        if not store.sent.get(state) or found is None:
+            return found
+        calls.append(found)
+        nothing = {"types": [], "position": [], "orientation": [], "confidence": []}
+        return Detections(frame=found.frame, **nothing) if len(calls) == LATER else None
+
+    store.detections = once
+    result = sell(store, verification="camera", orders=["cola"])
+    assert f"no detections for 3 s above the {where}" in result.error
 
 
 def test_without_a_view_of_the_outlet_the_item_is_put_down_all_the_same_with_a_warning():

@@ -67,8 +67,12 @@ def test_an_arm_without_a_way_back_rises_first(robot):
     answer(robot, cause="start_collides", text="at the start, hand touches shelf")
     end = carry_on(robot, 0)
     assert (end.state, "after going 0.05 m up; " in end.text) == ("succeeded", True)
-    assert max(row["arm"].values[1] for row in robot.commands) is not None
-    assert height > 0.0
+    model = robot.stand.participant.settings.robot
+    heights = [
+        model.frame_pose(np.array(row["arm"].values), "grasp").translation[2]
+        for row in robot.commands
+    ]
+    assert max(heights) == pytest.approx(height + 0.05, abs=2e-3)
 
 
 def test_where_nothing_frees_the_arm_it_says_what_was_tried(robot):
@@ -76,5 +80,17 @@ def test_where_nothing_frees_the_arm_it_says_what_was_tried(robot):
     answer(robot, cause="start_collides", text="at the start, hand touches shelf")
     end = carry_on(robot, 9)
     assert (end.state, end.cause) == ("failed", "no_path")
-    assert end.text.startswith("no way back to rest, after going 0.05 m up, 0.15 m up, 0.1 m in: ")
+    assert end.text.startswith("no path back to rest, after going 0.05 m up, 0.15 m up, 0.1 m in: ")
     assert "hand touches shelf" in end.text
+
+
+def test_what_the_gripper_loses_on_the_way_back_is_reported(robot):
+    robot.thing = 0.06
+    robot.go(0, "grip", width=0.05, force=10.0)
+    robot.start(1, "back_to_rest", **REST)
+    answer(robot)
+    robot.run(0.3)
+    robot.thing = None
+    end = carry_on(robot, 0)
+    assert (end.id, end.state) == (1, "succeeded")
+    assert [text for text in robot.warnings if "held" in text or "lost" in text]

@@ -18,6 +18,12 @@ def robot(tmp_path):
 def answer(robot, **fields):
     """Answer the latest request: a route, or a path of one second that ends where it has to."""
     request = robot.requests[-1]
+    robot.step(plan=reply(request, **fields))
+    return request
+
+
+def reply(request, **fields):
+    """Return the answer to a request, see `answer`."""
     if request.base is not None:
         fields = {"route": [(0.5, 0.0, 0.0), HOME], **fields}
     elif "cause" not in fields:
@@ -28,8 +34,7 @@ def answer(robot, **fields):
             "position": [(start + s * (goal - start)).tolist() for s in shares],
             "velocity": [(v * (goal - start)).tolist() for v in (0.0, 1.5, 0.0)],
         }
-    robot.step(plan=Plan(id=request.id, **fields))
-    return request
+    return Plan(id=request.id, **fields)
 
 
 def set_off(robot):
@@ -171,3 +176,86 @@ def test_a_base_that_drives_in_steps_asks_for_the_rest_of_its_route_after_each(t
             robot.step()
     assert stood == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=2e-3)
     assert (robot.states(0)[-1], robot.x) == ("succeeded", pytest.approx(0.35, abs=2e-3))
+
+
+def test_a_goal_of_the_base_that_is_refused_stops_base_and_arm_all_the_same(robot):
+    go_and_reach(robot)
+    assert robot.vx > 0.1
+    robot.start(3, "drive", by=float("nan"))
+    robot.run(2.0)
+    assert [robot.states(n)[-1] for n in (0, 2, 3)] == ["cancelled", "cancelled", "failed"]
+    assert abs(robot.vx) < 1e-4
+
+
+@pytest.mark.parametrize("joint", ["pan", "unknown"])
+def test_a_base_whose_arm_has_failed_waits_for_another_goal_but_not_for_ever(robot, joint):
+    robot.start(0, "go_together", base=HOME)
+    answer(robot)
+    robot.run(4.0)
+    robot.start(1, "move_joints", joints=[joint], values=[0.3], base=HOME)
+    robot.run(0.1)
+    while robot.states(1)[-1] != "failed":
+        answer(robot, cause="no_path", text="a shelf")
+        robot.run(1.0)
+    robot.run(3.0)
+    assert robot.states(0)[-1] == "running"
+    robot.run(3.0)
+    end = robot.news[-1]
+    assert (end.id, end.state, end.text) == (0, "failed", "no goal of the arm has come for 5 s")
+
+
+def test_a_base_whose_arm_has_been_called_off_does_not_wait_for_ever(robot):
+    set_off(robot)
+    robot.start(2, "grip", width=0.05, force=10.0, base=HOME)
+    robot.run(8.0)
+    assert [robot.states(n)[-1] for n in (0, 1, 2)] == ["failed", "cancelled", "succeeded"]
+    assert robot.x == 0.0
+
+
+def test_the_arm_counts_on_the_whole_route_also_of_a_base_that_else_drives_in_steps(tmp_path):
+    robot = Robot(config(tmp_path, plans=True, base_step=0.1))
+    request = go_and_reach(robot)
+    assert request.bases[-1][0] == pytest.approx(HOME[0], abs=5e-3)
+    answer(robot)
+    before = robot.q.copy()
+    while robot.x < 3.1:
+        robot.step()
+    assert np.array_equal(robot.q, before)
+
+
+def test_an_arm_that_fails_on_its_way_stops_the_base_too(robot):
+    set_off(robot)
+    answer(robot)
+    robot.run(0.5)
+    stuck = robot.q.copy()
+    while robot.states(1)[-1] == "running":
+        robot.step()
+        robot.q, robot.v = stuck.copy(), np.zeros(6)
+    robot.run(2.0)
+    assert [robot.states(n)[-1] for n in (0, 1)] == ["failed", "failed"]
+    assert robot.news[-1].cause == "not_settled"
+    assert abs(robot.vx) < 1e-4
+
+
+def test_an_arm_that_is_hindered_while_both_leave_moves_on_only_while_the_base_stands(robot):
+    set_off(robot)
+    answer(robot)
+    robot.run(1.0)
+    assert robot.vx > 0.1
+    asked = len(robot.requests)
+    robot.touching = [("hand", "pillar", 0.0, 0.0035)]
+    robot.run(0.1)
+    robot.touching = []
+    while len(robot.requests) == asked:
+        robot.step()
+    robot.run(0.5)
+    for request in robot.requests[asked:]:
+        robot.step(plan=reply(request))
+    stood = robot.x
+    robot.run(0.7)
+    assert (robot.vx, robot.x) == pytest.approx((0.0, stood), abs=2e-3)
+    while robot.states(1)[-1] != "succeeded":
+        robot.step()
+        assert abs(robot.x - stood) < 2e-3
+    robot.run(12.0)
+    assert (robot.states(0)[-1], robot.x) == ("succeeded", pytest.approx(4.0, abs=2e-3))

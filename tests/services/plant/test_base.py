@@ -67,6 +67,23 @@ def test_odometry_follows_an_arc_as_the_base_does(stand):
     assert math.dist((odometry.x, odometry.y), truth[:2]) < 5e-3
 
 
+def test_ports_of_one_base_have_the_same_odometry_whatever_their_number(tmp_path):
+    write_base(tmp_path)
+
+    def read(*ports):
+        outputs, errors = dict.fromkeys(ports, "BaseState/1"), {"wheel": 0.01, "slip": 0.05}
+        inputs = {"base": "BaseCommand/1"}
+        stand = make_stand(tmp_path, WORLD, outputs, inputs, odometry=errors)
+        for step in range(20):
+            stand.update(step, base=BaseCommand(vx=0.5))
+            shown = stand.participant.output(None)
+        stand.participant.close()
+        return [shown[port] for port in ports]
+
+    (alone,) = read("odometry")
+    assert read("odometry", "again") == [alone, alone]
+
+
 def test_odometry_tells_the_velocity_of_the_base(stand):
     odometry, _ = drive(stand, [BaseCommand(vx=v, wz=v) for v in ramp(0.2, 2)[:200]])
     assert (odometry.vx, odometry.wz) == pytest.approx((0.2, 0.2), rel=0.02)

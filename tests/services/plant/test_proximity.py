@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from support.services.devices import box, link, make_stand, write_can, write_ground, write_urdf
+from support.services.devices import (
+    box,
+    joint,
+    link,
+    make_stand,
+    write_can,
+    write_ground,
+    write_urdf,
+)
 
 WORLD = """
 contacts:
@@ -101,3 +109,38 @@ bodies:
     contacts = stand.participant.output(None)["near"]
     assert contacts.pairs == [("can", "floor")]
     assert contacts.force == pytest.approx([0.35 * 9.81], rel=0.01)
+
+
+SWING = """
+contacts:
+  near: {links: [bar], within: 0.3}
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  arm: {urdf: arm.urdf, fixed_base: true, position: [0, 0, 0.5], joints: {hinge: {velocity: 2.0}}}
+  can: {urdf: can.urdf, fixed_base: true, position: [0.25, 0, 0.5]}
+"""
+
+
+def test_ranges_of_a_link_that_moves_do_not_depend_on_other_sensors(tmp_path):
+    write_ground(tmp_path)
+    write_can(tmp_path)
+    write_urdf(
+        tmp_path,
+        "arm",
+        link("post", 1.0, box("0.01 0.01 0.01")),
+        link("swing", 0.1, box("0.01 0.01 0.01")),
+        link("bar", 2.0, box("0.2 0.1 0.1")),
+        joint("hinge", "continuous", "post", "swing", "0 0 0", "0 0 1", "10 20"),
+        joint("mount", "fixed", "swing", "bar", "0 0 0", "0 0 1", "0 0"),
+    )
+
+    def ranges(**others):
+        outputs = {**others, "near": "Contacts/1"}
+        stand = make_stand(tmp_path, SWING, outputs, {}, proximity={"spacing": 0.03, "noise": 0.0})
+        found = []
+        for step in range(8):
+            found.append(stand.participant.output(None)["near"].distance)
+            stand.update(step)
+        return found
+
+    assert ranges() == ranges(poses="Poses/1")

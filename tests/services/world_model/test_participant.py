@@ -89,6 +89,21 @@ def test_it_starts_from_the_planogram():
     assert messages["pose"] == BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
 
 
+def test_the_base_starts_where_the_planogram_has_it():
+    half = math.pi / 4
+    position = [(1.0, 2.0, 0.1), *AT[1:]]
+    orientation = [(0.0, 0.0, math.sin(half), math.cos(half)), *[IDENTITY] * (len(NAMES) - 1)]
+    stand = started()
+    messages = stand.update(
+        0, planogram=Poses(position=position, orientation=orientation), **inputs()
+    )
+    assert where(messages, "chassis") == pytest.approx((1.0, 2.0, 0.1))
+    messages = stand.update(3, **inputs(0.5, 0.0, 0.0))
+    pose = messages["pose"]
+    assert (pose.x, pose.y, pose.yaw) == pytest.approx((1.0, 2.5, math.pi / 2))
+    assert where(messages, "chassis") == pytest.approx((1.0, 2.5, 0.1))
+
+
 def test_the_links_of_the_robot_follow_from_its_joints_and_its_pose():
     stand = started()
     # As the comment in robot.urdf.xacro has it.

@@ -135,6 +135,7 @@ def make_stand(
     inputs: dict[str, str],
     dynamics: str = "on",
     proximity: dict[str, float] | None = None,
+    odometry: dict[str, float] | None = None,
     **names: list[str],
 ) -> Stand:
     """Return a started plant; inputs, outputs: port → type; names: of an input's joints."""
@@ -147,7 +148,12 @@ def make_stand(
         folder=folder,
         inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
         outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
-        params={"world": "world.yaml", "dynamics": dynamics, "proximity": proximity or {}},
+        params={
+            "world": "world.yaml",
+            "dynamics": dynamics,
+            "proximity": proximity or {},
+            "odometry": odometry or {},
+        },
         publishes="first",
     )
     participant = PlantParticipant(config)

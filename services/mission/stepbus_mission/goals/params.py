@@ -11,6 +11,7 @@ from stepbus_participant.parameters import Keys
 from stepbus_schemas import Goal, GoalType, Quaternion, Spiral
 
 _WITH_POSE = ("move_to_pose", "move_linear", "spiral")
+_WITH_JOINTS = ("move_joints", "back_to_rest")
 
 
 class SpiralSettings(Settings):
@@ -32,7 +33,7 @@ class GoalSettings(Settings):
     type: GoalType
     """What to do."""
     joints: dict[str, Finite] = {}
-    """Of `move_joints`: joint → position [rad]."""
+    """Of `move_joints` and `back_to_rest`: joint → position [rad]."""
     tip: str = ""
     """Frame of the robot to move."""
     frame: str = ""
@@ -57,12 +58,15 @@ class GoalSettings(Settings):
     """Of `grip` [N]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what a goal of its type lacks."""
+        """Yield what a goal of its type lacks, and the type that no sequence can carry out."""
+        if self.type == "go_together":
+            text = "go_together waits for a goal of the arm, which comes only after it; use go_to"
+            yield ("type",), text
         needs = {
             "position": self.type in _WITH_POSE and self.position is None,
             "tip": self.type in _WITH_POSE and not self.tip,
             "spiral": self.type == "spiral" and self.spiral is None,
-            "joints": self.type == "move_joints" and not self.joints,
+            "joints": self.type in _WITH_JOINTS and not self.joints,
             "base": self.type == "go_to" and self.base is None,
             "force": self.type == "grip" and not self.force,
         }

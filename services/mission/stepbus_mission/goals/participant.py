@@ -27,7 +27,7 @@ class GoalSequence(Participant):
         ports.outputs_are("Goal/1", "Event/1")
         self._goals = config.read(Params, ports.problems).goals
         self._number = -1
-        self._said = ""
+        self._reported = ""
 
     def describe(self) -> Mapping[str, Description]:
         """Return empty descriptions: no output has named elements."""
@@ -43,9 +43,9 @@ class GoalSequence(Participant):
         text = f"{self._label()}: {status.state}, {status.text}"
         if status.state in {"failed", "cancelled"}:
             raise RunError(f"{self._label()} {status.state}: {status.text or status.cause}")
-        if status.state == "running" or text == self._said:
+        if status.state == "running" or text == self._reported:
             return {}
-        self._said = text
+        self._reported = text
         event = {self._event_port: Event(level="info", text=text)}
         return event if status.state == "accepted" else {**event, **self._next(step)}
 

@@ -75,7 +75,7 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
     if store.elapsed < waits.still:
         return None
     if store.inputs.detections is None:
-        if store.elapsed < waits.camera or visit.views:
+        if store.elapsed < waits.camera * (1 + visit.views):
             return None
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
         return Outcome(name="blind", cause="blind", text=text)

@@ -43,7 +43,7 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
     sale, item = store.now
     found = store.inputs.detections
     if found is None:
-        if visit.views or store.elapsed < waits.camera:
+        if store.elapsed < waits.camera * (1 + visit.views):
             return None
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the outlet"
         return Outcome(name="misplaced", cause="blind", text=text)

@@ -24,6 +24,7 @@ class _Trip:
     replans: int = 0
     route: list[Point] | None = None
     is_cut: bool = False
+    alone_since: float | None = None
 
 
 class Navigator:
@@ -31,7 +32,7 @@ class Navigator:
 
     next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
     replans: how often a goal may get another route. step: after which the base stops and asks for
-    the rest of its route anew; 0: it does not [m].
+    the rest of its route anew, unless it goes together with the arm; 0: it does not [m].
     """
 
     def __init__(
@@ -82,6 +83,19 @@ class Navigator:
         if trip is not None and trip.route is not None and not trip.drives:
             self._drive(trip, trip.route)
 
+    def pause(self) -> None:
+        """Stop, and wait with the rest of the route until the arm has moved."""
+        self.waits, trip = True, self._trip
+        if trip is not None and trip.drives and not self._base.is_halting:
+            trip.drives, trip.asked_at, trip.route = False, None, None
+            self._base.stop()
+
+    def wait_again(self) -> None:
+        """Wait for another goal of the arm, as long as for the first one."""
+        self.is_accompanied = False
+        if self._trip is not None:
+            self._trip.alone_since = None
+
     def start(self, goal: Goal, held: str, t: float, state: BaseState) -> str:
         """Start a go_to or go_together at a time [s]; raises Refused for one without sense."""
         text = self._base.check_goal(goal, state)
@@ -116,7 +130,9 @@ class Navigator:
 
     def _drive(self, trip: _Trip, route: list[Point]) -> None:
         state = self._base.state
-        cut = first_part((state.x, state.y, state.yaw), route, self._step) if self._step else None
+        # The arm beside it counts on the whole route.
+        steps = self._step > 0.0 and trip.goal.type != "go_together"
+        cut = first_part((state.x, state.y, state.yaw), route, self._step) if steps else None
         trip.is_cut = cut is not None
         goal = trip.goal if cut is None else replace(trip.goal, base=cut[-1])
         try:
@@ -152,10 +168,19 @@ class Navigator:
         elif trip.route is None and t - trip.asked_at > self._timeout:
             text = f"the planner has not answered for {self._timeout:g} s; is it running?"
             return Outcome(state="failed", cause="no_plan", text=text)
-        elif self.waits and not self.is_accompanied and t - trip.asked_at > self._timeout:
-            text = f"no goal of the arm has come for {self._timeout:g} s"
-            return Outcome(state="failed", cause="invalid", text=text)
-        return None
+        return self._wait(trip, t)
+
+    def _wait(self, trip: _Trip, t: float) -> Outcome | None:
+        """Return a failure where no goal of the arm has come, or come again, for too long."""
+        if not self.waits or self.is_accompanied or trip.route is None:
+            trip.alone_since = None
+            return None
+        if trip.alone_since is None:
+            trip.alone_since = t
+        if t - trip.alone_since <= self._timeout:
+            return None
+        text = f"no goal of the arm has come for {self._timeout:g} s"
+        return Outcome(state="failed", cause="invalid", text=text)
 
     def _ask(self, trip: _Trip, t: float) -> None:
         now, goal = self._base.state, trip.goal

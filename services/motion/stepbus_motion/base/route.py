@@ -39,7 +39,7 @@ def base_route(
 ) -> BaseRoute:
     """Return the segments that a goal needs from the base's state.
 
-    route: poses on the way to the pose of a go_to, and that one, each x, y, yaw [m, rad]. Without
+    route: poses that lead to that of a go_to, and that one, each x, y, yaw [m, rad]. Without
     it, closer to its target than twice `position` [m], the base only turns. Raises Refused for a
     goal that makes no sense.
     """
@@ -71,7 +71,7 @@ def first_part(start: Point, route: Sequence[Point], length: float) -> list[Poin
 
 
 def _between(a: Point, b: Point, share: float) -> Point:
-    """Return a pose on the way from one to another: on an arc, or on a straight line."""
+    """Return a pose between two others: on an arc, or on a straight line."""
     x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
     if arc_direction(a, b):
         return (x, y, a[2] + share * wrapped(b[2] - a[2]))
@@ -81,22 +81,22 @@ def _between(a: Point, b: Point, share: float) -> Point:
 def _route_by(route: Sequence[Point], target: Point, state: BaseState) -> BaseRoute:
     """Return the segments along a planned route: arcs where they fit, else lines and turns."""
     segments: deque[PlannedSegment] = deque()
-    now, direction, way = (state.x, state.y, state.yaw), 0, 0
+    now, direction, driven = (state.x, state.y, state.yaw), 0, 0
     arcs: list[Point] = []
     for n, pose in enumerate(route):
         end, direction = pose, arc_direction(now, pose)
-        if arcs and direction != way:
-            segments.append(curve(arcs, back=way < 0))
+        if arcs and direction != driven:
+            segments.append(curve(arcs, back=driven < 0))
             arcs = []
         if direction:
-            arcs, way = [*(arcs or [now]), pose], direction
+            arcs, driven = [*(arcs or [now]), pose], direction
         elif math.dist(now[:2], pose[:2]) < LEAST_ARC:
             segments.append(turn_to(pose[2]))
         else:
             end = _line(segments, now, pose, route[n + 1] if n + 1 < len(route) else None)
         now = end
     if arcs:
-        segments.append(curve(arcs, back=way < 0))
+        segments.append(curve(arcs, back=driven < 0))
     segments.append(turn_to(target[2]))
     x, y, yaw = target
     length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise([(state.x, state.y), *route]))

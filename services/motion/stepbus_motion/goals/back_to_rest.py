@@ -46,7 +46,7 @@ class BackToRest:
         self.escapes = self._escapes()
 
     def start(self, now: Measured, t: float) -> str:
-        """Start the way to where the arm rests, or to free it; raises Refused."""
+        """Start the path to where the arm rests, or to free it; raises Refused."""
         try:
             return self._plan(now, t)
         except RunError as exc:
@@ -72,7 +72,7 @@ class BackToRest:
         if self._free(now, t):
             return None
         tried = f", after going {', '.join(self.done)}" if self.done else ""
-        text = f"no way back to rest{tried}: {self.problem}"
+        text = f"no path back to rest{tried}: {self.problem}"
         return Outcome(state="failed", cause="no_path", text=text)
 
     def _plan(self, now: Measured, t: float) -> str:

@@ -52,6 +52,8 @@ class Companion:
             self._ask(now, t)
         elif self.phase == "asked" and self.arm.is_ready and self._may_move():
             self._move()
+        elif self.phase == "postponed" and not self.arrives and not self.base.is_moving:
+            self._alone(now, t)
 
     def follow(self, end: Outcome | None, now: Measured, t: float) -> Outcome | None:
         """Return how the goal ended; end: of the arm's motion. Nothing is lost before it moves."""
@@ -62,10 +64,12 @@ class Companion:
         return None
 
     def postpone(self, now: Measured, t: float) -> None:
-        """Move while the base stands: now, or after it has arrived. Raises Refused."""
-        if self.arrives:
+        """Move while the base stands: before it drives on, or once it is there. Raises Refused."""
+        if self.arrives or self.base.is_moving:
             self.arm.stop(t)
             self.phase = "postponed"
+            if not self.arrives:
+                self.navigator.pause()
         else:
             self._alone(now, t)
 
@@ -80,7 +84,7 @@ class Companion:
         """Let the base drive on its own; unless the arm is done, it waits for another goal."""
         if is_done:
             self.navigator.go()
-        self.navigator.is_accompanied = False
+        self.navigator.wait_again()
 
     def _alone(self, now: Measured, t: float) -> None:
         self.phase = "moves"

@@ -67,12 +67,12 @@ class GoalExecutor:
             self._join(goal, part, t)
             return
         beside, self._stopped_beside = self._stopped_beside, None
-        for old in (self._active, self._driving, beside):
-            if old is not None:
-                text = f"goal {goal.id} came before it was done"
-                self.reports.status(old.goal.id, "cancelled", text=text)
-                if old.part != part:
-                    self._parts.rest(old.part, t)
+        cancelled = [old for old in (self._active, self._driving, beside) if old is not None]
+        for old in cancelled:
+            text = f"goal {goal.id} came before it was done"
+            self.reports.status(old.goal.id, "cancelled", text=text)
+            if old.part != part:
+                self._parts.rest(old.part, t)
         self._driving, self._companion, self._return = None, None, None
         self._avoidance.start(goal, part)
         try:
@@ -80,7 +80,8 @@ class GoalExecutor:
         except RunError as exc:
             cause = exc.cause if isinstance(exc, Refused) else "invalid"
             self.reports.status(goal.id, "failed", cause, str(exc))
-            self._rest(t)
+            for old in cancelled:
+                self._parts.rest(old.part, t)
             self._active = None
             return
         caution = self._parts.arm.caution if part == "arm" else ""
@@ -105,6 +106,8 @@ class GoalExecutor:
             self.reports.status(self._active.goal.id, "cancelled", text=text)
             self._rest(t)
         self._active = active = _Active(goal=goal, part=part)
+        if self._companion is not None:
+            self._companion.leave(is_done=False)
         self._companion = None
         if self._driving is not None:
             self._avoidance.join(goal, part, self._driving.goal)
@@ -174,6 +177,7 @@ class GoalExecutor:
         else:
             outcome = self._outcome(active, ends, collision, lost, t)
         if outcome is not None and self._return is not None:
+            self.reports.warn(outcome.text if outcome.state == "failed" else "")
             outcome = self._return.follow(outcome, now, t)
             if outcome is None:
                 self._avoidance.join(active.goal, active.part)
@@ -271,12 +275,19 @@ class GoalExecutor:
         except RunError as exc:
             cause = exc.cause if isinstance(exc, Refused) else "invalid"
             return Outcome(state="failed", cause=cause, text=str(exc))
-        if end is not None:
-            companion.leave(is_done=end.state == "succeeded")
-        elif companion.phase == "moves" and self._driving is None:
+        if end is None and companion.phase == "moves" and self._driving is None:
             # From now on it is a goal like any other.
             self._companion = None
+        if end is not None and end.state == "failed" and not companion.navigator.waits:
+            self._stop_driving(end, t)
         return end
+
+    def _stop_driving(self, end: Outcome, t: float) -> None:
+        """Stop the base, since the arm beside it is not where it should be; end: of the arm."""
+        driving, self._driving = self._driving, None
+        if driving is not None:
+            self._parts.rest(driving.part, t)
+            self.reports.status(driving.goal.id, end.state, end.cause, end.text)
 
     def _stopped(self, active: _Active, end: Outcome | None) -> Outcome | None:
         if end is not None and end.state == "failed":
@@ -292,6 +303,8 @@ class GoalExecutor:
             late = self._late(active.goal)
             cause, text = ("slower", f"{late}; {text}") if late else (cause, text)
         self.reports.status(active.goal.id, outcome.state, cause, text)
+        if self._companion is not None:
+            self._companion.leave(is_done=outcome.state == "succeeded")
         self._active, self._driving, self._companion = self._driving, None, None
         self._return = None
         beside, self._stopped_beside = self._stopped_beside, None

@@ -39,7 +39,7 @@ _AT_ONCE = 1e-6
 class Beside:
     """The base moves beside the arm: bases are its poses at which the path of the arm is checked.
 
-    waits: the arm moves only when it is told to.
+    waits: the arm moves only once it is released.
     """
 
     bases: Sequence[Point] = ()

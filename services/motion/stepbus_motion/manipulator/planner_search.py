@@ -136,7 +136,7 @@ class PlannerQueries:
         candidate: Candidate,
         bases: Sequence[Point],
     ) -> PlanRequest:
-        """Return a request for a way to a candidate, and for the check of the paths from there."""
+        """Return a request for a path to a candidate, and for the check of the paths from there."""
         return PlanRequest(
             id=self.next_id(),
             start=rest.tolist(),

@@ -63,8 +63,8 @@ class Params(JointParams):
     base_clearance: Positive = 0.008
     """The base comes to rest before it is closer to what it must not touch [m]."""
     base_step: NonNegative = 0.0
-    """After so much of a planned route the base stops, and asks for the rest anew; 0: it drives it
-    in one go [m]."""
+    """After so much of a planned route the base stops, and asks for the rest anew; 0, or with
+    `go_together`: it drives it in one go [m]."""
     base_position: Positive = 1e-3
     """Largest error of the base at its goal [m]."""
     base_angle: Positive = 0.0017453292519943296

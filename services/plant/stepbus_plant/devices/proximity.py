@@ -1,4 +1,4 @@
-"""Range sensors all over the links of a robot: what they measure is how far things are away."""
+"""Range sensors all over the links of a robot, which measure how far things are away."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -115,7 +115,10 @@ class RangeSkin:
         if number < 0:
             position, turn = bullet.getBasePositionAndOrientation(body, self._client)
         else:
-            position, turn = bullet.getLinkState(body, number, physicsClientId=self._client)[4:6]
+            # Without, it lags by a physics step unless somebody else has asked for it.
+            position, turn = bullet.getLinkState(
+                body, number, computeForwardKinematics=True, physicsClientId=self._client
+            )[4:6]
         if link in self._wheels:
             # Its sensors are on the fender: they do not turn.
             turn = bullet.getBasePositionAndOrientation(body, self._client)[1]
