@@ -84,6 +84,8 @@ def row_problems(row: Row) -> Iterator[tuple[Keys, str]]:
         yield ("optional",), f"must be true or false, not {row['optional']!r}"
     if "min" in row and (row["type"] != "int" or not is_integer(row["min"])):
         yield ("min",), "is a whole number, for a field of type int"
+    elif "min" in row and not -(2**63) <= row["min"] < 2**63:
+        yield ("min",), "must fit into 64 bits, with a sign"
 
 
 def default_problems(row: Row) -> Iterator[tuple[Keys, str]]:
