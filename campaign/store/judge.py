@@ -101,8 +101,8 @@ def _sale(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
     names = log.names.get("plant/poses", [])
     where = log.last("plant/poses").get("position")
     for item, reported in dict(sold).items():
-        is_known = where is not None and item in names
-        x, y, z = where[names.index(item)] if is_known else (math.inf, math.inf, math.inf)
+        unknown = (math.inf, math.inf, math.inf)
+        x, y, z = where[names.index(item)] if where and item in names else unknown
         error = math.hypot(x - _OUTLET[0], y - _OUTLET[1])
         if abs(z - _OUTLET[2]) > 0.01 or error > 0.06:
             yield f"it says that {item} is sold; it is at {x:.3f}, {y:.3f}, {z:.3f} m"

@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
-from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording, known_programs
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.trust import programs_of
@@ -239,6 +239,19 @@ def test_overrides_beside_a_strangers_recording_are_asked_for(project, strong, m
     strong.with_name("result.json").unlink()
     tree = find_work_tree(Recording(strong), "controller")
     assert programs_of(Recording(strong), "controller", tree=tree).is_known
+
+
+@pytest.mark.parametrize("types", ["evil", "[types.yaml, evil]"])
+def test_a_recording_that_imports_a_module_is_refused(log, types):
+    recording = Recording(log)
+    row = f"\ntypes: {types}\n".encode()
+    recording.attachments = {
+        **recording.attachments,
+        "scenario.yaml": recording.attachments["scenario.yaml"] + row,
+    }
+    for tree in (find_work_tree(recording, "controller"), None):
+        with pytest.raises(RecordingFailed, match="its types name the module 'evil': refused"):
+            programs_of(recording, "controller", own_program=True, tree=tree)
 
 
 @pytest.mark.parametrize("words", [("recover", "--out", "new.mcap"), ("diff", "run"), ("rerun",)])
