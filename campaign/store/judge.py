@@ -98,10 +98,11 @@ def _sale(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
     sold = [row for text in log.texts() for row in _SOLD.findall(text)]
     if result["exit_code"] == 0 and not sold and "1 of 1" in result["reason"]:
         yield "it says that the order was sold, and its table has no item"
-    names = log.names["plant/poses"]
+    names = log.names.get("plant/poses", [])
     where = log.last("plant/poses").get("position")
     for item, reported in dict(sold).items():
-        x, y, z = where[names.index(item)] if where else (math.inf, math.inf, math.inf)
+        unknown = (math.inf, math.inf, math.inf)
+        x, y, z = where[names.index(item)] if where and item in names else unknown
         error = math.hypot(x - _OUTLET[0], y - _OUTLET[1])
         if abs(z - _OUTLET[2]) > 0.01 or error > 0.06:
             yield f"it says that {item} is sold; it is at {x:.3f}, {y:.3f}, {z:.3f} m"
@@ -139,7 +140,8 @@ def _is_said(links: frozenset[str], said: Sequence[str]) -> bool:
 
 def _items(log: SaleLog) -> set[str]:
     """Return the names of items: `<type>_<row>_<number>`."""
-    return {name for name in log.names["plant/poses"] if re.fullmatch(r"[a-z]+_[ab]\d_\d+", name)}
+    links = log.names.get("plant/poses", ())
+    return {name for name in links if re.fullmatch(r"[a-z]+_[ab]\d_\d+", name)}
 
 
 def _blame(result: Mapping[str, Any], killed: str) -> Iterator[str]:

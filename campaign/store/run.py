@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import tempfile
 import time
@@ -38,8 +39,7 @@ def sell(rows: Sequence[Case], keep: Path | None = None) -> Iterator[tuple[Case,
             out = Path(folder) / "run"
             outcome = _sell(case, out)
             if outcome.broken and keep is not None and out.exists():
-                keep.mkdir(parents=True, exist_ok=True)
-                out.rename(keep / f"sale_{case.number}")
+                shutil.copytree(out, keep / f"sale_{case.number}", dirs_exist_ok=True)
             yield case, outcome
 
 

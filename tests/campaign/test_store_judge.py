@@ -1,7 +1,10 @@
 """The judge of the store's part of the campaign finds each promise that is broken."""
 
+import errno
+from unittest.mock import Mock
+
 import pytest
-from campaign.store import cases, judge
+from campaign.store import Outcome, cases, judge, sell
 from campaign.store.judge import largest_force
 from campaign.store.log import SaleLog
 
@@ -27,6 +30,29 @@ def log(*touches, place=(0.152, 0.65, 0.35), chassis=(0.0, 0.0), velocity=0.0, t
     ]
     found.messages["mission/events"] = [(9, {"text": text}) for text in texts]
     return found
+
+
+def test_a_run_without_a_single_message_is_judged_too():
+    lost = "it says that cola_a1_1 is sold; it is at inf, inf, inf m"
+    assert judge(SaleLog(), {**SOLD, "exit_code": 6, "reason": "it died"}) == []
+    found = SaleLog()
+    found.messages["mission/events"] = [(9, {"text": TABLE})]
+    assert judge(found, SOLD) == [lost]
+
+
+def test_a_sale_that_broke_a_promise_is_kept_on_any_disk(tmp_path, monkeypatch):
+    def sold(_case, out):
+        out.mkdir()
+        (out / "run.mcap").write_text("x")
+        return Outcome(0, 1.0, broken=["it lied"])
+
+    monkeypatch.setattr("campaign.store.run._sell", sold)
+    # Another file system: nothing can be renamed to there.
+    monkeypatch.setattr("os.rename", Mock(side_effect=OSError(errno.EXDEV, "another disk")))
+    rows = cases(1, 1)
+    for _ in range(2):
+        assert [case for case, _ in sell(rows, tmp_path / "kept")] == rows
+    assert (tmp_path / "kept/sale_0/run.mcap").read_text() == "x"
 
 
 def test_a_sale_that_keeps_all_promises_breaks_none():

@@ -6,6 +6,7 @@ import pytest
 from stepbus_kinematics import RobotModel
 from stepbus_orchestrator.scenario.files.names import names_in
 from stepbus_participant import read_urdf_text
+from stepbus_participant.files.urdf_check import Mimic, mimics, parse_urdf
 from stepbus_plant.params import Params
 from stepbus_plant.plant import Plant
 from stepbus_plant.world.file import load_world
@@ -71,12 +72,29 @@ def test_plant_and_controller_read_the_same_dynamics(arm, tmp_path):
         ("</model>", "</model><model/>", "1: has 2 models; give a body a file with one"),
         ("</model>", "<include/></model>", "12: <include> in a model is not supported"),
         ("<xyz>1 0 0</xyz>", "<xyz>1 0</xyz>", "12: <xyz> '1 0' is not 3 numbers"),
+        ('version="1.7"', 'version=""', "1: its version is '', not one such as 1.9"),
+        ('version="1.7"', 'version="1.x"', "1: its version is '1.x', not one such as 1.9"),
+        ('name="tool"', 'name="upper"', "7: link 'upper' is there twice, first in line 4"),
+        ('name="slide"', 'name="shoulder"', "11: joint 'shoulder' is there twice, first in line 9"),
     ],
 )
 def test_a_mistake_is_refused_with_its_line(tmp_path, old, new, message):
     path = tmp_path / "arm.sdf"
     path.write_text(SDF.replace(old, new, 1))
     with pytest.raises(WiringError, match=message):
+        read_urdf_text(path)
+
+
+def test_a_joint_follows_another_one_as_in_a_urdf(tmp_path):
+    path = tmp_path / "arm.sdf"
+    followed = '<mimic joint="shoulder"><multiplier>0.5</multiplier><reference>0.2</reference>'
+    text = SDF.replace("<xyz>1 0 0</xyz>", f"<xyz>1 0 0</xyz>{followed}<offset>1</offset></mimic>")
+    path.write_text(text)
+    assert mimics(parse_urdf(read_urdf_text(path))) == {
+        "slide": Mimic(joint="shoulder", multiplier=0.5, offset=0.9)
+    }
+    path.write_text(text.replace('joint="shoulder"', 'joint="elbow"'))
+    with pytest.raises(WiringError, match="follows joint 'elbow', which is none that moves"):
         read_urdf_text(path)
 
 

@@ -1,6 +1,7 @@
 """Message types of one's own: declarations, what follows from them, and what is refused."""
 
 import json
+import math
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
@@ -65,6 +66,26 @@ def test_a_declaration_comes_back_from_its_schema(declaration):
     types = Types({"Own/1": declaration})
     recorded = json.loads(json.dumps(json_schema("Own/1", types), sort_keys=True))
     assert Types({"Own/1": declaration_of("Own/1", recorded)}) == types
+
+
+@pytest.mark.parametrize(
+    ("form", "default"),
+    [("float[k]", [1.0, 2.0]), ("float[n,2]", [[1.0, 2.0]]), ("int[2]", [3, 4]), ("text[k]", [])],
+)
+def test_the_default_of_an_array_comes_back_from_its_schema(form, default):
+    types = Types({"Own/1": {"a": {"type": form, "default": default, "unit": "N"}}})
+    recorded = json.loads(json.dumps(json_schema("Own/1", types)))
+    assert Types({"Own/1": declaration_of("Own/1", recorded)}) == types
+    assert not Types.of([types["Own/1"]]).misfits(types, "the class", "the declaration")
+    assert Decoder(types["Own/1"])(encode(types["Own/1"]())) == types["Own/1"]()
+
+
+def test_a_default_that_only_a_function_knows_is_refused():
+    class Odd(Message, frozen=True):
+        a: list[float] = msgspec.field(default_factory=lambda: [1.0])
+
+    with pytest.raises(WiringError, match=r"Odd/1\.a: its default is made by a function"):
+        class_declaration(Odd)
 
 
 @given(declarations)
@@ -196,9 +217,14 @@ PROBLEMS = [
     ("T/1", {"a": {"type": "float", "unit": 3}}, "must be text, not 3"),
     ("T/1", {"a": {"type": "float", "optional": 1}}, "must be true or false, not 1"),
     ("T/1", {"a": {"type": "float", "min": 1}}, "for a field of type int"),
+    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into 64 bits, with a sign"),
+    ("Fault/1", {"a": "float"}, "Fault/1 is a message of the protocol; choose another name"),
+    ("Outputs/2", {"a": "float"}, "Outputs/2 is a message of the protocol; choose another name"),
     ("T/1", {"a": {"type": "int", "default": "x"}}, "does not fit the type"),
     ("T/1", {"a": {"type": "int", "min": 2, "default": 1}}, "does not fit the type"),
     ("T/1", {"a": {"type": "int", "optional": True, "default": 1}}, "is not for an optional field"),
+    ("T/1", {"a": {"type": "float", "default": math.nan}}, "must be finite: JSON Schema has"),
+    ("T/1", {"a": {"type": "float[k]", "default": [math.inf]}}, "must be finite: JSON Schema has"),
     ("T/1", {"a": {"type": "bytes", "default": "x"}}, "is not for bytes"),
     ("T/1", {"a": "float", "help": {"type": "text"}}, "is a sentence about the type"),
 ]

@@ -68,8 +68,10 @@ class _Count:
         self._keep(values[beyond])
 
     def _keep(self, values: Any) -> None:
-        if len(values):
-            farthest = float(values[np.argmax(np.abs(values))])
+        # Where a controller has diverged, what is no number hides nothing.
+        numbers = values[~np.isnan(values)]
+        if len(numbers):
+            farthest = float(numbers[np.argmax(np.abs(numbers))])
             self.worst = max(self.worst, farthest, key=abs)
 
     @property
@@ -170,10 +172,9 @@ def _participants(recording: Recording) -> dict[str, dict[str, Any]]:
 
 def _sources(row: Mapping[str, Any]) -> set[str]:
     """Return the topics that a participant reads."""
-    origins = (
-        item.get("from", "") if isinstance(item, dict) else item
-        for item in (row.get("inputs") or {}).values()
-    )
+    inputs = row.get("inputs")
+    items = inputs.values() if isinstance(inputs, dict) else ()
+    origins = (item.get("from", "") if isinstance(item, dict) else item for item in items)
     return {str(origin).replace(".", "/", 1) for origin in origins}
 
 

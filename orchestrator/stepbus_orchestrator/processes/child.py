@@ -75,6 +75,7 @@ class Child:
                 participant=name,
             ) from exc
         self.pid = self._process.pid
+        self._is_terminated = False
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs.
@@ -103,8 +104,9 @@ class Child:
         return True
 
     def terminate(self) -> None:
-        """Ask it to end, and all it has started."""
-        if self.exit_code() is None:
+        """Ask it once to end, and all it has started: a second SIGTERM would disturb its close."""
+        if self.exit_code() is None and not self._is_terminated:
+            self._is_terminated = True
             self.signal(signal.SIGTERM)
             # A frozen process takes no SIGTERM until it continues.
             self.signal(signal.SIGCONT)

@@ -1,8 +1,8 @@
 """The programs that this user has started on this machine, by the fingerprints of their scenarios.
 
 A recording holds programs: what a scenario starts, and its files. Those that you have run here may
-be started again unasked, wherever their recording lies now; those of others are strangers. The list
-is in `$XDG_STATE_HOME/stepbus/programs` (`~/.local/state/…`). It changes no result.
+be started again unasked, wherever their recording lies now; for those of others you are asked. The
+list is in `$XDG_STATE_HOME/stepbus/programs` (`~/.local/state/…`). It changes no result.
 """
 
 import contextlib

@@ -17,6 +17,8 @@ from stepbus_orchestrator.run.progress import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, command, load, resolved
+from stepbus_participant import SettingsError
+from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord
 
 from .recorded import recorded_end
@@ -86,7 +88,24 @@ def attached(recording: Recording) -> tuple[bytes, Mapping[str, bytes]]:
             f"{recording.path} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
         )
     files = _files(recording.path, recording.attachments)
-    return recording.attachments[SCENARIO_ATTACHMENT], files
+    scenario = recording.attachments[SCENARIO_ATTACHMENT]
+    _refuse_modules(recording.path, scenario)
+    return scenario, files
+
+
+def _refuse_modules(recording: Path, scenario: bytes) -> None:
+    """Raise RecordingFailed where a scenario would import a module: loading it would execute code.
+
+    No run records one: message types of a module are recorded in full.
+    """
+    try:
+        data = parse_yaml(SCENARIO_ATTACHMENT, scenario.decode(errors="replace"))
+    except SettingsError:
+        return
+    given = data.get("types") if isinstance(data, dict) else None
+    for source in given if isinstance(given, list) else [given]:
+        if isinstance(source, str) and not is_file_name(source):
+            raise RecordingFailed(f"{recording}: its types name the module {source!r}: refused")
 
 
 def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes]:

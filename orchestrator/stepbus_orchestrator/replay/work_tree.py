@@ -8,8 +8,9 @@ the current folder or the recording's.
 import contextlib
 import os
 import re
+import stat
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +53,12 @@ class WorkTree:
 
     @property
     def is_known(self) -> bool:
-        """Return whether you have run a scenario of this folder on this machine."""
-        return is_known_folder(self.folder)
+        """Return whether you have run a scenario of this folder on this machine.
+
+        Where everybody may add one to the folder, as in /tmp, it must also be yours.
+        """
+        is_yours = _owner(self.file) == os.geteuid()
+        return is_known_folder(self.folder) and (is_yours or not _is_open(self.folder))
 
     def participants(self) -> dict[str, Any]:
         """Return the rows of the participants, as the file has them."""
@@ -84,12 +89,24 @@ def find_work_tree(
     trusted = _owners(recording.path)
     recorded, origin = _recorded(recording), _origin(recording.path, trusted)
     if given is not None:
-        return WorkTree(file=_given(given, recorded, participant), overrides=origin.overrides)
+        return _tree(_given(given, recorded, participant), origin, recorded)
     file = Path(origin.file)
     is_own = bool(origin.file) and not _is_builtin(file) and _owner(file) in trusted
     if not (is_own and _fits(file, recorded, participant)):
         file = next(_near(recording.path, recorded, participant, trusted), Path())
-    return WorkTree(file=file, overrides=origin.overrides) if file.name else None
+    return _tree(file, origin, recorded) if file.name else None
+
+
+def _tree(file: Path, origin: _Origin, recorded: Mapping[str, Any]) -> WorkTree:
+    """Return a scenario with those overrides that apply to it."""
+    tree = WorkTree(file=file)
+    rows = tree.participants()
+    kept = [
+        override
+        for override in origin.overrides
+        if _keys(override)[0] in rows and _is_recorded(override, recorded)
+    ]
+    return replace(tree, overrides=kept)
 
 
 def _near(
@@ -146,16 +163,48 @@ def _origin(recording: Path, trusted: frozenset[int]) -> _Origin:
     try:
         if not path.is_file() or _owner(path) not in trusted:
             return _Origin()
-        found = msgspec.json.decode(path.read_bytes(), type=_Origin)
+        return msgspec.json.decode(path.read_bytes(), type=_Origin)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
         return _Origin()
-    return _Origin(file=found.file, overrides=list(filter(_is_of_parameters, found.overrides)))
 
 
-def _is_of_parameters(override: str) -> bool:
-    """Return whether an override sets parameters or a deadline: none of these starts anything."""
-    _, _, key = override.partition("=")[0].partition(".")
-    return key.strip().partition(".")[0] == "params" or key.strip().endswith("_timeout")
+def _keys(override: str) -> list[str]:
+    """Return the path of an override, from its participant on."""
+    keys = [key.strip() for key in override.partition("=")[0].split(".")]
+    return keys[1:] if keys[0] == "participants" and keys[1:] else keys
+
+
+def _is_recorded(override: str, recorded: Mapping[str, Any]) -> bool:
+    """Return whether an override is a deadline, or a parameter that has its recorded value.
+
+    None of these starts anything. Other values are of another run than that of the recording.
+    """
+    keys = _keys(override)
+    if len(keys) == 2 and keys[1].endswith("_timeout"):
+        return True
+    try:
+        value = parse_yaml("", override.partition("=")[2])
+        found: Any = recorded["participants"]
+        for key in keys:
+            found = found[int(key)] if isinstance(found, list) else (found or {}).get(key)
+    except (SettingsError, KeyError, ValueError, IndexError, AttributeError):
+        return False
+    return keys[1:2] == ["params"] and _agrees(found, value)
+
+
+def _agrees(recorded: Any, value: Any) -> bool:
+    """Return whether a recorded value is one that was set; later overrides may add to a map."""
+    if isinstance(recorded, dict) and isinstance(value, dict):
+        return all(_agrees(recorded.get(key), item) for key, item in value.items())
+    return bool(recorded == value)
+
+
+def _is_open(folder: Path) -> bool:
+    """Return whether everybody may write to a folder."""
+    try:
+        return bool(folder.stat().st_mode & stat.S_IWOTH)
+    except OSError:
+        return True
 
 
 def _given(given: Path, recorded: Mapping[str, Any], participant: str) -> Path:

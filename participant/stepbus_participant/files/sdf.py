@@ -5,6 +5,7 @@ the model, as URDF has it. The model's own <pose> is left out: the world says wh
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from .urdf_check import Element
 _TYPES = ("revolute", "continuous", "prismatic", "fixed")
 _REFUSED = ("include", "model", "frame")
 _UNLIMITED = 1e15
+_VERSION = re.compile(r"[0-9]+(\.[0-9]+)*")
 _INERTIA = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
 """What SDF takes where a moment of inertia is missing [kg·m²]."""
 
@@ -78,11 +80,24 @@ class _Sdf:
         for tag in _REFUSED:
             for element in self._model.findall(tag):
                 self._refuse(element, f"<{tag}> in a model is not supported; write it out")
-        version = root.get("version", "1.7").split(".")
-        self._axis_in_model = [int(part) for part in version[:2]] < [1, 5]
+        version = root.get("version", "1.7")
+        if not _VERSION.fullmatch(version):
+            self._refuse(root, f"its version is {version!r}, not one such as 1.9")
+        self._axis_in_model = [int(part) for part in version.split(".")[:2]] < [1, 5]
+        self._refuse_twins()
         self._links = {link.get("name", ""): link for link in self._model.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in self._model.findall("joint")}
         self._children = {_word(joint, "child"): joint for joint in self._joints.values()}
+
+    def _refuse_twins(self) -> None:
+        for tag in ("link", "joint"):
+            first: dict[str, int] = {}
+            for element in self._model.findall(tag):
+                name = element.get("name", "")
+                if name in first:
+                    text = f"{tag} {name!r} is there twice, first in line {first[name]}"
+                    self._refuse(element, text)
+                first[name] = element.line
 
     def urdf(self) -> ET.Element:
         """Return the robot."""
@@ -182,7 +197,20 @@ class _Sdf:
         if axis is not None and joint_type != "fixed":
             ET.SubElement(found, "axis", {"xyz": _text(self._axis(axis, pose))})
             ET.SubElement(found, "limit", limits)
+            self._add_mimic(axis.find("mimic"), found)
         return found
+
+    def _add_mimic(self, mimic: Any, found: ET.Element) -> None:
+        """Add q = multiplier · (q of another joint - reference) + offset, as URDF has it."""
+        if mimic is None:
+            return
+        multiplier, offset, reference = (
+            self._numbers(mimic.find(key), 1, [default])[0]
+            for key, default in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+        )
+        values = {"multiplier": multiplier, "offset": offset - multiplier * reference}
+        row = {key: repr(value) for key, value in values.items()}
+        ET.SubElement(found, "mimic", {"joint": mimic.get("joint", ""), **row})
 
     def _axis(self, axis: Any, pose: _Pose) -> list[float]:
         """Return the axis of a joint in its own frame."""

@@ -67,9 +67,11 @@ def module_types(name: str) -> Found:
     """Return the types of the message classes of an installed module."""
     try:
         module = importlib.import_module(name)
-    except (ImportError, ValueError, TypeError) as exc:
-        hint = extra_hint(getattr(exc, "name", None) or "")
-        return {}, [((), f"the module {name!r} of message types cannot be imported: {exc}{hint}")]
+    except (Exception, SystemExit) as exc:  # noqa: BLE001  (importing executes the user's module)
+        hint = extra_hint(exc.name or "") if isinstance(exc, ImportError) else ""
+        reason = str(exc) if isinstance(exc, ImportError) else f"{type(exc).__name__}: {exc}"
+        text = f"the module {name!r} of message types cannot be imported: {reason}{hint}"
+        return {}, [((), text)]
     data, wrong = {}, []
     for cls in _classes(module):
         try:

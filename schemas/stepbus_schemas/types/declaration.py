@@ -10,6 +10,7 @@ import msgspec
 
 from stepbus_schemas.errors import WiringError
 from stepbus_schemas.messages import MESSAGE_TYPES, Message
+from stepbus_schemas.protocol import ENVELOPE_TYPES
 
 from .fields import (
     Keys,
@@ -29,6 +30,7 @@ MOST_FIELDS = 15
 HELP = "help"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,47}/[1-9][0-9]{0,4}")
 _FIELD = re.compile(r"[a-z][a-z0-9_]{0,30}")
+_PROTOCOL = frozenset(name.partition("/")[0] for name in ENVELOPE_TYPES)
 
 
 def normal(declaration: Mapping[str, Any]) -> Declaration:
@@ -44,6 +46,8 @@ def type_problems(name: str, declaration: object) -> Iterator[tuple[Keys, str]]:
         yield (), f"{name!r} is no name of a type; write Name/major, such as Thruster/1"
     elif name in MESSAGE_TYPES:
         yield (), f"{name} ships with stepbus; choose another name"
+    elif name.partition("/")[0] in _PROTOCOL:
+        yield (), f"{name} is a message of the protocol; choose another name"
     if not isinstance(declaration, Mapping):
         yield (), "must be a map: field → type, such as {force: {type: 'float[3]', unit: N}}"
         return

@@ -43,9 +43,9 @@ def _least(node: Schema) -> Any:
             return [_least(item) for item in items]
         case {"type": "array"}:
             return []
-        case {"type": kind}:
+        case {"type": scalar}:
             least = {"number": 0.0, "integer": node.get("minimum", 0), "boolean": False}
-            return least.get(kind, "")
+            return least.get(scalar, "")
     return None
 
 

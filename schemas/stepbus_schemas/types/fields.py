@@ -1,5 +1,6 @@
 """Fields of a declared message type: `float[n]`, with unit, default and help."""
 
+import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -84,6 +85,8 @@ def row_problems(row: Row) -> Iterator[tuple[Keys, str]]:
         yield ("optional",), f"must be true or false, not {row['optional']!r}"
     if "min" in row and (row["type"] != "int" or not is_integer(row["min"])):
         yield ("min",), "is a whole number, for a field of type int"
+    elif "min" in row and not -(2**63) <= row["min"] < 2**63:
+        yield ("min",), "must fit into 64 bits, with a sign"
 
 
 def default_problems(row: Row) -> Iterator[tuple[Keys, str]]:
@@ -99,6 +102,11 @@ def default_problems(row: Row) -> Iterator[tuple[Keys, str]]:
             msgspec.convert(row["default"], annotation(row))
         except msgspec.ValidationError as exc:
             yield ("default",), f"does not fit the type: {exc}"
+            return
+        try:
+            json.dumps(row["default"], allow_nan=False)
+        except ValueError:
+            yield ("default",), "must be finite: JSON Schema has no other numbers"
 
 
 def _type_problems(form: Any) -> Iterator[tuple[Keys, str]]:
@@ -137,13 +145,24 @@ def annotation(row: Row) -> Any:
         found = found | None
     shape, least = " ".join(sizes), row.get("min")
     described = meta(row.get("help", ""), row.get("unit", ""), shape, ge=least)
+    more: dict[str, Any] = {}
     # msgspec sorts the words; their order counts in format raw.
     if isinstance(form, list) and form != sorted(form):
+        more["words"] = form
+    # Nor does it know what a factory makes.
+    if "default" in row and _is_list(sizes):
+        more["default"] = row["default"]
+    if more:
+        extra = {**(described.extra_json_schema or {}), **more}
         described = msgspec.Meta(
-            description=described.description,
-            extra_json_schema={**(described.extra_json_schema or {}), "words": form},
+            description=described.description, ge=described.ge, extra_json_schema=extra
         )
     return Annotated[found, described]
+
+
+def _is_list(sizes: Sequence[str]) -> bool:
+    """Return whether an array is a list, and no tuple of fixed size."""
+    return bool(sizes) and not sizes[0].isdigit()
 
 
 def default_of(row: Row) -> tuple[Any, ...]:
@@ -168,6 +187,8 @@ def row_of(schema: Mapping[str, Any], *, required: bool) -> dict[str, Any]:
             raise ValueError("a field that may be None must be None by default, and of one type")
         row["optional"] = True
     elif not required:
+        if "default" not in schema:
+            raise ValueError("its default is made by a function; leave it out, or make it []")
         row["default"] = schema["default"]
     row["min"] = inner.get("minimum")
     return normal_row(row)

@@ -1,10 +1,13 @@
 """What makes a run look better than it was has a line in its summary."""
 
+import math
+
+import numpy as np
 import pytest
 from support.paths import TESTS
 
 from stepbus_orchestrator import Options, cli, load
-from stepbus_orchestrator.analysis.findings import findings
+from stepbus_orchestrator.analysis.findings import _Count, findings
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
@@ -35,6 +38,19 @@ def test_a_torque_that_the_plant_cuts_is_named(tmp_path):
         "plant cuts joint1 of controller.command to 10 N·m in 86 % of the steps: "
         "up to 100 N·m were commanded"
     )
+
+
+def test_a_command_that_is_no_number_does_not_hide_the_largest():
+    count = _Count()
+    count.take(np.array([math.nan, 5.0, -9.0]), 1.0)
+    assert (count.worst, count.share) == (-9.0, "67 % of the steps")
+
+
+def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
+    recording = Recording(TESTS / "golden" / "two_link.mcap")
+    rows = "participants: {plant: {inputs: [1]}, controller: {inputs: 3}}"
+    recording.attachments = {"scenario.yaml": rows.encode()}
+    assert "plant reads no command: nothing moves its joints" in findings(recording)
 
 
 def test_a_joint_that_saturates_for_most_of_the_run_is_named(tmp_path):

@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import psutil
@@ -59,6 +60,28 @@ def test_what_a_process_has_started_ends_with_it(start, tmp_path):
     child.end()
     assert sleeper.wait(20.0) is None
     assert child.exit_code() == 0
+
+
+def wait_for(log, text):
+    give_up = time.monotonic() + 20.0
+    while log.read_text() != text and time.monotonic() < give_up:
+        time.sleep(0.01)
+
+
+def test_a_process_that_is_asked_to_end_is_asked_once(start, tmp_path):
+    child = start(
+        "import signal\n"
+        "signal.signal(signal.SIGTERM, lambda *_: print('asked', flush=True))\n"
+        "print('ready', flush=True)\n"
+        "while True: signal.pause()"
+    )
+    log = tmp_path / "log"
+    wait_for(log, "ready\n")
+    child.terminate()
+    wait_for(log, "ready\nasked\n")
+    child.end(0.3)
+    assert log.read_text() == "ready\nasked\n"
+    assert child.exit_code() == -signal.SIGKILL
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
+from stepbus_orchestrator.recording.reader.recorded_types import recorded_types
 from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
@@ -35,6 +36,21 @@ def record(path, declaration, message, *, port_type="Thruster/1", steps=3):
 
 def thruster(types, step):
     return types["Thruster/1"](thrust=[float(step), 1.0], mode="on")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"",
+        b"3",
+        b"\xff",
+        b'{"properties": 3}',
+        b'{"properties": {"a": {"type": "array", "prefixItems": []}}}',
+        b'{"properties":' + b'{"a":' * 100_000,
+    ],
+)
+def test_a_schema_that_is_no_schema_says_no_type(text):
+    assert recorded_types({"stepbus.T/1": text}) == Types()
 
 
 @pytest.fixture

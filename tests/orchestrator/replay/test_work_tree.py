@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
-from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording, known_programs
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.trust import programs_of
@@ -162,27 +162,96 @@ def test_files_of_another_user_are_no_work_tree_of_a_recording(project, log, mon
     assert find_work_tree(Recording(log), "controller") is None
 
 
-def test_a_file_beside_a_recording_sets_parameters_and_starts_nothing_else(project, log):
-    overrides = ["controller.exec=[sh, evil]", "controller.params.kp=150", "controller={exec: [x]}"]
+@pytest.fixture
+def strong(project):
+    """Return a log of a run with another gain than that of the scenario."""
+    return record(project / "arm", project / "strong", "controller.params.kp=150")
+
+
+def beside(log, project, *overrides):
+    """Write what a run with such overrides leaves beside a recording."""
     result = {"file": str(project / "arm/scenario.yaml"), "overrides": overrides}
     log.with_name("result.json").write_text(json.dumps(result))
-    tree = find_work_tree(Recording(log), "controller")
-    assert list(tree.overrides) == ["controller.params.kp=150"]
+
+
+def test_a_file_beside_a_recording_sets_parameters_and_starts_nothing_else(project, strong):
+    overrides = ["controller.exec=[sh, evil]", "controller={exec: [x]}", "plant.step_timeout=9s"]
+    beside(strong, project, *overrides, "participants.controller.params.kp=150")
+    tree = find_work_tree(Recording(strong), "controller")
+    assert list(tree.overrides) == [
+        "plant.step_timeout=9s",
+        "participants.controller.params.kp=150",
+    ]
     # The fingerprint of the recording is known here, that of a stranger's would be asked for.
-    assert programs_of(Recording(log), "controller", tree=tree).is_known
+    assert programs_of(Recording(strong), "controller", tree=tree).is_known
 
 
-def test_overrides_beside_a_strangers_recording_are_asked_for(project, log, monkeypatch):
-    overrides = ["controller.params.kp=150"]
-    result = {"file": str(project / "arm/scenario.yaml"), "overrides": overrides}
-    log.with_name("result.json").write_text(json.dumps(result))
+@pytest.mark.parametrize(
+    "override",
+    [
+        "controller.params.kp=151",
+        "controller.params.table=/tmp/evil.xacro",
+        "controller.params.kp.x=1",
+        "controller.params.kp=[",
+        "nobody.params.kp=150",
+        "controller",
+        "",
+    ],
+)
+def test_overrides_of_another_run_are_left_out(project, strong, override):
+    beside(strong, project, override)
+    assert list(find_work_tree(Recording(strong), "controller").overrides) == []
+
+
+def test_a_new_reference_beside_a_run_has_its_own_gain(project, strong):
+    new = strong.with_name("new.mcap")
+    words = ("--set", "controller.params.kp=101", "--update", str(new))
+    assert cli.main(["replay", str(strong), *REPLAY, *words]) == ExitCode.DIFFERENT
+    edit(project / "arm/scenario.yaml", "kp: 200", "kp: 101")
+    result = replay(new, "controller")
+    assert (result.equal, list(result.changes)) == (True, [])
+
+
+def test_an_override_of_a_participant_that_is_gone_is_left_out(project):
+    recording = record(project / "arm", project / "run", "mission.params.amplitude=0.5")
+    edit(project / "arm/scenario.yaml", "  mission:", "  task:")
+    edit(project / "arm/scenario.yaml", "mission.reference", "task.reference")
+    assert replay(recording, "controller").steps == 10
+
+
+def test_where_everybody_may_add_a_scenario_only_yours_are_known(project, log, monkeypatch):
+    tree = find_work_tree(Recording(log), "controller")
+    tree.folder.chmod(0o1777)
+    assert tree.is_known
+    owner = tree.file.stat().st_uid
+    monkeypatch.setattr("os.geteuid", lambda: owner + 1)
+    monkeypatch.setattr("stepbus_orchestrator.replay.work_tree.is_known_folder", lambda _: True)
+    assert not tree.is_known
+    tree.folder.chmod(0o755)
+    assert tree.is_known
+
+
+def test_overrides_beside_a_strangers_recording_are_asked_for(project, strong, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(project / "state"))
     known_programs.remember(known_programs.folder_mark(project / "arm"))
-    tree = find_work_tree(Recording(log), "controller")
-    assert not programs_of(Recording(log), "controller", tree=tree).is_known
-    log.with_name("result.json").unlink()
-    tree = find_work_tree(Recording(log), "controller")
-    assert programs_of(Recording(log), "controller", tree=tree).is_known
+    tree = find_work_tree(Recording(strong), "controller")
+    assert not programs_of(Recording(strong), "controller", tree=tree).is_known
+    strong.with_name("result.json").unlink()
+    tree = find_work_tree(Recording(strong), "controller")
+    assert programs_of(Recording(strong), "controller", tree=tree).is_known
+
+
+@pytest.mark.parametrize("types", ["evil", "[types.yaml, evil]"])
+def test_a_recording_that_imports_a_module_is_refused(log, types):
+    recording = Recording(log)
+    row = f"\ntypes: {types}\n".encode()
+    recording.attachments = {
+        **recording.attachments,
+        "scenario.yaml": recording.attachments["scenario.yaml"] + row,
+    }
+    for tree in (find_work_tree(recording, "controller"), None):
+        with pytest.raises(RecordingFailed, match="its types name the module 'evil': refused"):
+            programs_of(recording, "controller", own_program=True, tree=tree)
 
 
 @pytest.mark.parametrize("words", [("recover", "--out", "new.mcap"), ("diff", "run"), ("rerun",)])

@@ -98,6 +98,22 @@ def test_a_mistake_in_the_scenario_itself_has_its_line(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("raise SystemExit(3)", "SystemExit: 3"),
+        ("a = = b", "SyntaxError: invalid syntax"),
+    ],
+)
+def test_a_module_that_fails_is_a_mistake(tmp_path, monkeypatch, code, reason):
+    (tmp_path / "broken_messages.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    (found,) = problems(tmp_path, "broken_messages")
+    text = "types: the module 'broken_messages' of message types cannot be imported"
+    assert found.startswith(f"scenario.yaml:3: {text}: {reason}")
+
+
+@pytest.mark.parametrize(
     ("types", "sentence"),
     [
         ("missing.yaml", "scenario.yaml:3: types: no file 'missing.yaml'"),

@@ -94,7 +94,7 @@ def read_types(given: Given, folder: Path, problems: Problems) -> OwnTypes:
         keys: Keys = (_KEY, index) if isinstance(given, tuple) else (_KEY,)
         if not problems.has(keys):
             rows = _read(source, folder, keys, problems)
-            for name in found.keys() & rows.keys():
+            for name in (name for name in rows if name in found):
                 problems.add(keys, f"{name} is declared twice; leave one of the two out")
             found |= rows
             if isinstance(source, str) and is_file_name(source) and "://" not in source:

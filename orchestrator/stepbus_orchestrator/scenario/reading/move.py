@@ -10,13 +10,14 @@ from stepbus_participant.parameters import YamlFile
 from ..files.paths import is_file
 from .locate import package_url
 
-_SECTIONS = ("exec", "params")
+_SECTIONS = ("exec", "params", "with")
 
 
 def moved(document: YamlFile, old: Path, new: Path) -> YamlFile:
     """Return a scenario of one folder with its files named from another one.
 
-    These are in `exec`, `params`, `files` and `types`. A file that ships with stepbus becomes `package://stepbus_scenarios/…`.
+    These are in `exec`, `params`, `with`, `files` and `types`. A file that ships with stepbus
+    becomes `package://stepbus_scenarios/…`.
     """
     if old.resolve() == new.resolve():
         return document

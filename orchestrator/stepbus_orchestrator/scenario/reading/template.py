@@ -65,6 +65,8 @@ class _Instance:
             return template
         if self._name is None:
             text = "needs a 'template'"
+        elif not isinstance(self._name, str):
+            text = f"must name a template, not {show(self._name)}"
         elif self._name in templates:
             text = f"template {self._name!r} must be a map, not {show(template)}"
         else:
