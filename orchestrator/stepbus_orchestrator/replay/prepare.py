@@ -103,6 +103,7 @@ def _from_tree(
         files=found,
         is_changed=bool(overrides or values),
         notes=[
+            *(f"--set {text}" for text in overrides),
             *_changed_files(origin.files, read_files(found)),
             *values,
             *_rewired(scenario, today, old, new),
