@@ -44,6 +44,18 @@ OUTPUTS = {
         "no torque at d.pl line 1.\nstarting, 0 errors\n",
         "no torque at d.pl line 1.",
     ),
+    "lua": (
+        (
+            "/usr/bin/lua: controller.lua:40: attempt to index a nil value (field 'kpp')\n"
+            "stack traceback:\n\tcontroller.lua:40: in upvalue 'update'\n"
+            "\tcontroller.lua:52: in main chunk\n\t[C]: in ?\n"
+        ),
+        "/usr/bin/lua: controller.lua:40: attempt to index a nil value (field 'kpp')",
+    ),
+    "lua, a call of error": (
+        "lua5.4: a.lua:1: no torque\nstack traceback:\n\t[C]: in function 'error'\n\t[C]: in ?\n",
+        "lua5.4: a.lua:1: no torque",
+    ),
     "octave": (
         (
             "error: 'undefined_thing' undefined near line 2, column 7\nerror: called from\n"

@@ -31,6 +31,16 @@ class EndsInOutput(Plant):
         return super().output(step)
 
 
+class NeverPublishes(Participant):
+    def publish(self, step):
+        return {"joint_state": JointState(position=[step.t])}
+
+
+def test_one_without_output_is_refused_before_the_first_step():
+    with pytest.raises(RunError, match="NeverPublishes has no method `output`, which publishes"):
+        run_plant(NeverPublishes, command(0), stop(1))
+
+
 def test_messages_that_update_returns_are_refused():
     with pytest.raises(RunError, match="step 0: update returned joint_state, but with `publishes"):
         run_plant(ReturnsFromUpdate, command(0), stop(1))

@@ -66,6 +66,7 @@ CASES = {
     "a circle": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="arm"/><child link="base"/></joint>', "8: links base, arm are in a circle of joints; a robot is a tree"),
     "two roots": ('<link name="base"/>', '<link name="base"/><link name="alone"/>', "2: has 2 roots: base, alone; connect them by joints"),
     "no name": ('<link name="base"/>', "<link/>", "2: a <link> has no name"),
+    "a letter for a number": ('axis xyz="0 1 0"', 'axis xyz="0 l 0"', "6: joint 'j': its axis '0 l 0' is not three numbers"),
     "no direction": ('axis xyz="0 1 0"', 'axis xyz="0 0 0"', "6: joint 'j': its axis is 0 0 0, which has no direction"),
     "NaN origin": ('xyz="0 0 1"', 'xyz="0 nan 1"', "3: link 'arm': xyz='0 nan 1' of <origin> is not finite"),
     "another root": ("robot", "sdf", "1: is no URDF: its root is <sdf>, not <robot>"),
@@ -172,4 +173,5 @@ def test_a_missing_mesh_is_found_before_anything_starts(tmp_path, capsys):
     mesh = '<visual><geometry><mesh filename="package://nowhere/arm.stl"/></geometry></visual>'
     scenario = copy_of_two_link(tmp_path, "</link>", f"{mesh}</link>")
     assert main(["validate", str(scenario)]) == 2
-    assert "no mesh 'package://nowhere/arm.stl', in its folder or a pack" in capsys.readouterr().err
+    sentence = "no mesh 'package://nowhere/arm.stl', in its folder or a package"
+    assert re.search(rf"two_link\.urdf:\d+: link '\w+': {sentence}", capsys.readouterr().err)

@@ -65,6 +65,11 @@ def test_an_unknown_type_names_all_there_are() -> None:
         message_class("Nonsense/1")
 
 
+def test_a_type_in_other_letters_is_the_one_that_is_meant() -> None:
+    with pytest.raises(WiringError, match="unknown message type 'IMU/1'; did you mean 'Imu/1'"):
+        message_class("IMU/1")
+
+
 def test_an_envelope_is_no_port_type() -> None:
     with pytest.raises(WiringError, match="unknown message type 'Log/1'"):
         message_class("Log/1")

@@ -26,6 +26,8 @@ _ASKING = frozenset(
 
 _TOLERANCE = 1e-6
 _PERMANENT = 0.5
+_FAR = 20
+"""How many times its stop a prismatic joint is sent to where millimetres are meant for metres."""
 _FULL_TURN = 2 * math.pi + 1e-3
 
 
@@ -134,6 +136,8 @@ def _beyond(name: str, joint: Joint, count: _Count) -> str:
     if joint.is_rotary and abs(count.worst) > _FULL_TURN:
         radians = math.radians(count.worst)
         text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"
+    elif not joint.is_rotary and abs(count.worst) > _FAR * abs(stop):
+        text += f"; is it in mm? {count.worst:.4g} mm is {count.worst / 1000:.4g} m"
     return text
 
 

@@ -103,6 +103,7 @@ def _from_tree(
         files=found,
         is_changed=bool(overrides or values),
         notes=[
+            *(f"--set {text}" for text in overrides),
             *_changed_files(origin.files, read_files(found)),
             *values,
             *_rewired(scenario, today, old, new),
@@ -172,8 +173,8 @@ def _rewired(
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
     """Return the scenario with the steps that can be replayed, and with another window.
 
-    Raises RecordingFailed when the recording is damaged before the first one, or has a hole: who
-    is replayed would be blamed for what was not recorded.
+    Raises RecordingFailed when the recording has none, or has a hole: who is replayed would be
+    blamed for what was not recorded.
     """
     holes = recording.holes()
     if holes:
@@ -183,6 +184,10 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
         raise RecordingFailed(
             f"{recording.path} is damaged before the first step of {participant}: "
             f"{recording.damage}"
+        )
+    if not steps:
+        raise RecordingFailed(
+            f"{recording.path} has no complete step of {participant}: there is nothing to compare"
         )
     return dataclasses.replace(scenario, steps=steps, window=window, batch=max(1, window // 2))
 

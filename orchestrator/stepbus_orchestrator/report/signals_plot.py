@@ -9,7 +9,6 @@ from typing import Any
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 from .curve import Curve
@@ -111,7 +110,8 @@ def _chosen(columns: dict[str, Array], index: str, text: str) -> dict[str, Array
     names = list(columns)
     name = names[int(index)] if index.isdecimal() and int(index) < len(names) else index
     if name not in columns or name == "":
-        raise WiringError(f"{text}: there is no {index!r}{suggest(index, names)}; it has {names}")
+        known = ", ".join(f"[{name.strip('[]')}]" for name in names)
+        raise WiringError(f"{text}: there is no [{index}]; it has {known or 'a single number'}")
     return {name: columns[name]}
 
 

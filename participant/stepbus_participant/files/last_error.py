@@ -13,7 +13,9 @@ _TRACEBACK = "Traceback (most recent call last):"
 _ERROR = re.compile(
     r"error|exception|panic|fatal|fail|cannot|can't|could not|assert|not found|unable"
     # Perl's `die`.
-    r"| at \S+ line \d+[.,]",
+    r"| at \S+ line \d+[.,]"
+    # Lua's `error`, by the name of its interpreter.
+    r"|^\S*\blua[\d.]*: ",
     re.IGNORECASE,
 )
 _NOISE = re.compile(
@@ -21,6 +23,7 @@ _NOISE = re.compile(
     r"|error: called from|error: ignoring const "  # Octave, behind its error
     r"|BEGIN failed--|Compilation failed in require|Execution of .* aborted due to"  # Perl
     r"|note: |help: |stack backtrace:"  # Rust
+    r"|stack traceback:$"  # Lua, behind its error
     r"|Node\.js v\d|exit status \d|goroutine \d|Exception ignored "
     r"|.*\b(0|no) (errors?|failures?|exceptions?)\b",
     re.IGNORECASE,

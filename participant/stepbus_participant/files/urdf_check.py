@@ -256,9 +256,8 @@ class _Robot:
                     if _INFINITE.search(text):
                         where = f"{key}={text!r} of <{element.tag}>"
                         yield element.line, f"{who}: {where} is not finite"
-            for axis in owner.findall("axis"):
-                if owner.get("type") in MOVING and _floats(axis.get("xyz", "")) == [0, 0, 0]:
-                    yield axis.line, f"{who}: its axis is 0 0 0, which has no direction"
+            if owner.get("type") in MOVING:
+                yield from _axes(owner, who)
 
     def odd_poses(self) -> Iterator[str]:
         """Yield origins and axes that are not three numbers."""
@@ -276,6 +275,16 @@ class _Robot:
 
 def _some(names: Sequence[Any]) -> str:
     return ", ".join([*names[:_SHOWN], *(["…"] if len(names) > _SHOWN else [])])
+
+
+def _axes(joint: Any, who: str) -> Found:
+    """Yield axes that are no direction: PyBullet reads 0 for a word that is no number."""
+    for axis in joint.findall("axis"):
+        text = axis.get("xyz", "")
+        if text.split() and not _floats(text) and not _INFINITE.search(text):
+            yield axis.line, f"{who}: its axis {text!r} is not three numbers"
+        elif _floats(text) == [0, 0, 0]:
+            yield axis.line, f"{who}: its axis is 0 0 0, which has no direction"
 
 
 def _limits(joint: Any, who: str, kind: str | None) -> Found:

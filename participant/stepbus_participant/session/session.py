@@ -117,7 +117,16 @@ class Session:
             self._step = loop.step.index
 
     def _ready(self, participant: Participant) -> Ready:
-        """Return what the participant reports before the start; raises OutputError when large."""
+        """Return what the participant reports before the start.
+
+        Raises OutputError when it is large, WiringError when nothing would ever be published.
+        """
+        has_output = type(participant).output is not Participant.output
+        if self._welcome.publishes == "first" and self._welcome.outputs and not has_output:
+            raise WiringError(
+                f"{type(participant).__name__} has no method `output`, which publishes with "
+                "`publishes: first`"
+            )
         ready = Ready(
             name=self._welcome.name,
             token=self._welcome.token,

@@ -47,6 +47,8 @@ class Types:
             return found
         every = [*MESSAGE_TYPES, *self._own]
         stem = name.partition("/")[0]
+        if near := [item for item in every if item.lower() == name.lower()]:
+            raise WiringError(f"unknown message type {name!r}; did you mean {near[0]!r}?")
         known = ", ".join([item for item in every if item.partition("/")[0] == stem] or every)
         raise WiringError(f"unknown message type {name!r}; known: {known}")
 

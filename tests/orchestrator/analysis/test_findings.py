@@ -1,6 +1,7 @@
 """What makes a run look better than it was has a line in its summary."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -64,6 +65,19 @@ def test_degrees_where_radians_belong_are_asked_for(tmp_path):
         "mission.reference: joint2 is sent to 57 rad, beyond its stop at 6.283 rad; is it in "
         "degrees? 57° is 0.9948 rad"
     ) in lines
+
+
+def test_millimetres_where_metres_belong_are_asked_for(tmp_path):
+    write_starter(tmp_path / "arm", "python")
+    model = tmp_path / "arm/two_link.urdf"
+    text = re.sub(r'(name="joint2" type=)"\w+"', r'\1"prismatic"', model.read_text())
+    model.write_text(re.sub('lower="[^"]*" upper="[^"]*"', 'lower="-0.2" upper="0.2"', text))
+    world = tmp_path / "arm/world.yaml"
+    world.write_text(world.read_text().replace("position: 1.0", "position: 0.0"))
+    settings = ["duration=200ms", "mission.params.offset={joint1: 0, joint2: 100}"]
+    lines = findings(Recording(run_it(tmp_path / "arm", tmp_path / "run", *settings).recording))
+    sentence = r"joint2 is sent to \S+ m, beyond its stop at 0.2 m; is it in mm\? \S+ mm is 0\.1"
+    assert any(re.search(sentence, line) for line in lines), lines
 
 
 def test_a_plant_without_a_command_and_a_command_without_a_reader_are_named(tmp_path):

@@ -11,7 +11,7 @@ from support.runs.joints import fault, run_joints
 from support.runs.large import write_large
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure, StepTimeout
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.run.run_scenario import run
 
@@ -95,6 +95,13 @@ def test_one_that_does_not_end_is_blamed_and_killed(joints_recording):
         joints_recording, fault("controller", "controller", "hang-at-close", 0), STOP
     )
     assert failure.code == ExitCode.STOP_TIMEOUT
+
+
+def test_a_recording_without_a_step_is_no_test_that_passes(tmp_path):
+    first = fault("controller", "controller", "raise", 0)
+    recording = run_joints(tmp_path, first, in_process=True).recording
+    with pytest.raises(RecordingFailed, match="no complete step of plant: there is nothing to"):
+        replay(recording, "plant")
 
 
 def test_the_log_of_one_that_failed_is_kept(joints_recording):

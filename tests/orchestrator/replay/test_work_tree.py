@@ -76,6 +76,11 @@ def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
     assert "tested arm/scenario.yaml, as recorded" in result.text()
 
 
+def test_a_setting_of_the_replay_is_a_change(log):
+    result = replay(log, "controller", overrides=["controller.params.kp=250"])
+    assert (result.equal, list(result.changes)) == (False, ["--set controller.params.kp=250"])
+
+
 def test_the_copy_is_tested_where_it_is_asked_for(project, log, capsys):
     edit(project / "arm/controller.py", "kp * error", "2 * kp * error")
     assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.DIFFERENT

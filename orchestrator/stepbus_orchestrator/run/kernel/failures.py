@@ -238,7 +238,7 @@ def _holds(participant: ParticipantState, barrier: Barrier) -> str:
     if participant.spec.bridge is not None:
         return (
             f"{participant.who()} has been waiting for {_worker(participant)}for {held}; "
-            f"inputs arrived; does it answer every message? {limit}"
+            f"inputs arrived; does it answer every message, and flush the answer? {limit}"
         )
     return f"{participant.who()} has been computing for {held}; inputs arrived; {limit}"
 

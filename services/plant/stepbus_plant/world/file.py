@@ -26,21 +26,22 @@ class World(WorldFile):
         which overrides that of the file. Raises WiringError unless the substep divides the step
         exactly.
         """
+        step = f"the plant's step of {format_duration(period_ns)}"
         if instead_ns is not None:
             if period_ns % instead_ns:
-                text = f"{format_duration(instead_ns)} does not divide the plant's step of "
-                raise WiringError(f"params.physics_step: {text}{format_duration(period_ns)}")
+                text = f"{format_duration(instead_ns)} does not divide {step}"
+                raise WiringError(f"params.physics_step: {text}")
             return instead_ns
         if self.physics_step_ns is not None:
             step_ns = self.physics_step_ns
             key, rest = "physics_step", period_ns % step_ns
-            text = f"{format_duration(step_ns)} does not divide"
+            text = f"{format_duration(step_ns)} does not divide {step}"
         else:
             step_ns, rest = divmod(period_ns, self.substeps or 1)
-            key, text = "substeps", f"{self.substeps} substeps do not divide"
+            key = "substeps"
+            text = f"{self.substeps} substeps do not divide {step} into whole nanoseconds"
         if rest or not step_ns:
-            tail = f"the plant's step of {period_ns} ns into whole nanoseconds"
-            self.source.refuse([((key,), f"{text} {tail}")])
+            self.source.refuse([((key,), text)])
         return step_ns
 
 

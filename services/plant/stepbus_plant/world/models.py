@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 from stepbus_participant import package_path, parse_urdf, read_urdf_text, scratch_folder
@@ -14,6 +15,9 @@ from stepbus_schemas import WiringError
 # Negligible but not zero: PyBullet assumes 1 kg for a link without an inertial, and warns.
 _TINY_INERTIAL = """<inertial><mass value="1e-6"/>
 <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
+
+_MADE = {".xacro", ".sdf"}
+"""Endings of files that a URDF is made from."""
 
 
 @contextmanager
@@ -28,7 +32,7 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     root = parse_urdf(text)
     refuse_missing_meshes(urdf, root)
     links = [link for link in root.findall("link") if link.find("inertial") is None]
-    if not links and urdf.suffix.lower() not in {".xacro", ".sdf"} and edit is None:
+    if not links and urdf.suffix.lower() not in _MADE and edit is None:
         yield urdf
         return
     for link in links:
@@ -44,11 +48,20 @@ def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
     PyBullet loads no such model. root: of its checked text, where that is known.
     """
     found = parse_urdf(read_urdf_text(urdf)) if root is None else root
-    names = dict.fromkeys(mesh.get("filename", "") for mesh in found.iter("mesh"))
-    missing = [name for name in names if not _is_file(Path(_absolute(name, urdf.parent)))]
+    missing: dict[str, str] = {}
+    for link in found.findall("link"):
+        for mesh in link.iter("mesh"):
+            name = mesh.get("filename", "")
+            if not _is_file(Path(_absolute(name, urdf.parent))):
+                text = f"link {link.get('name')!r}: no mesh {name!r}, in its folder or a package"
+                missing.setdefault(name, f"{_place(urdf, mesh)}: {text}")
     if missing:
-        lines = (f"{urdf}: no mesh {name!r}, in its folder or a package" for name in missing)
-        raise WiringError("\n".join(lines))
+        raise WiringError("\n".join(missing.values()))
+
+
+def _place(urdf: Path, element: Any) -> str:
+    """Return a model's file with an element's line; of what is made from a file, the file."""
+    return str(urdf) if urdf.suffix.lower() in _MADE else f"{urdf}:{element.line}"
 
 
 def _is_file(path: Path) -> bool:

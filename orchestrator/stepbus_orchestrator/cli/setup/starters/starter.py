@@ -84,7 +84,10 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     written.
     """
     if language not in STARTERS:
-        raise WiringError(f"no starter in {language!r}{suggest(language, STARTERS)}")
+        raise WiringError(
+            f"no starter in {language!r}{suggest(language, STARTERS)}; a program in any language "
+            "takes part through the bridge: docs/guide/bridge.md"
+        )
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     try:
         if folder.exists() and any(folder.iterdir()):
