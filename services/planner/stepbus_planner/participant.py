@@ -10,11 +10,11 @@ from typing import Any, Literal
 from stepbus_participant import Config, Participant, Ports, Step, need
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
 
-from . import search, timing
-from .base_path import BasePlanner
-from .obstacles import Obstacles
-from .path_monitor import PathMonitor, PlannedPath, last_step
-from .planning import PathPlanner, is_check, map_in_world
+from .base.path import BasePlanner
+from .paths import search, timing
+from .paths.monitor import PathMonitor, PlannedPath, last_step
+from .paths.planning import PathPlanner, is_check, map_in_world
+from .scene.obstacles import Obstacles
 from .setup import read_setup
 
 Level = Literal["info", "warning"]

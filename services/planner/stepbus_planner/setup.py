@@ -8,12 +8,12 @@ import numpy as np
 from stepbus_participant import Config, Problems
 from stepbus_schemas import WiringError
 
-from .base_curve import BasePace
+from .base.curve import BasePace
 from .params import Params
-from .planning import PlanningSettings
-from .robot import PlannedRobot
-from .scene import Margins
-from .timing import Limits
+from .paths.planning import PlanningSettings
+from .paths.timing import Limits
+from .scene.robot import PlannedRobot
+from .scene.scene import Margins
 
 _EFFORT_SHARE = 0.8
 """Of the URDF's effort limits; the rest is for following the plan."""

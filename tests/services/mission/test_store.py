@@ -5,9 +5,9 @@ import math
 import pytest
 from support.services.mission_store import FakeStore, Thing, config, sell, shelf_a
 
-from stepbus_mission.store.approaches import APPROACHES
-from stepbus_mission.store.checks import PLANNABLE
 from stepbus_mission.store.participant import StoreMission
+from stepbus_mission.store.states.approaches import APPROACHES
+from stepbus_mission.store.states.checks import PLANNABLE
 from stepbus_schemas import Description, WiringError, encode
 
 ONE_SALE = (

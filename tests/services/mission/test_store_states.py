@@ -4,9 +4,9 @@ import pytest
 from support.paths import DOCS
 from support.services.mission_store import FakeStore, sell, shelf_a
 
-from stepbus_mission.store.checks import CHECKS
-from stepbus_mission.store.goals import GOALS
-from stepbus_mission.store.states import LAST, STATES, diagram
+from stepbus_mission.store.states.checks import CHECKS
+from stepbus_mission.store.states.goals import GOALS
+from stepbus_mission.store.states.table import LAST, STATES, diagram
 
 GOODS = (("cola", 2), ("cola", 3))
 PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}

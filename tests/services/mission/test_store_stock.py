@@ -5,9 +5,9 @@ import math
 import pytest
 
 from stepbus_mission.store.geometry import Spot, nearest_quarter, tilt_of, yaw_of
+from stepbus_mission.store.goods.stock import Stock, measures
+from stepbus_mission.store.goods.witness import Moved, Witness
 from stepbus_mission.store.report import SaleResult, summary
-from stepbus_mission.store.stock import Stock, measures
-from stepbus_mission.store.witness import Moved, Witness
 from stepbus_schemas import Contacts, Description, Poses, RunError, WiringError
 
 HALF = math.sqrt(0.5)

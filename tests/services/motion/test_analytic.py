@@ -6,10 +6,10 @@ import pytest
 from support.services.manipulator import DOWN, HOME, UR5, make_robot, with_effort
 
 from stepbus_kinematics import RobotModel
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.ik import analytic
 from stepbus_motion.ik.analytic import AnalyticChain
 from stepbus_motion.ik.branches import BranchSettings, BranchSolver
-from stepbus_motion.outcome import Refused
 from stepbus_participant import package_path
 from stepbus_schemas import RunError
 

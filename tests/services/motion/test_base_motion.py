@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.base.settings import BaseSettings
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 from stepbus_schemas import BaseState, Goal
 
 DT = 0.008

@@ -5,7 +5,7 @@ import pytest
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.ik.search import IkSettings, InverseKinematics
-from stepbus_motion.manipulator.routes import DetourRouter
+from stepbus_motion.manipulator.search.routes import DetourRouter
 from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits
 from stepbus_motion.motions.trajectory import Joined
 from stepbus_participant import package_path

@@ -2,8 +2,8 @@
 
 import pytest
 
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.gripper.gripper import Gripper, GripperSettings
-from stepbus_motion.outcome import Refused
 from stepbus_schemas import Goal, GripperState
 
 DT = 0.008

@@ -19,8 +19,8 @@ from support.services.manipulator import (
 )
 
 from stepbus_kinematics import RobotModel
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.motions.joint_motion import JointMotion, motion_to
-from stepbus_motion.outcome import Refused
 from stepbus_schemas import BaseState, Goal, Plan
 from stepbus_schemas.messages import Spiral
 

@@ -4,12 +4,12 @@ import pytest
 from support.services.manipulator import DOWN, HOME, UR5, make_limits, make_robot, with_effort
 
 from stepbus_kinematics import RobotModel
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.motions.clock import MotionClock
 from stepbus_motion.motions.fitting import fitted
 from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits, motion_to
 from stepbus_motion.motions.plan import planned
 from stepbus_motion.motions.trajectory import AlongPath, Joined, Rest, Stretched
-from stepbus_motion.outcome import Refused
 from stepbus_motion.paths.follow import Lost, follow
 from stepbus_motion.paths.joint_path import JointPath, joint_path
 from stepbus_motion.paths.spiral_curve import SpiralCurve

@@ -10,15 +10,15 @@ from support.services.manipulator import JOINTS, STANDING, Stage, make_limits, p
 
 import stepbus_scenarios
 from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.ik.branches import BranchSettings, BranchSolver
 from stepbus_motion.manipulator.build import branching_manipulator
-from stepbus_motion.manipulator.candidates import BranchCandidates
 from stepbus_motion.manipulator.options import ManipulatorOptions
+from stepbus_motion.manipulator.search.candidates import BranchCandidates
 from stepbus_motion.manipulator.settling import Settling
 from stepbus_motion.motions.braking import stop_on_path
 from stepbus_motion.motions.joint_motion import JointMotion, motion_to
 from stepbus_motion.motions.player import MotionPlayer
-from stepbus_motion.outcome import Refused
 from stepbus_motion.paths.spiral import SpiralPlanner, SpiralSettings
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral

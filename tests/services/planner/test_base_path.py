@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stepbus_motion.base.segments import arc_direction
-from stepbus_planner.base_path import BasePlanner
-from stepbus_planner.obstacles import Obstacles
+from stepbus_planner.base.path import BasePlanner
+from stepbus_planner.scene.obstacles import Obstacles
 from stepbus_schemas import Description, PlanRequest, Poses
 
 RADIUS = 0.4

@@ -25,7 +25,7 @@ from support.services.planner import (
 
 from stepbus_kinematics.srdf import srdf_text
 from stepbus_planner.participant import PlannerParticipant
-from stepbus_planner.robot import PlannedRobot
+from stepbus_planner.scene.robot import PlannedRobot
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
 
 ANYWHERE = PlanRequest(id=1, start=START, goal=GOAL)

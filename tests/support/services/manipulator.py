@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel
+from stepbus_motion.goals.outcome import Outcome
 from stepbus_motion.manipulator.build import branching_manipulator
 from stepbus_motion.manipulator.manipulator import Manipulator
 from stepbus_motion.manipulator.options import ManipulatorOptions
 from stepbus_motion.manipulator.settling import Settling
 from stepbus_motion.motions.joint_motion import MotionLimits
-from stepbus_motion.outcome import Outcome
 from stepbus_participant import package_path
 from stepbus_plant import Params, Plant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from support.services.control import Stand
 
-from stepbus_mission.store.goals import GOALS
 from stepbus_mission.store.participant import StoreMission
+from stepbus_mission.store.states.goals import GOALS
 from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,

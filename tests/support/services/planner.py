@@ -12,7 +12,7 @@ from support.services.control import Stand
 
 from stepbus_participant import Config
 from stepbus_planner.participant import PlannerParticipant
-from stepbus_planner.scene import Margins, Scene, Surroundings
+from stepbus_planner.scene.scene import Margins, Scene, Surroundings
 from stepbus_schemas import Description, InputConfig, OutputConfig, Plan, PlanRequest, Poses
 
 MS = 1_000_000

@@ -9,8 +9,8 @@ import msgspec
 from stepbus_participant import Count, File, Finite, Positive, Settings, Text, Vector3, suggest
 from stepbus_participant.parameters import Keys
 
-from .catalog import types_in
 from .geometry import Spot
+from .goods.catalog import types_in
 
 
 class Order(Settings):

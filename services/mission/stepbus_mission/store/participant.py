@@ -26,14 +26,14 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .checks import PLANNABLE, check_of
-from .goals import GOALS
+from .goods.stock import Stock
+from .goods.witness import Witness
 from .params import Params, unknown_type
 from .report import WITNESSES, Unsold, summary
-from .state import Inputs, Level, LogEntry, Outcome, StoreState, Visit
-from .states import FIRST, LAST, STATES
-from .stock import Stock
-from .witness import Witness
+from .states.checks import PLANNABLE, check_of
+from .states.goals import GOALS
+from .states.state import Inputs, Level, LogEntry, Outcome, StoreState, Visit
+from .states.table import FIRST, LAST, STATES
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 

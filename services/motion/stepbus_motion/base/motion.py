@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec.structs import replace
 
+from stepbus_motion.goals.outcome import Outcome
 from stepbus_motion.motions.joint_motion import JointMotion, Motion, motion_to, stop_from
-from stepbus_motion.outcome import Outcome
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 
 from .route import base_route

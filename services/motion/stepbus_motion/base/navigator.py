@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from stepbus_motion.outcome import Outcome, Refused
+from stepbus_motion.goals.outcome import Outcome, Refused
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
 
 from .motion import BaseMotion

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from stepbus_motion.outcome import FARTHEST, Refused
+from stepbus_motion.goals.outcome import FARTHEST, Refused
 from stepbus_schemas import BaseState, Goal, Point
 
 from .segments import (

@@ -7,10 +7,10 @@ from functools import partial
 from msgspec.structs import replace
 
 from stepbus_motion.manipulator.manipulator import Manipulator
-from stepbus_motion.outcome import Outcome
 from stepbus_schemas import Goal, RunError
 
 from .measured import Measured
+from .outcome import Outcome
 
 _BACK = 0.1
 """How far the arm goes back along the path it came [m]."""

@@ -8,10 +8,10 @@ from msgspec.structs import replace
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.base.navigator import Navigator
 from stepbus_motion.manipulator.manipulator import Beside, Manipulator
-from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, Point
 
 from .measured import Measured
+from .outcome import Outcome, Refused
 
 _LEAVES = 1.2
 """Length of the route along which the arm's path is checked, where both start together [m]."""

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
+from stepbus_motion.collisions.avoidance import Avoidance, AvoidanceSettings
 from stepbus_motion.collisions.monitor import Collision, CollisionMonitor
-from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, RunError
 
-from .avoidance import Avoidance, AvoidanceSettings
 from .back_to_rest import BackToRest
 from .beside import Companion
 from .measured import Measured
+from .outcome import Outcome, Refused
 from .parts import PART_OF, Part, Parts
 from .reports import Reports
 

@@ -10,10 +10,10 @@ from stepbus_motion.collisions.monitor import Moves
 from stepbus_motion.gripper.gripper import Gripper
 from stepbus_motion.gripper.scale import Scale
 from stepbus_motion.manipulator.manipulator import Manipulator
-from stepbus_motion.outcome import Outcome, Refused
 from stepbus_schemas import Goal, GoalType, RunError
 
 from .measured import Measured
+from .outcome import Outcome, Refused
 from .stow import StowCondition
 
 Part = Literal["arm", "base", "gripper", "all"]

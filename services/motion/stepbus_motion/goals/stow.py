@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_motion.outcome import Refused
+
+from .outcome import Refused
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from stepbus_motion.outcome import Outcome, Refused
+from stepbus_motion.goals.outcome import Outcome, Refused
 from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
 
 _GRAVITY = 9.81

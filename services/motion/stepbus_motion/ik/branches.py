@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import Indices, Overload, RobotModel, Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 from stepbus_schemas import RunError
 
 from .analytic import TURN, AnalyticChain

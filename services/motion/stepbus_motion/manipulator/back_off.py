@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 
 _EVERY = 0.01
 """Distance of the poses that are kept [rad]."""

@@ -6,10 +6,10 @@ from stepbus_motion.ik.search import IkSettings, InverseKinematics
 from stepbus_motion.motions.joint_motion import MotionLimits
 from stepbus_motion.paths.spiral import SpiralPlanner, SpiralSettings
 
-from .candidates import BranchCandidates, SearchedCandidates
 from .manipulator import Manipulator
 from .options import ManipulatorOptions
-from .routes import DetourRouter, DirectRouter
+from .search.candidates import BranchCandidates, SearchedCandidates
+from .search.routes import DetourRouter, DirectRouter
 from .segments import SegmentFitter
 from .settling import Settling
 

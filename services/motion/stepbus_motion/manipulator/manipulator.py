@@ -11,20 +11,20 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_motion.goals.outcome import Outcome, Refused
 from stepbus_motion.motions.fitting import fitted
 from stepbus_motion.motions.joint_motion import JointMotion, MotionLimits
 from stepbus_motion.motions.plan import planned
 from stepbus_motion.motions.player import MotionPlayer
 from stepbus_motion.motions.trajectory import AlongPath, Rest, Trajectory
-from stepbus_motion.outcome import Outcome, Refused
 from stepbus_motion.paths.joint_path import joint_path
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, Quaternion, RunError
 
 from .back_off import BackOffPath
-from .candidates import Candidate, CandidateFinder
 from .options import ManipulatorOptions
-from .planner_search import PlannerQueries, PlannerSearch, refusal_of
-from .routes import Router
+from .search.candidates import Candidate, CandidateFinder
+from .search.planner_search import PlannerQueries, PlannerSearch, refusal_of
+from .search.routes import Router
 from .segments import SegmentFitter
 from .settling import SettleWatch, Settling
 

@@ -6,7 +6,7 @@ from stepbus_motion.motions.joint_motion import MotionLimits
 from stepbus_motion.motions.trajectory import AlongPath, Trajectory
 from stepbus_motion.paths.joint_path import JointPath
 
-from .candidates import Candidate
+from .search.candidates import Candidate
 
 
 class SegmentFitter:

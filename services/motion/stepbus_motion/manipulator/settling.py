@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
+from stepbus_motion.goals.outcome import Outcome
 from stepbus_motion.motions.trajectory import Trajectory
-from stepbus_motion.outcome import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stepbus_kinematics import RobotModel
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 
 from .joint_motion import JointMotion, MotionLimits
 from .trajectory import Stretched, Trajectory

@@ -9,7 +9,7 @@ import numpy as np
 import ruckig
 
 from stepbus_kinematics import Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 from stepbus_schemas import JointCommand
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.paths.joint_path import JointPath
 from stepbus_schemas import Plan
 

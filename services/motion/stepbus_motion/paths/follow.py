@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 
 from .joint_path import JointPath
 from .tip_path import TipPose

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 
 
 @dataclass(frozen=True, kw_only=True)

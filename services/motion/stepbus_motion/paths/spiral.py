@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
+from stepbus_motion.goals.outcome import FARTHEST, Refused
 from stepbus_motion.ik.branches import BranchSolver
-from stepbus_motion.outcome import FARTHEST, Refused
 from stepbus_schemas import Goal
 
 from .follow import Lost, follow

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping
 
+from stepbus_mission.store.goods.stock import Item
+from stepbus_mission.store.report import Unsold
+
 from .approaches import APPROACHES
 from .detection import aim, correct, find
-from .report import Unsold
 from .state import Outcome, Sale, StoreState
-from .states import STATES
-from .stock import Item
+from .table import STATES
 from .verification import verify
 
 Check = Callable[[StoreState], Outcome | None]

@@ -3,9 +3,9 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from stepbus_mission.store.geometry import distance
 from stepbus_schemas import Contacts, Point, Poses
 
-from .geometry import distance
 from .stock import Stock
 
 _FASTEST = 1.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from stepbus_kinematics import Vector
-from stepbus_motion.outcome import Refused
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.paths.joint_path import JointPath
 from stepbus_schemas import Goal, Plan, PlanRequest, Point
 

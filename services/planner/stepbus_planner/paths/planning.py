@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import Vector
+from stepbus_planner.scene.obstacles import Obstacles
+from stepbus_planner.scene.robot import PlannedRobot
+from stepbus_planner.scene.scene import Checker, Margins, Scene, Surroundings
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 
-from .obstacles import Obstacles
-from .robot import PlannedRobot
-from .scene import Checker, Margins, Scene, Surroundings
 from .search import Search, find_paths
 from .timing import Limits, Trajectory, dense, parametrize
 

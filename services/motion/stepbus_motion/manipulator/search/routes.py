@@ -8,6 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.manipulator.segments import SegmentFitter
 from stepbus_motion.motions.fitting import sampled
 from stepbus_motion.motions.joint_motion import (
     JointMotion,
@@ -17,10 +19,8 @@ from stepbus_motion.motions.joint_motion import (
     stop_from,
 )
 from stepbus_motion.motions.trajectory import Joined, Trajectory
-from stepbus_motion.outcome import Refused
 
 from .candidates import Candidate
-from .segments import SegmentFitter
 
 _SLOWER = (1.0, 1.5, 2.5)
 """Factors on the duration of a motion, tried where the motors are too weak for it."""

@@ -5,9 +5,9 @@ from typing import Literal
 
 import msgspec
 
+from stepbus_mission.store.geometry import Spot, gripper_down, spot_of
 from stepbus_schemas import Goal, Point
 
-from .geometry import Spot, gripper_down, spot_of
 from .state import StoreState
 
 ODOMETRY = "odometry"

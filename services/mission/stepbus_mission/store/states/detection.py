@@ -2,10 +2,10 @@
 
 import math
 
+from stepbus_mission.store.geometry import Spot, spot_of, yaw_of
 from stepbus_participant import suggest
 from stepbus_schemas import Detections, Point, RunError
 
-from .geometry import Spot, spot_of, yaw_of
 from .goals import ODOMETRY
 from .state import Outcome, StoreState
 

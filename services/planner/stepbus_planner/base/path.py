@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import Vector
+from stepbus_planner.scene.obstacles import Obstacles
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 
-from .base_curve import BasePace, SmoothRoute, direct_routes, rounded_routes
-from .obstacles import Obstacles
+from .curve import BasePace, SmoothRoute, direct_routes, rounded_routes
 
 _CELL = 0.05
 """Of the grid that is searched where the straight line is blocked [m]."""

@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass
 
 from stepbus_motion.collisions.monitor import Approach, Collision, CollisionMonitor, Watch
-from stepbus_motion.outcome import Outcome
+from stepbus_motion.goals.measured import Measured
+from stepbus_motion.goals.outcome import Outcome
+from stepbus_motion.goals.parts import MOVES, Part, Parts
+from stepbus_motion.goals.reports import Reports
 from stepbus_schemas import Goal, RunError
 
 from .base_back_off import BaseBackOff
-from .measured import Measured
-from .parts import MOVES, Part, Parts
-from .reports import Reports
 
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""

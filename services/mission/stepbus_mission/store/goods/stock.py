@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from stepbus_mission.store.geometry import extents, nearest_quarter, yaw_of
 from stepbus_schemas import (
     Description,
     Point,
@@ -14,8 +15,6 @@ from stepbus_schemas import (
     WiringError,
     parse_shapes,
 )
-
-from .geometry import extents, nearest_quarter, yaw_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import Indices, RobotModel, Vector
-from stepbus_motion.outcome import FARTHEST, Refused
+from stepbus_motion.goals.outcome import FARTHEST, Refused
 from stepbus_participant import suggest
 from stepbus_schemas import BaseState, Goal, RunError
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import Vector
+from stepbus_planner.scene.obstacles import Obstacles
+from stepbus_planner.scene.robot import PlannedRobot
+from stepbus_planner.scene.scene import Checker, Scene, Surroundings
 from stepbus_schemas import Plan, PlanRequest, Poses
 
-from .obstacles import Obstacles
 from .planning import PlanningSettings, fingers_at
-from .robot import PlannedRobot
-from .scene import Checker, Scene, Surroundings
 from .timing import dense
 
 _MOVED = 0.01

@@ -2,11 +2,12 @@
 
 import math
 
+from stepbus_mission.store.geometry import tilt_of
+from stepbus_mission.store.goods.witness import Witness
+from stepbus_mission.store.report import SaleResult
+
 from .detection import nearest
-from .geometry import tilt_of
-from .report import SaleResult
 from .state import Outcome, StoreState
-from .witness import Witness
 
 
 def verify(store: StoreState) -> Outcome | None:

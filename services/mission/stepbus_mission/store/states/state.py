@@ -3,15 +3,15 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from stepbus_mission.store.geometry import Spot, nearest_quarter, spot_of
+from stepbus_mission.store.goods.stock import Item, Stock
+from stepbus_mission.store.goods.witness import Witness
+from stepbus_mission.store.params import Order, Params
+from stepbus_mission.store.report import SaleResult, Unsold
 from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Point, Poses
 
 from .approaches import APPROACHES, Approach
-from .geometry import Spot, nearest_quarter, spot_of
-from .params import Order, Params
-from .report import SaleResult, Unsold
-from .states import STATES
-from .stock import Item, Stock
-from .witness import Witness
+from .table import STATES
 
 Level = Literal["info", "warning", "error"]
 LogEntry = tuple[Level, str]

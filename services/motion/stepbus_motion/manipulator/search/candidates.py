@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import Indices, RobotModel, SelfCollisions, Vector
+from stepbus_motion.goals.outcome import Refused
 from stepbus_motion.ik.branches import BranchSolver
 from stepbus_motion.ik.search import InverseKinematics, Solution
-from stepbus_motion.outcome import Refused
+from stepbus_motion.manipulator.options import ManipulatorOptions
 from stepbus_motion.paths.follow import follow
 from stepbus_motion.paths.joint_path import JointPath
 from stepbus_motion.paths.spiral import SpiralPlanner
 from stepbus_motion.paths.tip_path import line
 from stepbus_schemas import BaseState, Goal, RunError
 
-from .options import ManipulatorOptions
 from .targets import frame_in_base, target_joints, target_pose
 
 _CHECKED_EVERY = 0.01

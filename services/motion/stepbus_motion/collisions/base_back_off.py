@@ -2,7 +2,7 @@
 
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.collisions.monitor import Collision, CollisionMonitor
-from stepbus_motion.outcome import Outcome
+from stepbus_motion.goals.outcome import Outcome
 from stepbus_schemas import BaseState, Goal
 
 

@@ -1,0 +1,1 @@
+"""Where an arm may go for a goal, and along which route."""

@@ -1,0 +1,1 @@
+"""Routes of a base on the floor."""
