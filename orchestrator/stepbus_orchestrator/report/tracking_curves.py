@@ -56,12 +56,6 @@ class SignalCurves:
             return None
         return self._slope.line(list(self.names).index(joint))
 
-    def largest(self, quantity: str) -> float:
-        """Return the largest absolute value of a quantity; 0 without any."""
-        rows = [line[1] for joint in self.names if (line := self.of(quantity, joint))]
-        values = np.abs(np.concatenate(rows)) if rows else np.empty(0)
-        return float(np.nanmax(values, initial=0.0))
-
 
 class _Slope:
     """The finite difference of values over time; central, but at both ends."""

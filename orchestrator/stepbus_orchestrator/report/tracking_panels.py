@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .curve import Line
 from .style import colour, legend, line, write_instead
 from .tracking_curves import SignalCurves, TrackingCurves
 
@@ -77,24 +78,29 @@ def _against(axis: Any, tracking: TrackingCurves, quantity: str, length: str) ->
 
 
 def draw_torque(axis: Any, tracking: TrackingCurves) -> None:
-    """Plot commanded torques, each joint with its limit; forces of prismatic joints."""
-    rows = _torques(tracking)
-    joints = [joint for joint, _, _ in rows]
+    """Plot applied torques, each joint with its limit, over the commands; forces of prismatic ones.
+
+    Where the effort is not measured, a command is applied up to the limit of its joint.
+    """
+    joints = _driven(tracking)
     turns = [not tracking.is_prismatic(joint) for joint in joints]
     axis.set_title("torque" if all(turns) else "torque, force" if any(turns) else "force")
     axis.set_ylabel(f"{axis.get_title()} {_unit(tracking, joints, 'N·m', 'N')}")
-    if not rows:
+    if not joints:
         write_instead(axis, "no torques in this recording")
         return
-    largest, limits = 0.0, dict[float, list[int]]()
-    for joint, signal, quantity in rows:
+    largest, limits, named = 0.0, dict[float, list[int]](), False
+    for joint in joints:
         index = tracking.measured.index(joint) if joint in tracking.measured else 0
-        limit = _limit(joint, signal, tracking.state_of(joint))
-        values = signal.of(quantity, joint)
-        if values is not None:
-            label = _label(tracking, joint, joints, "N")
-            line(axis, values, f"{label}, ±{limit:g}" if limit else label, index)
-        largest = max(largest, signal.largest(quantity))
+        limit = _limit(joint, tracking.state_of(joint), *tracking.torques)
+        applied, commanded = _torques(tracking, joint, limit)
+        label = _label(tracking, joint, joints, "N")
+        line(axis, applied, f"{label}, ±{limit:g}" if limit else label, index)
+        if commanded is not None:
+            line(axis, commanded, "_" if named else "commanded", index, dashed=True)
+            named = True
+        sizes = [np.abs(values) for _, values in (applied, commanded or applied)]
+        largest = max(largest, *(float(np.nanmax(size, initial=0.0)) for size in sizes))
         limits.setdefault(limit, []).append(index)
     for limit, indices in sorted(limits.items()):
         if 0 < limit < _NEAR * largest:
@@ -109,23 +115,38 @@ def _draw_limit(axis: Any, limit: float, indices: Sequence[int]) -> None:
     axis.axhline(-limit, linewidth=1.3, **style)
 
 
-def _torques(tracking: TrackingCurves) -> list[tuple[str, SignalCurves, str]]:
-    """Return joint, signal and quantity of each commanded torque; without one, what is measured."""
-    commanded = [(joint, s, "values") for s in tracking.torques for joint in s.names]
+def _driven(tracking: TrackingCurves) -> list[str]:
+    """Return the joints with a commanded torque; without one, those whose torque is measured."""
+    commanded = [joint for signal in tracking.torques for joint in signal.names]
     if commanded:
-        return commanded
+        return list(dict.fromkeys(commanded))
     states = ((joint, tracking.state_of(joint)) for joint in tracking.measured)
-    return [(j, s, "effort") for j, s in states if s is not None and "effort" in s.fields]
+    return [joint for joint, state in states if state is not None and "effort" in state.fields]
+
+
+def _torques(tracking: TrackingCurves, joint: str, limit: float) -> tuple[Line, Line | None]:
+    """Return what was applied to a joint, and what was commanded; None: the same, or nothing."""
+    state = tracking.state_of(joint)
+    measured = None if state is None else state.of("effort", joint)
+    lines = (signal.of("values", joint) for signal in tracking.torques)
+    commanded = next((found for found in lines if found is not None), None)
+    if commanded is None or measured is not None:
+        return measured or (np.empty(0), np.empty(0)), commanded
+    t, values = commanded
+    if not limit or not np.any(np.abs(values) > limit):
+        return commanded, None
+    return (t, np.clip(values, -limit, limit)), commanded
 
 
 def _limit(joint: str, *signals: SignalCurves | None) -> float:
-    """Return the limit of a joint's torque; 0: none is known, or there is none."""
-    for signal in signals:
-        rows = signal.limits.get("effort", ()) if signal is not None else ()
-        if signal is not None and joint in signal.names and rows:
-            limit = float(rows[list(signal.names).index(joint)])
-            return limit if np.isfinite(limit) else 0.0
-    return 0.0
+    """Return the least limit of a joint's torque; 0: none is known, or there is none."""
+    found = [
+        float(signal.limits["effort"][list(signal.names).index(joint)])
+        for signal in signals
+        if signal is not None and joint in signal.names and signal.limits.get("effort")
+    ]
+    limit = min(found, default=0.0)
+    return limit if np.isfinite(limit) else 0.0
 
 
 def _unit(tracking: TrackingCurves, joints: Sequence[str], angle: str, length: str) -> str:

@@ -210,6 +210,32 @@ def test_the_torque_panel_names_each_joint_with_its_limit():
     assert drawn == {28, -28, 60, -60}
 
 
+def torque_lines(has_effort):
+    """Return the lines of the torque panel where 100 N·m are commanded and 10 N·m are applied."""
+    t = np.arange(3.0)
+    common = {"names": ["j"], "steps": np.arange(3), "t": t}
+    effort = {"effort": np.full((3, 1), -10.0)} if has_effort else {}
+    fields = {"position": np.zeros((3, 1)), **effort}
+    state = Signal(**common, fields=fields, limits={"effort": [10.0]})
+    asked = {"values": np.full((3, 1), -100.0)}
+    torque = frozenset({"torque"})
+    command = Signal(**common, fields=asked, limits={"effort": [200.0]}, modes=torque)
+    tracking = Tracking(states={"a": state}, commands={"c": command})
+    axis = draw(lambda a: draw_torque(a, curves(tracking)))
+    return {line.get_label(): line for line in axis.lines if len(line.get_xdata()) == 3}
+
+
+@pytest.mark.parametrize("has_effort", [True, False])
+def test_the_torque_panel_shows_what_was_applied_over_what_was_commanded(has_effort):
+    lines = torque_lines(has_effort)
+    assert list(lines) == ["j, ±10", "commanded"]
+    assert list(lines["j, ±10"].get_ydata()) == [-10.0] * 3
+    commanded = lines["commanded"]
+    assert list(commanded.get_ydata()) == [-100.0] * 3
+    assert commanded.get_linestyle() == "--"
+    assert commanded.get_linewidth() < lines["j, ±10"].get_linewidth()
+
+
 def test_the_height_is_not_that_of_a_planogram_which_is_published_once(record):
     once = [Poses(position=[(0, 0, 9.0), (0, 0, 9.0)], orientation=[UPRIGHT] * 2)]
     planogram = {"a_planogram": ("Poses/1", ["chassis", "grasp"], once)}
