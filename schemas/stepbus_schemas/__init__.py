@@ -12,6 +12,7 @@ from .shapes import Shape, parse_shapes
 from .tables import raw_table, types_page
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
 from .vectors import types_vectors
+from .wrong_words import explained
 
 __all__ = [
     "BRIDGE_FORMATS",
@@ -90,6 +91,7 @@ __all__ = [
     "due_step",
     "encode",
     "encoding_of",
+    "explained",
     "json_schema",
     "message_class",
     "meta",

@@ -9,6 +9,7 @@ from .errors import MessageError
 from .messages import Message
 from .protocol import ENVELOPE_TYPES, Envelope
 from .types import SHIPPED, Types, name_of
+from .wrong_words import explained
 
 T = TypeVar("T", bound=Message | Envelope)
 
@@ -50,6 +51,7 @@ class Decoder(Generic[T]):
 
     def __init__(self, cls: type[T]) -> None:
         self._name = type_name(cls)
+        self._cls = cls
         self._decode = msgspec.msgpack.Decoder(cls).decode
 
     def __call__(self, data: bytes | msgspec.Raw) -> T:
@@ -57,4 +59,4 @@ class Decoder(Generic[T]):
         try:
             return self._decode(data)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as exc:
-            raise MessageError(f"not a {self._name}: {exc}") from exc
+            raise MessageError(f"not a {self._name}: {explained(exc, self._cls)}") from exc

@@ -58,6 +58,7 @@ def go_wrong(right):
     answers = {
         "garbage": b"hello world\n" if FORM == "json" else b"\x05\0\0\0\xc1abcd",
         "mistyped": framed({"outputs": {"command": {"mode": "torque", "values": "many"}}}),
+        "word": framed({"outputs": {"command": {"mode": "torqe", "values": [1, 2]}}}),
         "lacking": framed({"outputs": {"command": {"mode": "torque"}}}),
         "port": framed({"outputs": {"komand": {"mode": "torque", "values": [1, 2]}}}),
         "twice": right + right,

@@ -1,5 +1,7 @@
 from contextlib import suppress
+from typing import Literal
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,15 +11,29 @@ from support.properties import examples
 from stepbus_schemas import (
     MESSAGE_TYPES,
     Decoder,
+    JointCommand,
     JointState,
     MessageError,
     Trigger,
     WiringError,
     encode,
     encoding_of,
+    explained,
     message_class,
     type_name,
 )
+
+
+class Inner(msgspec.Struct):
+    mode: Literal["a", "b"]
+
+
+class Nested(msgspec.Struct):
+    listed: list[Literal["a", "b"]] | None = None
+    mapped: dict[str, Literal["c", "d"]] = {}
+    pair: tuple[Literal["e", "f"], int] | None = None
+    inner: list[Inner] = []
+
 
 # Derandomised: a test that fails must fail for everybody; no deadline: a time decides no test.
 repeatable = settings(max_examples=examples(25))
@@ -43,6 +59,38 @@ def test_nesting_without_end_is_refused() -> None:
     bottomless = b"\x82\xaastep_limit\x01\xa5token" + b"\x91" * 100_000
     with pytest.raises(MessageError, match="not a Trigger/1"):
         Decoder(Trigger)(bottomless)
+
+
+@pytest.mark.parametrize(
+    ("message", "sentence"),
+    [
+        (
+            {"mode": "torqe", "values": [1.0]},
+            "brake, position, teleport, torque, velocity; did you mean 'torque'?",
+        ),
+        ({"mode": "fly", "values": [1.0]}, "brake, position, teleport, torque, velocity"),
+        ({"mode": 7, "values": [1.0]}, "Expected `str`, got `int` - at `$.mode`"),
+    ],
+)
+def test_a_wrong_word_lists_the_right_ones(message: object, sentence: str) -> None:
+    with pytest.raises(MessageError) as caught:
+        Decoder(JointCommand)(msgspec.msgpack.encode(message))
+    assert str(caught.value).endswith(sentence)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ({"listed": ["a", "z"]}, "a, b"),
+        ({"mapped": {"key": "z"}}, "c, d"),
+        ({"pair": ["z", 1]}, "e, f"),
+        ({"inner": [{"mode": "z"}]}, "a, b"),
+    ],
+)
+def test_a_wrong_word_is_explained_wherever_it_stands(value: object, words: str) -> None:
+    with pytest.raises(msgspec.ValidationError) as caught:
+        msgspec.convert(value, Nested)
+    assert explained(caught.value, Nested).endswith(f"; it is one of {words}")
 
 
 @pytest.mark.parametrize("name", TYPES)

@@ -220,6 +220,11 @@ PROBLEMS = [
     ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into 64 bits, with a sign"),
     ("Fault/1", {"a": "float"}, "Fault/1 is a message of the protocol; choose another name"),
     ("Outputs/2", {"a": "float"}, "Outputs/2 is a message of the protocol; choose another name"),
+    (
+        "T/1",
+        {"a": {"type": ["off", "on"], "default": "of"}},
+        "it is one of off, on; did you mean 'off'?",
+    ),
     ("T/1", {"a": {"type": "int", "default": "x"}}, "does not fit the type"),
     ("T/1", {"a": {"type": "int", "min": 2, "default": 1}}, "does not fit the type"),
     ("T/1", {"a": {"type": "int", "optional": True, "default": 1}}, "is not for an optional field"),

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from stepbus_schemas.messages.base import meta
+from stepbus_schemas.wrong_words import explained
 
 Keys = tuple[str | int, ...]
 Row = Mapping[str, Any]
@@ -101,7 +102,7 @@ def default_problems(row: Row) -> Iterator[tuple[Keys, str]]:
         try:
             msgspec.convert(row["default"], annotation(row))
         except msgspec.ValidationError as exc:
-            yield ("default",), f"does not fit the type: {exc}"
+            yield ("default",), f"does not fit the type: {explained(exc, annotation(row))}"
             return
         try:
             json.dumps(row["default"], allow_nan=False)

@@ -7,7 +7,7 @@ import msgspec
 from msgspec.structs import astuple
 
 from stepbus_participant import Config, Step
-from stepbus_schemas import PROTOCOL_VERSION, Description, Message, Types, WiringError
+from stepbus_schemas import PROTOCOL_VERSION, Description, Message, Types, WiringError, explained
 
 from .bridge import Bridge, BridgedProgram
 from .link import BridgeError, show
@@ -104,7 +104,8 @@ class MapBridge(Bridge):
         self._ports = tuple(config.inputs)
         self._outputs = tuple(config.outputs)
         classes = {port: config.types[row.type] for port, row in config.outputs.items()}
-        self._decode = self._codec.decoder(_answer(classes))
+        self._answer = _answer(classes)
+        self._decode = self._codec.decoder(self._answer)
         self._versions: Mapping[str, str] = {}
 
     def describe(self) -> Mapping[str, Description]:
@@ -168,7 +169,8 @@ class MapBridge(Bridge):
     def _malformed(self, exc: Exception, data: bytes | bytearray) -> BridgeError:
         known = ", ".join(f"{port} ({row.type})" for port, row in self.config.outputs.items())
         if isinstance(exc, msgspec.ValidationError):
-            return self.link.wrong(f"answered wrongly: {exc}; its outputs are {known or 'none'}")
+            text = explained(exc, self._answer)
+            return self.link.wrong(f"answered wrongly: {text}; its outputs are {known or 'none'}")
         return self.link.wrong(f"wrote what is no {self._codec.name}: {exc}: {show(data)}")
 
 

@@ -78,6 +78,7 @@ def test_the_answer_to_a_step_is_its_outputs(bridge, form):
 WRONG = {
     "garbage": r"wrote what is no (JSON|MessagePack): ",
     "mistyped": r"answered wrongly: Expected `array`, got `str` - at `\$\.outputs\.command\.values`; its outputs are command \(JointCommand/1\)",
+    "word": r"`\$\.outputs\.command\.mode`; it is one of brake, position, teleport, torque, velocity; did you mean 'torque'\?; its outputs are",
     "lacking": r"answered wrongly: .*missing required field `values` - at `\$\.outputs\.command`",
     "port": r"answered wrongly: .*unknown field `komand`.*its outputs are command",
     "twice": r"wrote .* behind its answer",

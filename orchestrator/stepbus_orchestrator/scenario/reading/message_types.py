@@ -16,7 +16,7 @@ from stepbus_participant.parameters import (
     module_types,
     read_types_file,
 )
-from stepbus_schemas import Types, WiringError
+from stepbus_schemas import Types, WiringError, explained
 
 from ..model import HoldSpec
 from .declaration import ParticipantRow
@@ -78,7 +78,7 @@ class OwnTypes:
                 try:
                     msgspec.convert(message, self.types[name])
                 except msgspec.ValidationError as exc:
-                    yield (port,), f"is no {name}: {exc}"
+                    yield (port,), f"is no {name}: {explained(exc, self.types[name])}"
 
 
 def read_types(given: Given, folder: Path, problems: Problems) -> OwnTypes:
