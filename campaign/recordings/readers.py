@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.report.panels.devices import device_panels
+from stepbus_orchestrator.analysis.report.summary import Summary
 from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.cli.commands import execute
 from stepbus_orchestrator.diagnosis.conformance.harness import material
@@ -20,8 +22,6 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.rerun import read_origin, unpack
 from stepbus_orchestrator.replay.result import inputs_of
-from stepbus_orchestrator.report.device_panels import device_panels
-from stepbus_orchestrator.report.summary import Summary
 from stepbus_schemas import StepbusError
 
 from ..sandbox import STEPBUS

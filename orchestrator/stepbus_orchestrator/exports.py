@@ -24,8 +24,8 @@ from .replay.rerun import Preparation, Rerun
 from .run.control.live_file import call
 from .run.control.pace import Pace
 from .run.describe import ParticipantDescription, describe
-from .run.progress import Observer, Progress
-from .run.result import Result
+from .run.reports.progress import Observer, Progress
+from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
 from .scenario import Problem, Scenario, ScenarioError, check_data, load

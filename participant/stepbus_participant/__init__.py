@@ -4,7 +4,6 @@ from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, LoopbackBus, Queue,
 from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket, scratch_folder
 from .config import Config, Ports
 from .config.plugins import make_plugin
-from .extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .files import (
     Mimic,
     find_file,
@@ -15,17 +14,18 @@ from .files import (
     read_urdf_text,
     urdf_warnings,
 )
-from .hosting import HOST, Host
-from .main import main, take_part
+from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
+from .hints.suggestions import suggest
 from .methods import CallError, Method
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
 from .parameters.types_file import load_types
 from .participant import Participant, PortType
+from .process.hosting import HOST, Host
+from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, InvalidInput, Step
-from .suggestions import suggest
 
 __all__ = [
     "HOST",

@@ -1,17 +1,17 @@
 """The contract of stepbus: message types, protocol envelopes and their codec."""
 
-from .bridge_formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
+from .bridge.formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
+from .bridge.raw_layout import RawField, RawLayout, raw_fields
 from .codec import Decoder, encode, encoding_of, message_class, type_name
+from .derived.schema import json_schema, not_null
+from .derived.tables import raw_table, types_page
+from .derived.vectors import types_vectors
 from .errors import MessageError, RunError, StepbusError, WiringError
 from .messages import *
 from .protocol import *
-from .raw_layout import RawField, RawLayout, raw_fields
 from .schedule import due_step
-from .schema import json_schema, not_null
 from .shapes import Shape, parse_shapes
-from .tables import raw_table, types_page
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
-from .vectors import types_vectors
 from .wrong_words import explained
 
 __all__ = [

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from .derived.schema import json_schema
+from .derived.tables import messages_page
+from .derived.vectors import from_notation, line_by_line, vectors
 from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES
-from .schema import json_schema
-from .tables import messages_page
-from .vectors import from_notation, line_by_line, vectors
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Where this file lies in a checkout of the repository."""

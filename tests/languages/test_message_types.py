@@ -8,9 +8,9 @@ from support.paths import CHECKOUT
 
 import stepbus
 from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.run.run_scenario import run
 
 EXAMPLE = CHECKOUT / "examples/thruster"

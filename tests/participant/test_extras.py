@@ -4,14 +4,8 @@ import sys
 
 import pytest
 
-from stepbus_participant import (
-    ExtraMissing,
-    extra_hint,
-    extras,
-    import_error_hint,
-    install_command,
-    need,
-)
+from stepbus_participant import ExtraMissing, extra_hint, import_error_hint, install_command, need
+from stepbus_participant.hints import extras
 
 
 @pytest.fixture

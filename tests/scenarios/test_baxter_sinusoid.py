@@ -8,11 +8,11 @@ import pybullet
 import pytest
 
 from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.analysis.sinusoid import JointMotions
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.report.tracking_curves import TrackingCurves
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import package_path
 from stepbus_plant import Params, Plant, load_world

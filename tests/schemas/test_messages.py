@@ -23,8 +23,8 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
-from stepbus_orchestrator.run.loop import Controls, Records, RunLoop
-from stepbus_orchestrator.run.strategy import NoPeers
+from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.loop.strategy import NoPeers
 from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
 from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode

@@ -11,7 +11,7 @@ import numpy as np
 
 from stepbus_orchestrator.processes import Delays
 from stepbus_orchestrator.run.inprocess import check_scenario
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_orchestrator.scenario.model import Transport

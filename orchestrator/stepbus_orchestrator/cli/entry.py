@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
 
-from stepbus_orchestrator.environment import PYTHON, is_set
+from stepbus_orchestrator.processes.environment import PYTHON, is_set
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1

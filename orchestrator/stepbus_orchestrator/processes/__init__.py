@@ -3,17 +3,11 @@
 from .activity import Activity, activity
 from .bounded_log import BoundedLog
 from .child import TERM_GRACE_S, Child
-from .credentials import ORCHESTRATOR, certificates, passwords
 from .delays import Delays
-from .endpoints import (
-    Mesh,
-    low_latency,
-    make_mesh,
-    new_token,
-    private_folder,
-)
 from .launcher import Launcher
 from .limits import check_open_files
+from .links.credentials import ORCHESTRATOR, certificates, passwords
+from .links.endpoints import Mesh, low_latency, make_mesh, new_token, private_folder
 from .reaping import Reaper
 from .watchdog import Watchdog
 

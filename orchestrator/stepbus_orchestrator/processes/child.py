@@ -16,7 +16,7 @@ from stepbus_participant import last_error
 
 from .activity import Activity, activity
 from .bounded_log import BoundedLog
-from .port_users import crowd
+from .links.port_users import crowd
 
 TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""

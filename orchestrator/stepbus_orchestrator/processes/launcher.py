@@ -4,13 +4,13 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.environment import PYTHON
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, Endpoint, MessageFault, Ticket
 
 from .child import Child
-from .endpoints import tcp_ports
+from .environment import PYTHON
+from .links.endpoints import tcp_ports
 from .reaping import Reaper
 
 

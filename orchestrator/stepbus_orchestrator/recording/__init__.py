@@ -1,6 +1,6 @@
 """Writes, reads and recovers the recording of a run."""
 
-from .mcap_file import McapFile
+from .mcap.file import McapFile
 from .reader import BATCH_BYTES, Batch, Entry, Port, Recording
 from .recorder import Recorder
 from .recover import Recovery, recover

@@ -3,11 +3,10 @@
 import contextlib
 from collections.abc import Mapping
 
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.hash_chain import HashChain
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import CHAIN_EVERY, Chain, Decoder, MessageError, StepbusError
-
-from . import layout
-from .hash_chain import HashChain
 
 _decode_chain = Decoder(Chain)
 _REGULAR = 20

@@ -25,7 +25,7 @@ from stepbus_schemas import (
 
 from . import layout
 from .hash_chain import HashChain
-from .mcap_file import McapFile
+from .mcap.file import McapFile
 from .sink import Descriptions
 from .step_order import Published, StepOrder
 

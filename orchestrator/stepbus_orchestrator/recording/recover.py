@@ -11,14 +11,14 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
+from stepbus_orchestrator.recording.mcap.scanner import Scanner
 from stepbus_participant import parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
-from . import layout
 from .holes import Holes
-from .message_writer import MessageWriter
-from .scanner import Scanner
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 
-from .mcap_file import McapFile
+from .mcap.file import McapFile
 
 # In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
 _ROWS = 256

@@ -22,9 +22,9 @@ from stepbus_orchestrator.recording import Recorder, Recording, TimingRecorder, 
 from stepbus_orchestrator.run.bus.session import Session, open_bus
 from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.participants import Process
-from stepbus_orchestrator.run.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
 from stepbus_orchestrator.run.phases import run_phases
-from stepbus_orchestrator.run.progress import Observer, Silent
+from stepbus_orchestrator.run.reports.progress import Observer, Silent
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,

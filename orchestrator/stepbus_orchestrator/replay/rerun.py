@@ -13,8 +13,8 @@ from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.progress import Observer
-from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
+from stepbus_orchestrator.run.reports.progress import Observer
+from stepbus_orchestrator.run.reports.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, command, load, resolved
 from stepbus_participant import SettingsError

@@ -17,9 +17,9 @@ from stepbus_schemas import Description
 from .kernel.descriptions import input_descriptions
 from .kernel.participants import Participants
 from .kernel.state import RunState
+from .loop.strategy import Strategy
 from .run_scenario import run_with
 from .setup.options import Options
-from .strategy import Strategy
 
 _JOINT_STATE = "JointState/1"
 _WITHOUT_MOTOR = ("passive", "teleport")

@@ -29,17 +29,17 @@ from stepbus_participant import Bus
 from .bus.session import Session, open_bus
 from .control.injector import Injector
 from .control.live_file import Live, forget
-from .events import Events
 from .inprocess import LocalRun, check_scenario, surroundings
-from .loop import Controls, Records, RunLoop
+from .loop.loop import Controls, Records, RunLoop
+from .loop.strategy import Strategy
 from .phases import run_phases
-from .progress import Observer, Silent
-from .result import Result, file_sha256, own_versions
+from .reports.events import Events
+from .reports.progress import Observer, Silent
+from .reports.result import Result, file_sha256, own_versions
 from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
 from .setup.live_run import LiveRun
 from .setup.opened_files import OpenedFiles
 from .setup.options import Options, without_deadlines
-from .strategy import Strategy
 
 __all__ = ["Options", "default_folder", "run", "run_with", "without_deadlines"]
 

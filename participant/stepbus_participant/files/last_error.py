@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from stepbus_participant.extras import import_error_hint
+from stepbus_participant.hints.extras import import_error_hint
 
 _TAIL_BYTES = 16_000
 _LONGEST = 300

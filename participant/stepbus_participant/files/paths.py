@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from stepbus_participant.extras import extra_hint
+from stepbus_participant.hints.extras import extra_hint
 from stepbus_schemas import WiringError
 
 

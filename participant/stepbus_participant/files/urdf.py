@@ -4,7 +4,7 @@ from pathlib import Path
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
-from stepbus_participant.extras import need
+from stepbus_participant.hints.extras import need
 from stepbus_schemas import WiringError
 
 from .paths import package_path

@@ -5,7 +5,7 @@ from typing import Any
 
 from msgspec import inspect
 
-from stepbus_participant.suggestions import suggest
+from stepbus_participant.hints.suggestions import suggest
 
 from .nodes import (
     conditions,

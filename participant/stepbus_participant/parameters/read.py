@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from msgspec import inspect
 
 from stepbus_participant.files import find_file, read_urdf_text
-from stepbus_participant.suggestions import suggest
+from stepbus_participant.hints.suggestions import suggest
 
 from .durations import parse_duration
 from .fields import Fields, not_text, without

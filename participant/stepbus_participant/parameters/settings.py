@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Self, dataclass_transform
 
 import msgspec
 
-from stepbus_participant.suggestions import suggest
+from stepbus_participant.hints.suggestions import suggest
 
 from .problems import Keys, Problems
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.extras import extra_hint
+from stepbus_participant.hints.extras import extra_hint
 from stepbus_schemas import Message, Types, WiringError, class_declaration, type_name, type_problems
 
 from .problems import Keys

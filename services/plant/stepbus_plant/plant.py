@@ -21,12 +21,12 @@ from .joints.commander import Commander
 from .joints.drives import locate_joints, make_drives
 from .joints.sensing import Sensors, Values
 from .joints.warnings import Warnings
-from .kinematic import NOTICE, Kinematics
 from .params import Params
 from .physics.engine import Physics
 from .physics.joint import Joint, describe_joints
-from .script import Script, check_script
+from .physics.kinematic import NOTICE, Kinematics
 from .world.file import World
+from .world.script import Script, check_script
 
 
 class Plant:

@@ -8,7 +8,7 @@ import psutil
 from support.runs.joints import leftovers, run_joints
 
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.progress import Silent
+from stepbus_orchestrator.run.reports.progress import Silent
 
 
 class SignalReaper(Silent):

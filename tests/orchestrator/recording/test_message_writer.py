@@ -6,7 +6,7 @@ from io import BytesIO
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
 
 
 def written(writer_class, messages, compression=CompressionType.ZSTD, chunk_size=2000):

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.recording.reader.recorded_types import recorded_types
-from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_schemas import Description, Outputs, Scalars, Types, WiringError, encode

@@ -12,7 +12,7 @@ from support.runs.joints import fault, run_joints, write_scenario
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.control.pace import Pace
-from stepbus_orchestrator.run.progress import Silent
+from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
 
 

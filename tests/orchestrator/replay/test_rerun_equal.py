@@ -13,7 +13,7 @@ from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
-from stepbus_orchestrator.run.result import own_versions
+from stepbus_orchestrator.run.reports.result import own_versions
 from stepbus_orchestrator.run.run_scenario import run
 
 

@@ -5,8 +5,8 @@ import math
 import msgspec
 import pytest
 
+from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.recording import McapFile, Recorder
-from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.scenario import OutputSpec, ParticipantSpec
 from stepbus_schemas import Description, JointReference, JointState, Outputs, encode
 

@@ -10,19 +10,23 @@ import pytest
 from matplotlib.figure import Figure
 from support.messages.recordings import write
 
+from stepbus_orchestrator.analysis.report import write_report
+from stepbus_orchestrator.analysis.report.curves.curve import Curve
+from stepbus_orchestrator.analysis.report.curves.devices import Devices
+from stepbus_orchestrator.analysis.report.curves.pose_errors import draw_pose_errors, pose_errors
+from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
+from stepbus_orchestrator.analysis.report.panels.devices import device_panels, holding_spans
+from stepbus_orchestrator.analysis.report.panels.joints import draw_panels
+from stepbus_orchestrator.analysis.report.panels.tracking import (
+    draw_error,
+    draw_torque,
+    draw_tracking,
+)
+from stepbus_orchestrator.analysis.report.report import draw_report
+from stepbus_orchestrator.analysis.report.summary import Summary
 from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_pieces
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader import source
-from stepbus_orchestrator.report import write_report
-from stepbus_orchestrator.report.curve import Curve
-from stepbus_orchestrator.report.device_curves import Devices
-from stepbus_orchestrator.report.device_panels import device_panels, holding_spans
-from stepbus_orchestrator.report.joint_panels import draw_panels
-from stepbus_orchestrator.report.pose_errors import draw_pose_errors, pose_errors
-from stepbus_orchestrator.report.report import draw_report
-from stepbus_orchestrator.report.summary import Summary
-from stepbus_orchestrator.report.tracking_curves import TrackingCurves
-from stepbus_orchestrator.report.tracking_panels import draw_error, draw_torque, draw_tracking
 from stepbus_participant import extra_hint
 from stepbus_schemas import (
     BaseState,
@@ -381,7 +385,7 @@ def test_the_summary_names_the_worst_of_many_joints():
 
 
 def test_nothing_loads_matplotlib_before_it_plots():
-    text = "import sys, stepbus_orchestrator.report; sys.exit('matplotlib' in sys.modules)"
+    text = "import sys, stepbus_orchestrator.analysis.report; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
 
 

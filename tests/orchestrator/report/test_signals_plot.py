@@ -4,9 +4,9 @@ import pytest
 from support.paths import TESTS
 
 from stepbus_orchestrator import cli
+from stepbus_orchestrator.analysis.report.signals_plot import find_signals
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.report.signals_plot import find_signals
 
 LOG = TESTS / "golden/two_link.mcap"
 

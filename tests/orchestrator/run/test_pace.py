@@ -15,7 +15,7 @@ from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli.terminal.keys import press
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.kernel.gates import FAR
-from stepbus_orchestrator.run.progress import Silent
+from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 

@@ -9,9 +9,9 @@ from stepbus_orchestrator.processes import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
 from stepbus_orchestrator.run.phases import run_phases
-from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
+from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.scenario import (
     InputSpec,
     OutputSpec,

@@ -3,10 +3,14 @@
 import argparse
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.report.signals_plot import (
+    draw_signals,
+    find_signals,
+    signal_names,
+)
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.report.signals_plot import draw_signals, find_signals, signal_names
 from stepbus_participant import ExtraMissing, extra_hint
 
 

@@ -5,6 +5,7 @@ import threading
 from contextlib import nullcontext
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.entry import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
@@ -12,9 +13,8 @@ from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes import check_open_files
-from stepbus_orchestrator.report import write_report
 from stepbus_orchestrator.run.control.pace import Pace
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_schemas import WiringError

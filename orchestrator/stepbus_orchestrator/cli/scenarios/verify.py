@@ -10,8 +10,8 @@ from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
-from stepbus_orchestrator.environment import is_set
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.processes.environment import is_set
 from stepbus_orchestrator.scenario import load
 
 _RUNS = 5

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from stepbus_orchestrator.run.progress import Progress
+from stepbus_orchestrator.run.reports.progress import Progress
 
 from .keys import HELP
 

@@ -13,8 +13,8 @@ from stepbus_orchestrator.analysis.signals import Signal, read_signal
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.describe import describe
-from stepbus_orchestrator.run.progress import Observer
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.reports.progress import Observer
+from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import Description, WiringError

@@ -13,7 +13,7 @@ import msgspec
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording.records import (
+from stepbus_orchestrator.recording.mcap.records import (
     HEAD,
     MESSAGE_HEAD,
     DamagedRecord,

@@ -11,9 +11,9 @@ from stepbus_orchestrator.processes import Reaper, private_folder
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.setup.faults import message_faults
 from stepbus_orchestrator.run.setup.options import Options
-from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.scenario import (
     PROCESS_FAULTS,
     ParticipantSpec,

@@ -4,7 +4,7 @@ import time
 
 from stepbus_orchestrator.run.kernel.deadlines import check_bulk, check_closing
 from stepbus_orchestrator.run.kernel.phase import RunPhase
-from stepbus_orchestrator.run.loop import RunLoop
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.scenario import Schedule
 
 

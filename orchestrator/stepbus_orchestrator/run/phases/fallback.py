@@ -6,7 +6,7 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.fallback.rest import motion_at_end
 from stepbus_orchestrator.run.kernel.phase import RunPhase
-from stepbus_orchestrator.run.loop import LAST_REPORTS_S, LONGEST_TICK_S, RunLoop
+from stepbus_orchestrator.run.loop.loop import LAST_REPORTS_S, LONGEST_TICK_S, RunLoop
 
 from .stepping import step
 

@@ -2,7 +2,7 @@
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.run.kernel.phase import RunPhase
-from stepbus_orchestrator.run.loop import RunLoop
+from stepbus_orchestrator.run.loop.loop import RunLoop
 
 from .closing import close
 from .fallback import after_fallback, failed_in_fallback, fall_back

@@ -7,7 +7,7 @@ from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StopTimeout
 from stepbus_orchestrator.processes import TERM_GRACE_S
 from stepbus_orchestrator.run.kernel.failures import seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
-from stepbus_orchestrator.run.loop import SHORT_TICK_S, RunLoop
+from stepbus_orchestrator.run.loop.loop import SHORT_TICK_S, RunLoop
 from stepbus_orchestrator.scenario import Deadlines
 
 

@@ -5,7 +5,7 @@ import time
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
 from stepbus_orchestrator.run.kernel.phase import RunPhase
-from stepbus_orchestrator.run.loop import RunLoop
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_schemas import Start, encode
 
 

@@ -2,7 +2,7 @@
 
 from stepbus_orchestrator.run.kernel.deadlines import check_step
 from stepbus_orchestrator.run.kernel.phase import RunPhase
-from stepbus_orchestrator.run.loop import RunLoop
+from stepbus_orchestrator.run.loop.loop import RunLoop
 
 
 def step(loop: RunLoop) -> RunPhase:

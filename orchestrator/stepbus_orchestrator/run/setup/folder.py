@@ -8,7 +8,7 @@ from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
-from stepbus_orchestrator.run.result import own_versions
+from stepbus_orchestrator.run.reports.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
 
 LOGS_FOLDER = "logs"

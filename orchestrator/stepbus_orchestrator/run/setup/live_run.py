@@ -4,7 +4,7 @@ from stepbus_orchestrator.processes import Launcher, Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.strategy import NoPeers, ready_descriptions
+from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.scenario import start_command
 
 from .faults import message_faults

@@ -15,9 +15,10 @@ from typing import Any
 
 import msgspec
 
+from stepbus_schemas.types import Types, examples
+
 from .refusals import Refusal, Value, refusals
 from .schema import json_schema, not_null
-from .types import Types, examples
 
 NOTATION = (
     "Values are JSON, with four additions. "

@@ -7,16 +7,16 @@ from typing import Any
 
 import pybullet as bullet
 
+from stepbus_plant.devices.base import Base
+from stepbus_plant.devices.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
+from stepbus_plant.devices.poses import LinkIndex
+from stepbus_plant.devices.registry import Devices
+from stepbus_plant.joints.drives import Drive
+from stepbus_plant.world.script import Script
 from stepbus_schemas import WiringError
 
-from .devices.base import Base
-from .devices.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
-from .devices.poses import LinkIndex
-from .devices.registry import Devices
-from .joints.drives import Drive
-from .physics.engine import Physics
-from .physics.joint import Joint
-from .script import Script
+from .engine import Physics
+from .joint import Joint
 
 NOTICE = "dynamics are off: joints and base follow their commands at once, nothing falls or slips"
 

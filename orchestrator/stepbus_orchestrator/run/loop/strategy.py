@@ -4,9 +4,8 @@ from collections.abc import Collection, Iterable
 from typing import Protocol
 
 from stepbus_orchestrator.recording import Descriptions
-
-from .kernel.participants import Participants
-from .kernel.state import RunState
+from stepbus_orchestrator.run.kernel.participants import Participants
+from stepbus_orchestrator.run.kernel.state import RunState
 
 
 class Peers(Protocol):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from .curve import Line
+from stepbus_orchestrator.analysis.report.curves.curve import Line
 
 _COLOURS = ("#1f77b4", "#d95f02", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#17becf")
 _DASHED = {"color": "black", "linestyle": (0, (4, 6)), "linewidth": 1.1, "zorder": 3}

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from .curve import Line
+from stepbus_orchestrator.analysis.report.curves.curve import Line
+from stepbus_orchestrator.analysis.report.curves.tracking import SignalCurves, TrackingCurves
+
 from .style import colour, legend, line, write_instead
-from .tracking_curves import SignalCurves, TrackingCurves
 
 _NEAR = 2.5
 """Times the largest torque up to which limits are drawn."""

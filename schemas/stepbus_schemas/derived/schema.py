@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
-from . import messages, protocol
-from .messages import Message
-from .protocol import ENVELOPE_TYPES, Envelope
-from .types import SHIPPED, Types
+from stepbus_schemas import messages, protocol
+from stepbus_schemas.messages import Message
+from stepbus_schemas.protocol import ENVELOPE_TYPES, Envelope
+from stepbus_schemas.types import SHIPPED, Types
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -11,13 +11,13 @@ from stepbus_orchestrator.recording import Recording, layout
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 
-from .device_panels import Panel, device_panels
-from .field_panels import field_panels
-from .joint_panels import draw_panels, panel_rows
-from .pose_errors import draw_pose_errors, pose_errors
+from .curves.pose_errors import draw_pose_errors, pose_errors
+from .curves.tracking import TrackingCurves
+from .panels.devices import Panel, device_panels
+from .panels.fields import field_panels
+from .panels.joints import draw_panels, panel_rows
+from .panels.tracking import draw_tracking
 from .summary import Summary
-from .tracking_curves import TrackingCurves
-from .tracking_panels import draw_tracking
 
 REPORT_FILE = "report.png"
 # More joints than that share no plot.

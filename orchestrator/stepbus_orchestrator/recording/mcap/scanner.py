@@ -13,8 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Message
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
 
-from . import layout
 from .records import HEAD, MAGIC, DamagedRecord, check_head, open_recording, records_of
 
 _CRC_BYTES = 4

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.report.curves.curve import Curve
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_schemas import json_schema
-
-from .curve import Curve
 
 _SHOWN = ("Imu/1", "Scalars/1", "Wrench/1")
 _MOST_PANELS = 8

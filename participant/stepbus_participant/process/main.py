@@ -5,14 +5,14 @@ import sys
 from collections.abc import Callable, Mapping
 from types import FrameType
 
+from stepbus_participant.bus import Bus, BusError, FaultyBus, ZenohBus
+from stepbus_participant.bus.ticket import Ticket, load_ticket
+from stepbus_participant.config import Config
+from stepbus_participant.participant import Participant, PortType
+from stepbus_participant.session import Session, Terminated, join
 from stepbus_schemas import Message, StepbusError, Types, WiringError, type_name
 
-from .bus import Bus, BusError, FaultyBus, ZenohBus
-from .bus.ticket import Ticket, load_ticket
-from .config import Config
 from .hosting import HOST, Host
-from .participant import Participant, PortType
-from .session import Session, Terminated, join
 
 Factory = Callable[[Config], Participant]
 

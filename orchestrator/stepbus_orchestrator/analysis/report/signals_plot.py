@@ -11,8 +11,8 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_schemas import WiringError
 
-from .curve import Curve
-from .style import legend, line
+from .curves.curve import Curve
+from .panels.style import legend, line
 
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
 _MOST_LINES = 20

@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .messages import MESSAGE_TYPES
-from .protocol import ENVELOPE_TYPES
-from .raw_layout import raw_fields
+from stepbus_schemas.bridge.raw_layout import raw_fields
+from stepbus_schemas.messages import MESSAGE_TYPES
+from stepbus_schemas.protocol import ENVELOPE_TYPES
+from stepbus_schemas.types import SHIPPED, Types
+
 from .schema import json_schema, not_null
-from .types import SHIPPED, Types
 
 _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. -->"
 

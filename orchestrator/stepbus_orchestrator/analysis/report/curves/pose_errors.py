@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.report.panels.style import colour, legend
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Goal, GoalStatus, Poses
 
-from .device_curves import moving_poses
-from .style import colour, legend
+from .devices import moving_poses
 
 
 @dataclass(frozen=True, kw_only=True)

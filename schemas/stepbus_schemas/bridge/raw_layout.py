@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, get_args
 
-from .messages import JointCommand, JointMode, JointState, Message
-from .schema import json_schema, not_null
-from .types import SHIPPED, Types
+from stepbus_schemas.derived.schema import json_schema, not_null
+from stepbus_schemas.messages import JointCommand, JointMode, JointState, Message
+from stepbus_schemas.types import SHIPPED, Types
 
 _FIRST_ONLY: Mapping[type[Message], tuple[str, ...]] = {
     JointState: ("position", "velocity", "effort"),

@@ -9,20 +9,20 @@ from dataclasses import dataclass, field
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
 from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.bus.subscriptions import subscribe
+from stepbus_orchestrator.run.control.calls import Calls
+from stepbus_orchestrator.run.control.injector import Injector
+from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.fallback.safe_stop import SafeStop
+from stepbus_orchestrator.run.kernel.failures import death, kept_thread, took_nothing
+from stepbus_orchestrator.run.kernel.gates import Gate, step_limit
+from stepbus_orchestrator.run.kernel.messages import MessageHandler
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports.progress import Observer, Progress, Silent
 from stepbus_schemas import CallRecord
 
-from .bus.session import Session
-from .bus.subscriptions import subscribe
-from .control.calls import Calls
-from .control.injector import Injector
-from .control.pace import Pace
-from .fallback.safe_stop import SafeStop
-from .kernel.failures import death, kept_thread, took_nothing
-from .kernel.gates import Gate, step_limit
-from .kernel.messages import MessageHandler
-from .kernel.participants import ParticipantState
-from .kernel.state import RunState
-from .progress import Observer, Progress, Silent
 from .strategy import Strategy
 
 TICK_S = 0.05

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Literal, get_args
 
+from stepbus_schemas.types import SHIPPED, Types
+
 from .raw_layout import raw_fields
-from .types import SHIPPED, Types
 
 BridgeFormat = Literal["json", "msgpack", "raw"]
 

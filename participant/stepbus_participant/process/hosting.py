@@ -5,8 +5,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
-from .bus import Bus
-from .bus.ticket import Ticket
+from stepbus_participant.bus import Bus
+from stepbus_participant.bus.ticket import Ticket
 
 
 @dataclass(frozen=True)

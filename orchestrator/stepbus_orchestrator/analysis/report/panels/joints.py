@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.report.curves.curve import Line
+from stepbus_orchestrator.analysis.report.curves.tracking import SignalCurves, TrackingCurves
 from stepbus_orchestrator.analysis.signals import Array
 
-from .curve import Line
 from .style import colour, legend, line
-from .tracking_curves import SignalCurves, TrackingCurves
 
 # Less than this is noise, not motion.
 _LEAST_SPAN = 1.0

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import pybullet as bullet
 
 from stepbus_participant import suggest
+from stepbus_plant.devices.camera import Cameras
+from stepbus_plant.physics.engine import Physics
+from stepbus_plant.physics.joint import Joint
 from stepbus_schemas import WiringError
 
-from .devices.camera import Cameras
-from .physics.engine import Physics
-from .physics.joint import Joint
-from .world.actions import Action
+from .actions import Action
 
 # More torque than any motor has, and the share of the error corrected per substep: a wheel at
 # 5 rad/s under a base of 80 kg stops within 0.022 rad, and within 0.001 rad after 0.1 s.

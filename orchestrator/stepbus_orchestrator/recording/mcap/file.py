@@ -10,9 +10,9 @@ from typing import Any
 from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
 from stepbus_schemas import json_schema
 
-from . import layout
 from .message_writer import MessageWriter
 from .reserved_file import ReservedFile
 

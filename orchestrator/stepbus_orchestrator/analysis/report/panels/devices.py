@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.report.curves.devices import Columns, Devices, Height, Path
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 
-from .device_curves import Columns, Devices, Height, Path
 from .style import legend
 
 Panel = Callable[[Any], None]

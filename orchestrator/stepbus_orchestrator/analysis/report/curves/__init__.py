@@ -1,0 +1,1 @@
+"""The lines of the plots, taken from a recording piece by piece."""

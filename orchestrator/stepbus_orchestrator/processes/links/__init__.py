@@ -1,0 +1,1 @@
+"""How the processes of a run find and authenticate each other."""

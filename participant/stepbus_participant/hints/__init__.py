@@ -1,0 +1,1 @@
+"""What an error sentence suggests: the nearest name, the extra to install."""

@@ -1,0 +1,1 @@
+"""What follows from the message types: JSON Schema, tables, byte vectors."""
