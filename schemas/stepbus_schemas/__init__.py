@@ -12,7 +12,7 @@ from .protocol import *
 from .schedule import due_step
 from .shapes import Shape, parse_shapes
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
-from .wrong_words import explained
+from .types.wrong_words import explained
 
 __all__ = [
     "BRIDGE_FORMATS",

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from stepbus_schemas.messages.base import meta
-from stepbus_schemas.wrong_words import explained
+
+from .wrong_words import explained
 
 Keys = tuple[str | int, ...]
 Row = Mapping[str, Any]
