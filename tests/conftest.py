@@ -16,19 +16,19 @@ from stepbus_orchestrator.run.run_scenario import run
 
 ROBOTS = ("cv2", "eaik", "ompl", "toppra", "xacro")
 NEED_ROBOTS = [
-    "services/motion/test_analytic.py",
-    "services/motion/test_manipulator.py",
+    "services/motion/ik/test_analytic.py",
+    "services/motion/manipulator/test_manipulator.py",
     "services/motion/test_paths.py",
-    "participant/test_models.py",
+    "participant/files/test_models.py",
     "services/perception/test_accuracy.py",
     "services/perception/test_detector.py",
     "services/perception/test_landmarks.py",
     "services/perception/test_participant.py",
     "services/planner/test_participant.py",
     "services/planner/test_run.py",
-    "services/motion/test_self_collision.py",
+    "services/motion/manipulator/test_self_collision.py",
     "services/planner/test_paths.py",
-    "scenarios/test_store_scene.py",
+    "scenarios/store/test_scene.py",
 ]
 """Files whose imports need what the extra `robots` installs."""
 

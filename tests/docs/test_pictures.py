@@ -12,7 +12,7 @@ def test_a_frame_of_the_film_shows_the_store(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(CHECKOUT / "scripts")
     import store_movie  # noqa: PLC0415
 
-    log = store_movie.Log(CHECKOUT / "tests/golden/store.mcap")
+    log = store_movie.Log(CHECKOUT / "tests/scenarios/golden/store.mcap")
     film = store_movie.shots(log, log.moments())
     scene = store_movie.Scene(log, tmp_path)
     scene.show(film[1].start)

@@ -4,5 +4,5 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).parents[2]
 TESTS = CHECKOUT / "tests"
-PROGRAMS = TESTS / "programs"
+PROGRAMS = TESTS / "support/programs"
 DOCS = CHECKOUT / "docs"

@@ -29,7 +29,7 @@ def found(tmp_path, *overrides):
 
 @pytest.mark.parametrize("name", ["two_link", "baxter", "store"])
 def test_shipped_scenarios_have_none(name):
-    assert findings(Recording(TESTS / "golden" / f"{name}.mcap")) == []
+    assert findings(Recording(TESTS / "scenarios/golden" / f"{name}.mcap")) == []
 
 
 def test_a_torque_that_the_plant_cuts_is_named(tmp_path):
@@ -48,7 +48,7 @@ def test_a_command_that_is_no_number_does_not_hide_the_largest():
 
 
 def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
-    recording = Recording(TESTS / "golden" / "two_link.mcap")
+    recording = Recording(TESTS / "scenarios/golden" / "two_link.mcap")
     rows = "participants: {plant: {inputs: [1]}, controller: {inputs: 3}}"
     recording.attachments = {"scenario.yaml": rows.encode()}
     assert "plant reads no command: nothing moves its joints" in findings(recording)

@@ -2,7 +2,7 @@
 
 import pytest
 
-GOLDEN, TOLERANCE = "../../golden/two_link*.mcap", "../../golden/tolerance.yaml"
+GOLDEN, TOLERANCE = "../../scenarios/golden/two_link*.mcap", "../../scenarios/golden/tolerance.yaml"
 
 
 @pytest.mark.stepbus_logs(GOLDEN, participant="controller")

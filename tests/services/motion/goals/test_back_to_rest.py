@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from services.motion.test_beside import answer
-from services.motion.test_mobile import DT, JOINTS, READY, Robot, config
+from services.motion.goals.test_beside import answer
+from services.motion.mobile.test_mobile import DT, JOINTS, READY, Robot, config
 
 from stepbus_schemas import Plan
 

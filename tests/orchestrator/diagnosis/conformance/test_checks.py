@@ -6,6 +6,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from support.paths import CHECKOUT
 from support.runs.conformance import FOUND_BY, PROGRAMS, failed, material, outcomes, program
 from support.runs.joints import leftovers
 
@@ -14,9 +15,7 @@ from stepbus_orchestrator.diagnosis.conformance import conformance
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.scenario import ScenarioError
 
-EXAMPLES = sorted(
-    path.parent for path in PROGRAMS.parents[1].glob("examples/controllers/*/scenario.yaml")
-)
+EXAMPLES = sorted(path.parent for path in CHECKOUT.glob("examples/controllers/*/scenario.yaml"))
 
 SHORT = (
     "controller.step_timeout=2s",

@@ -8,7 +8,7 @@ from stepbus_orchestrator.analysis.report.signals_plot import find_signals
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 
-LOG = TESTS / "golden/two_link.mcap"
+LOG = TESTS / "scenarios/golden/two_link.mcap"
 
 
 @pytest.fixture
