@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from support.paths import CHECKOUT
-from support.runs.conformance import FOUND_BY, PROGRAMS, failed, material, outcomes, program
+from support.runs.conformance import FOUND_BY, failed, material, outcomes, program
 from support.runs.joints import leftovers
 
 from stepbus_orchestrator import load
