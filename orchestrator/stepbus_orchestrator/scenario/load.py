@@ -5,11 +5,11 @@ SettingsError
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import SettingsError
+from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
 
 from .check import check
@@ -25,20 +25,27 @@ class ScenarioError(SettingsError):
     """A scenario cannot be run; `problems` has every reason, its text one a line."""
 
 
+Check = Callable[[Scenario, Problems], None]
+"""Adds what is wrong with a scenario whose parts fit together."""
+
+
 def load(
-    path_or_name: str | Path, overrides: Sequence[str] = (), faults: Sequence[str] = ()
+    path_or_name: str | Path,
+    overrides: Sequence[str] = (),
+    faults: Sequence[str] = (),
+    last_check: Check | None = None,
 ) -> Scenario:
     """Load and check a scenario; nothing is started.
 
     path_or_name: a YAML file, a folder with a scenario.yaml, or the name of a built-in scenario.
     overrides: settings such as `controller.params.kp=80` or `duration=2s`. faults: more of them,
-    such as `kill plant at 120`.
+    such as `kill plant at 120`. last_check: comes after all others, where these find nothing.
 
     Raises ScenarioError that lists every problem with file, line and path.
     """
     try:
         path = locate(path_or_name)
-        return _checked(read_extended(path), path, overrides, faults)
+        return _checked(read_extended(path), path, overrides, faults, last_check)
     except SettingsError as exc:
         raise ScenarioError(exc.problems) from exc
 
@@ -63,11 +70,18 @@ def check_data(
 
 
 def _checked(
-    file: YamlFile, path: Path, overrides: Sequence[str], faults: Sequence[str]
+    file: YamlFile,
+    path: Path,
+    overrides: Sequence[str],
+    faults: Sequence[str],
+    last_check: Check | None = None,
 ) -> Scenario:
     file = add_faults(override(file, overrides), faults)
     problems = file.problems()
     scenario = build(file.data, path, problems)
     check(scenario, problems)
     problems.refuse()
+    if last_check is not None:
+        last_check(scenario, problems)
+        problems.refuse()
     return dataclasses.replace(scenario, overrides=tuple(overrides))

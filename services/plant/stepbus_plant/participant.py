@@ -54,28 +54,37 @@ class PlantParticipant(Participant):
         self._warnings: list[str] = []
         self._events: list[str] = []
         try:
-            self._poses = self.plant.pose_sensor(params.poses)
-            self._poses_period = _period(params.poses_period_ns, config.step_ns * config.every)
-            self._views = self.plant.cameras.views(
-                {
-                    name: port.type
-                    for name, port in outputs
-                    if port.type in (camera.IMAGE, camera.CLOUD)
-                }
-            )
-            self._links = self.plant.describe_poses(self._poses) if self._pose_ports else None
-            self._planogram = self.plant.planogram(self._poses)
-            self._devices = {
-                name: self.plant.devices.sensor(name, port.type)
-                for name, port in outputs
-                if port.type in devices.OUTPUTS
-            }
-            self._sensors = self.plant.sensors.ports(
-                {name: port.type for name, port in outputs if port.type in sensors.SECTIONS}
-            )
+            self._connect(params)
         except WiringError as exc:
             self.plant.close()
             raise WiringError(f"{config.name}: {exc}") from exc
+
+    def _connect(self, params: Params) -> None:
+        """Find what each output measures; raises WiringError that lists all mistakes."""
+        plant, period_ns = self.plant, self.config.step_ns * self.config.every
+        problems = Problems()
+        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses))
+        poses_period = problems.attempt((), lambda: _period(params.poses_period_ns, period_ns))
+        views = problems.attempt(
+            (), lambda: plant.cameras.views(self._outputs(camera.IMAGE, camera.CLOUD))
+        )
+        found = problems.attempt((), lambda: plant.devices.sensors(self._outputs(*devices.OUTPUTS)))
+        readings = problems.attempt(
+            (), lambda: plant.sensors.ports(self._outputs(*sensors.SECTIONS))
+        )
+        if poses is None or poses_period is None or views is None:
+            raise problems.error()
+        if found is None or readings is None:
+            raise problems.error()
+        self._poses, self._poses_period, self._views = poses, poses_period, views
+        self._devices, self._sensors = found, readings
+        self._links = plant.describe_poses(poses) if self._pose_ports else None
+        self._planogram = plant.planogram(poses)
+
+    def _outputs(self, *types: str) -> dict[str, str]:
+        """Return the outputs of some types, each with its type."""
+        outputs = self.config.outputs.items()
+        return {name: port.type for name, port in outputs if port.type in types}
 
     def _port_problems(self) -> Problems:
         problems = self.config.problems()

@@ -42,7 +42,9 @@ class Plant:
     """
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
-        step_ns = world.physics_ns(period_ns, params.physics_step_ns)
+        problems = Problems()
+        found = problems.attempt((), lambda: world.physics_ns(period_ns, params.physics_step_ns))
+        step_ns = found or period_ns
         self.world = world
         self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
@@ -50,9 +52,12 @@ class Plant:
         self._period_ns = period_ns
         self.t_ns = 0
         self._seed = seed
-        self.physics = Physics(world, step_ns, params)
+        physics = problems.attempt((), lambda: Physics(world, step_ns, params))
+        if physics is None:
+            raise problems.error()
+        self.physics = physics
         try:
-            self._equip(params)
+            self._equip(params, problems)
         except WiringError:
             self.close()
             raise
@@ -77,13 +82,12 @@ class Plant:
             raise
         self.warnings.add("the plant", "dynamics", NOTICE)
 
-    def _equip(self, params: Params) -> None:
+    def _equip(self, params: Params, problems: Problems) -> None:
         """Select the sensed joints, and set up devices, cameras and script.
 
-        Raises WiringError that lists all mistakes.
+        problems: so far. Raises WiringError that lists all mistakes.
         """
         world, physics, period_ns = self.world, self.physics, self._period_ns
-        problems = Problems()
         problems.attempt((), physics.prepare)
         joints = problems.attempt((), lambda: _select(params.joints, physics))
         devices = problems.attempt(

@@ -4,6 +4,7 @@ import argparse
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
 from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.run.rehearsal import rehearse
 from stepbus_orchestrator.scenario import Schedule, load
 
 _SHOWN_STEPS = 5
@@ -21,7 +22,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    scenario = load(args.scenario, args.set)
+    scenario = load(args.scenario, args.set, last_check=rehearse)
     schedule = Schedule.of(scenario)
     if args.json:
         say_json(
@@ -45,8 +46,9 @@ def _execute(args: argparse.Namespace) -> int:
 COMMAND = Command(
     name="validate",
     summary="check a scenario and show its schedule",
-    description="Checks a scenario without starting anything. Lists all problems at once, with "
-    "file, line and path. Prints who publishes at which step.",
+    description="Checks a scenario without a run, and lists all problems at once, with file, line "
+    "and path. If there is none, each plant loads its world once, to find what only that shows. "
+    "Prints who publishes at which step.",
     examples=("stepbus validate two_link", "stepbus validate my/scenario.yaml --steps 20"),
     add_arguments=_add_arguments,
     execute=_execute,

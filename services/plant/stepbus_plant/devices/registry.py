@@ -1,9 +1,10 @@
 """The devices of a world, and the port of each."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
-from stepbus_participant import suggest
+from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
@@ -137,18 +138,24 @@ class Devices:
         """Return all contact sensors."""
         return list(self._contacts.values())
 
-    def sensor(self, port: str, port_type: str) -> Device:
-        """Return the device of an output: the one named like the port, or the only one.
+    def sensors(self, types: Mapping[str, str]) -> dict[str, Device]:
+        """Return the device of each output: the one named like the port, or the only one.
 
-        Raises WiringError if there is no such device.
+        types: port → message type. Raises WiringError that lists the ports without a device.
         """
         groups: dict[str, Mapping[str, Device]] = {
             "bases": self._bases,
             "contacts": self._contacts,
             "grippers": self._grippers,
         }
-        devices = groups[_SECTIONS[port_type]]
-        return devices[_choose(port, port_type, list(devices))]
+        problems, found = Problems(), {}
+        for port, port_type in types.items():
+            devices = groups[_SECTIONS[port_type]]
+            name = problems.attempt((), partial(_choose, port, port_type, list(devices)))
+            if name is not None:
+                found[port] = devices[name]
+        problems.refuse()
+        return found
 
     def driver(
         self,

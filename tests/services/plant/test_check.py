@@ -1,0 +1,112 @@
+"""What only loading a world shows is said by `stepbus validate`, with file, line and nearest name."""
+
+import pytest
+
+from stepbus_orchestrator import cli, load
+from stepbus_orchestrator.cli.setup.starters.starter import write_starter
+from stepbus_orchestrator.run import rehearsal
+from stepbus_orchestrator.run.kernel.admission import welcome_of
+from stepbus_participant import Config
+from stepbus_plant.check import problems
+
+SENSORS = """\
+imus:
+  torso: {link: link2}
+cameras:
+  eye: {link: link2, period: 10ms}
+"""
+STATE = "outputs: {joint_state: JointState/1"
+WORLD = "params: {world: world.yaml"
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """Return a function that writes a scenario with changes in world and scenario; its folder."""
+
+    def make(world=None, scenario=None):
+        folder = tmp_path / "arm"
+        write_starter(folder, "python")
+        for name, changes, more in (
+            ("world.yaml", world, SENSORS),
+            ("scenario.yaml", scenario, ""),
+        ):
+            text = (folder / name).read_text() + more
+            for old, new in (changes or {}).items():
+                assert old in text
+                text = text.replace(old, new, 1)
+            (folder / name).write_text(text)
+        return folder
+
+    return make
+
+
+def found(folder):
+    scenario = load(folder)
+    welcome = welcome_of(scenario, scenario.participant("plant"), "")
+    return [
+        (".".join(map(str, keys)), text.replace(str(folder), ""))
+        for keys, text in problems(Config.from_welcome(welcome))
+    ]
+
+
+def test_a_world_that_is_right_has_no_problems(arm):
+    assert found(arm(scenario={STATE: f"{STATE}, torso: Imu/1, rgb: Image/1"})) == []
+
+
+IN_THE_WORLD = [
+    ({"link: link2}": "link: lnk2}"}, "12: imus.torso.link: link 'lnk2' is unknown; did you mean 'link2'?"),
+    ({"link: link2}": "link: link2, period: 7ms}"}, "12: imus.torso.period: 7ms is not a multiple of the plant's step (5ms)"),
+    ({"period: 10ms": "period: 12ms"}, "14: cameras.eye.period: 12ms is not a multiple of the plant's step (5ms)"),
+    ({"physics_step: 5ms": "physics_step: 2ms"}, "3: physics_step: 2ms does not divide the plant's step of 5ms"),
+    ({"physics_step: 5ms": "substeps: 3"}, "3: substeps: 3 substeps do not divide the plant's step of 5ms into whole nanoseconds"),
+    ({"joint2: {pos": "jont2: {pos"}, "10: bodies.arm.joints.jont2: unknown; did you mean 'joint2'?"),
+    ({"position: 1.0": "position: 100.0"}, "10: bodies.arm.joints.joint2: joint joint2: start position 100.0 is outside its limits [-6.2832, 6.2832]"),
+    ({"imus:": "bases: {cart: {left: jont1, right: joint2, wheel_radius: 1, track: 1}}\nimus:"}, "11: bases.cart.left: joint 'jont1' is unknown; did you mean 'joint1'?"),
+    ({"imus:": "contacts: {skin: {links: [lnk1]}}\nimus:"}, "11: contacts.skin.links: link 'lnk1' is unknown; did you mean 'link1'?"),
+    ({"imus:": "wrenches: {ft: {joint: jont1}}\nimus:"}, "11: wrenches.ft.joint: joint 'jont1' is unknown; did you mean 'joint1'?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "sentence"), IN_THE_WORLD)
+def test_a_mistake_in_the_world_has_its_line(arm, change, sentence):
+    assert ("params.world", f"/world.yaml:{sentence}") in found(arm(world=change))
+
+
+IN_THE_SCENARIO = [
+    ({STATE: f"{STATE}, ft: Wrench/1"}, "outputs.ft", "has type Wrench/1, the world has no 'wrenches'"),
+    ({STATE: f"{STATE}, odo: BaseState/1"}, "outputs.odo", "has type BaseState/1, the world has no 'bases'"),
+    ({STATE: f"{STATE}, color: Image/1"}, "outputs.color", "has type Image/1; name it one of rgb, eye_rgb, depth, eye_depth"),
+    ({WORLD: f"{WORLD}, physics_step: 3ms"}, "params.physics_step", "3ms does not divide the plant's step of 5ms"),
+    ({WORLD: f"{WORLD}, joints: [join1]"}, "params.joints", "'join1' is unknown; did you mean 'joint1'?"),
+    ({WORLD: f"{WORLD}, effort: {{jont1: 1}}"}, "params.effort", "joint 'jont1' is unknown; did you mean 'joint1'?"),
+    ({WORLD: f"{WORLD}, poses: [lnk1]"}, "params.poses", "link 'lnk1' is unknown; did you mean 'link1'?"),
+    ({WORLD: f"{WORLD}, poses_period: 7ms"}, "params.poses_period", "7ms is not a multiple of the step (5ms)"),
+    ({WORLD: f"{WORLD}, script: [{{at: 1s, body: am, position: [0, 0, 0]}}]"}, "params.script.0.body", "body 'am' is unknown; did you mean 'arm'?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "path", "sentence"), IN_THE_SCENARIO)
+def test_a_mistake_in_the_scenario_stands_at_its_key(arm, change, path, sentence):
+    assert (path, sentence) in found(arm(scenario=change))
+
+
+def test_validate_lists_all_of_them_at_once(arm, capsys):
+    world = {"link: link2}": "link: lnk2, period: 7ms}", "physics_step: 5ms": "physics_step: 2ms"}
+    folder = arm(world=world, scenario={WORLD: f"{WORLD}, joints: [join1]"})
+    assert cli.main(["validate", str(folder)]) == 2
+    params = "scenario.yaml:12: participants.plant.params"
+    where = f"{params}.world: {folder}/world.yaml"
+    assert capsys.readouterr().err.removeprefix("stepbus: ").splitlines() == [
+        f"{params}.joints: 'join1' is unknown; did you mean 'joint1'?",
+        f"{where}:3: physics_step: 2ms does not divide the plant's step of 5ms",
+        f"{where}:12: imus.torso.link: link 'lnk2' is unknown; did you mean 'link2'?",
+        f"{where}:12: imus.torso.period: 7ms is not a multiple of the plant's step (5ms)",
+    ]
+
+
+def test_an_engine_that_crashes_is_a_sentence(arm, monkeypatch, capsys):
+    monkeypatch.setattr(rehearsal, "_CHECKS", {"stepbus_plant": ("stepbus_plant.no", "pybullet")})
+    assert cli.main(["validate", str(arm())]) == 2
+    said = capsys.readouterr().err
+    assert "participants.plant: its world cannot be loaded: " in said
+    assert "No module named stepbus_plant.no" in said
