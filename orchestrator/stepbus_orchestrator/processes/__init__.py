@@ -7,7 +7,7 @@ from .delays import Delays
 from .launcher import Launcher
 from .limits import check_open_files
 from .links.credentials import ORCHESTRATOR, certificates, passwords
-from .links.endpoints import Mesh, low_latency, make_mesh, new_token, private_folder
+from .links.endpoints import Mesh, gone, low_latency, make_mesh, new_token, private_folder
 from .reaping import Reaper
 from .watchdog import Watchdog
 
@@ -25,6 +25,7 @@ __all__ = [
     "activity",
     "certificates",
     "check_open_files",
+    "gone",
     "low_latency",
     "make_mesh",
     "new_token",

@@ -178,7 +178,7 @@ class _Replay:
             session = Session(scenario, bus, self.token, spec.deadlines.step_s)
             stack.callback(session.announcer.close)
             start = partial(self._start, launcher, mesh, spec, scenario.folder)
-            strategy = self._strategy(session, spec, start, reference)
+            strategy = self._strategy(session, spec, start, reference, mesh)
             loop = RunLoop(session, strategy, Records(recorder=check, timing=timing), controls)
             self.keeps_log = True
             run_phases(loop)
@@ -194,6 +194,7 @@ class _Replay:
         spec: ParticipantSpec,
         start: Callable[[], Process],
         reference: Recorder | None,
+        mesh: Mesh,
     ) -> Replay:
         sources = {item.source for item in spec.inputs.values()}
         peers = Peers(
@@ -211,7 +212,8 @@ class _Replay:
             step_ns=session.scenario.step_ns,
             take=None if reference is None else reference.offer,
         )
-        return Replay(spec, start, peers, recorded_descriptions(self.recording), session.bus)
+        recorded = recorded_descriptions(self.recording)
+        return Replay(spec, start, peers, recorded, bus=session.bus, mesh=mesh)
 
     def _start(
         self, launcher: Launcher, mesh: Mesh, spec: ParticipantSpec, folder: Path

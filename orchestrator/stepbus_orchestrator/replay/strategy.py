@@ -1,8 +1,10 @@
 """The strategy of a replay: one participant is started, its peers are played."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.processes import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Process
 from stepbus_orchestrator.run.kernel.state import RunState
@@ -18,7 +20,7 @@ _decode_outputs = Decoder(Outputs)
 class Replay:
     """Starts one participant, and plays the others from a recording.
 
-    start: starts its process. recorded: the descriptions of all outputs.
+    start: starts its process. recorded: the descriptions of all outputs. mesh: of the replay.
     """
 
     def __init__(
@@ -27,9 +29,12 @@ class Replay:
         start: Callable[[], Process],
         peers: Peers,
         recorded: Descriptions,
+        *,
         bus: Bus,
+        mesh: Mesh,
     ) -> None:
         self.peers = peers
+        self._mesh = mesh
         self._spec = spec
         self._start = start
         self._recorded = recorded
@@ -53,6 +58,10 @@ class Replay:
         process = self._start()
         participant = ParticipantState(self._spec, process, self.newest_step)
         state.participants = {self._spec.name: participant}
+
+    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
+        """Return what the participant's start needs and somebody has removed."""
+        return self._mesh.lost(name, alive)
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how all outputs were described when they were recorded."""

@@ -4,7 +4,7 @@ import dataclasses
 import shutil
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import msgspec
@@ -114,6 +114,10 @@ class _Describe:
     def launch(self, state: RunState) -> None:
         """Start the participants, as for a run."""
         self._live.launch(state)
+
+    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
+        """Return what the start of a participant needs and somebody has removed."""
+        return self._live.lost(name, alive)
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Keep how the participants describe their outputs."""

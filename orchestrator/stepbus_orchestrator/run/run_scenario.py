@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RunFailure, StartFailed
+from stepbus_orchestrator.errors import RecordingFailed, RunFailure, StartFailed
 from stepbus_orchestrator.processes import (
     Launcher,
     Mesh,
@@ -127,6 +127,8 @@ class _Run:
                 self._warn_of_rerun(opened.read_beside(names))
         except RunFailure as exc:
             failure = exc
+        except OSError as exc:
+            failure = self._translated(exc)
         finally:
             failure = self._close_recording(failure)
             self._timing.event("end", text=str(failure) if failure else reason)
@@ -139,6 +141,12 @@ class _Run:
         except OSError as exc:
             self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
         return result
+
+    def _translated(self, exc: OSError) -> RunFailure:
+        """Return the failure for what nobody expected of a file, by the folder it is in."""
+        is_ours = str(exc.filename).startswith(str(self._options.out.resolve()))
+        error = RecordingFailed if is_ours else RunFailure
+        return error(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
 
     def _own_folder(self) -> Path | None:
         """Return the scenario's folder; None for one that ships, whose files are recorded."""

@@ -107,6 +107,14 @@ def _private_folder(endpoint: Endpoint) -> str | None:
     return str(sockets[0].parent) if sockets else None
 
 
+def _gone(endpoint: Endpoint) -> str:
+    """Return that the private folder of the run has been removed; empty where it is there."""
+    folder = _private_folder(endpoint)
+    if folder is None or Path(folder).is_dir():
+        return ""
+    return f"the run's private folder {folder} is gone: did somebody remove it?"
+
+
 def _opened(zenoh: Any, config: Any) -> Any:
     """Open a session; raises BusError where it does not open, ZError where it may not.
 
@@ -170,19 +178,23 @@ class ZenohBus:
                 self._session: Any = _opened(zenoh, config)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
-            raise BusError(
-                f"cannot listen on {where}: {exc}; is the port or socket in use by another run?"
-            ) from exc
+            cause = _gone(endpoint) or "is the port or socket in use by another run?"
+            raise BusError(f"cannot listen on {where}: {exc}; {cause}") from exc
         finally:
             if users_file is not None:
-                Path(users_file).unlink()
+                with contextlib.suppress(OSError):
+                    Path(users_file).unlink()
 
     @staticmethod
     def _write_users(endpoint: Endpoint) -> str:
         """Write the accepted credentials to a private file, until Zenoh has read it."""
-        handle, name = tempfile.mkstemp(prefix="users-", dir=_private_folder(endpoint))
-        with os.fdopen(handle, "w") as file:
-            file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
+        try:
+            handle, name = tempfile.mkstemp(prefix="users-", dir=_private_folder(endpoint))
+            with os.fdopen(handle, "w") as file:
+                file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
+        except OSError as exc:
+            cause = _gone(endpoint) or "set TMPDIR to a folder with room"
+            raise BusError(f"cannot write the credentials: {exc.strerror}; {cause}") from exc
         return name
 
     def queue(self) -> Queue:

@@ -261,6 +261,9 @@ class Launched:
             state.participants = {**state.participants, spec.name: member}
         self._bus.launched()
 
+    def lost(self, name, alive):
+        return None
+
     def descriptions(self, participants):
         return ready_descriptions(participants)
 

@@ -3,6 +3,7 @@
 import secrets
 import socket
 import tempfile
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,18 +15,37 @@ from stepbus_participant import Endpoint
 from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, passwords
 
 _SOCKET_PATH_BYTES = 107
+_UNIX = "unixsock-stream/"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
     """The endpoints of one run: each participant links to the orchestrator and those before it.
 
-    caller: the endpoint of a caller from outside.
+    folder: the private one. caller: the endpoint of a caller from outside.
     """
 
+    folder: Path
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
     caller: Endpoint
+
+    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
+        """Return what a participant needs for its start and somebody has removed; None: nothing.
+
+        name: it has been started; None: none has. alive: who is on the bus, with its socket.
+        """
+        needed = [self.folder]
+        if name is not None:
+            needed += [] if name in alive else [self.folder / f"{name}.ticket"]
+            up = [self.orchestrator, *(self.participants[other] for other in alive)]
+            sockets = [address for endpoint in up for address in endpoint.listen]
+            needed += [Path(a[len(_UNIX) :]) for a in sockets if a.startswith(_UNIX)]
+            # Zenoh reads certificates anew for each link.
+            members = [self.orchestrator, *self.participants.values()]
+            values = [str(value) for member in members for value in member.settings.values()]
+            needed += [Path(value) for value in values if value.startswith(str(self.folder))]
+        return next((path for path in needed if not path.exists()), None)
 
 
 def private_folder() -> Path:
@@ -40,6 +60,11 @@ def private_folder() -> Path:
             f"cannot make a folder for sockets: {exc.strerror or exc}; set TMPDIR to one that "
             "can be written"
         ) from exc
+
+
+def gone(path: Path) -> str:
+    """Return the sentence about something in the private folder that is there no more."""
+    return f"{path}, which is private to the run, is gone: did somebody remove it?"
 
 
 def make_mesh(scenario: Scenario, folder: Path, run: str | None) -> Mesh:
@@ -72,6 +97,7 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None) -> Mesh:
         for index, name in enumerate([*members, CALLER])
     }
     return Mesh(
+        folder=folder,
         orchestrator=endpoints.pop(ORCHESTRATOR),
         caller=endpoints.pop(CALLER),
         participants=endpoints,
@@ -100,9 +126,9 @@ def _certificates(members: list[str], folder: Path) -> dict[str, dict[str, Any]]
     try:
         return certificates(members, folder)
     except OSError as exc:
+        hint = "set TMPDIR to a folder with room" if folder.is_dir() else gone(folder)
         raise BusFailed(
-            f"cannot write the certificates of the run: {exc.strerror or exc}; set TMPDIR to a "
-            "folder with room"
+            f"cannot write the certificates of the run: {exc.strerror or exc}; {hint}"
         ) from exc
 
 
@@ -124,7 +150,7 @@ def _unix(folder: Path, index: int) -> str:
             f"{path}: a Unix socket's path holds at most {_SOCKET_PATH_BYTES} bytes; "
             "set TMPDIR to a shorter folder or use `--set bus.transport=tcp`"
         )
-    return f"unixsock-stream/{path}"
+    return f"{_UNIX}{path}"
 
 
 def _ports(base: int | None, count: int) -> list[int]:

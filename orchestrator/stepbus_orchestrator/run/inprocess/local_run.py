@@ -3,7 +3,7 @@
 import contextlib
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
@@ -144,6 +144,9 @@ class LocalRun:
             raise StartFailed(
                 f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
             ) from exc
+
+    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
+        """Return None: nothing of a run in one process is in a private folder."""
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""

@@ -1,6 +1,7 @@
 """What differs between a run, a replay and a description: who is started, who is played."""
 
 from collections.abc import Collection, Iterable
+from pathlib import Path
 from typing import Protocol
 
 from stepbus_orchestrator.recording import Descriptions
@@ -55,6 +56,9 @@ class Strategy(Protocol):
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how all outputs are described, once all participants are ready."""
+
+    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
+        """Return what the start of a participant needs and somebody has removed (`Mesh.lost`)."""
 
 
 def ready_descriptions(participants: Participants) -> Descriptions:

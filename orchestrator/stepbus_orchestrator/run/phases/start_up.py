@@ -2,15 +2,39 @@
 
 import time
 
+from stepbus_orchestrator.errors import BusFailed, ParticipantFault, StartFailed
+from stepbus_orchestrator.processes import gone
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
+from stepbus_orchestrator.run.kernel.participants import Phase
 from stepbus_orchestrator.run.kernel.phase import RunPhase
 from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_schemas import Start, encode
 
 
 def start_up(loop: RunLoop) -> RunPhase:
-    """Start every participant, wait until all are ready, and publish the `Start`."""
+    """Start every participant, wait until all are ready, and publish the `Start`.
+
+    Raises BusFailed, and blames nobody, where somebody removed what the start needs.
+    """
+    try:
+        return _start(loop)
+    except (StartFailed, ParticipantFault) as exc:
+        participants = loop.state.participants
+        alive = [
+            name
+            for name, participant in participants.items()
+            if participant.phase > Phase.SPAWNED and participant.process.exit_code() is None
+        ]
+        lost = loop.strategy.lost(
+            exc.participant if exc.participant in participants else None, alive
+        )
+        if lost is None:
+            raise
+        raise BusFailed(f"{gone(lost)} ({exc})") from exc
+
+
+def _start(loop: RunLoop) -> RunPhase:
     state = loop.state
     loop.strategy.launch(state)
     while not state.is_ready:

@@ -1,5 +1,8 @@
 """The strategy of a run: every participant of the scenario is started."""
 
+from collections.abc import Collection
+from pathlib import Path
+
 from stepbus_orchestrator.processes import Launcher, Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
@@ -38,6 +41,10 @@ class LiveRun:
             )
             state.participants = {**state.participants, name: ParticipantState(spec, child)}
             self._timing.event("spawn", name, f"pid {child.pid}")
+
+    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
+        """Return what the start of a participant needs and somebody has removed."""
+        return self._mesh.lost(name, alive)
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""
