@@ -35,7 +35,7 @@ def without(tmp_path, monkeypatch):
 def stepbus(*words):
     """Return what a command prints, both streams, and its exit code."""
     done = subprocess.run(
-        [sys.executable, "-m", "stepbus_orchestrator", *words],
+        [sys.executable, "-m", "stepbus_orchestrator.cli", *words],
         capture_output=True,
         text=True,
         check=False,

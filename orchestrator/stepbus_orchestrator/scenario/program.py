@@ -64,7 +64,7 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     if (program, *rest[:1]) == ("stepbus", "bridge"):
         return _bridge_command(rest[1:], folder)
     if program == "stepbus":
-        return (*PYTHON, "-m", "stepbus_orchestrator", *rest)
+        return (*PYTHON, "-m", "stepbus_orchestrator.cli", *rest)
     return (_find(program, folder), *rest)
 
 

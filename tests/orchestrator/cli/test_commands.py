@@ -125,7 +125,7 @@ def test_a_negative_number_of_steps_is_refused(capsys):
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_closed_standard_streams_are_no_mistake(tmp_path, closed):
     path = write_scenario(tmp_path / "source")
-    words = [sys.executable, "-m", "stepbus_orchestrator", "run", str(path), "--no-report"]
+    words = [sys.executable, "-m", "stepbus_orchestrator.cli", "run", str(path), "--no-report"]
     line = f"{shlex.join([*words, '--out', str(tmp_path / 'out')])} {closed}"
     done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -17,7 +17,7 @@ from stepbus_orchestrator.cli.terminal.outlet import Outlet
 from stepbus_orchestrator.errors import ExitCode
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
-STEPBUS = [sys.executable, "-m", "stepbus_orchestrator"]
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 
 
 @pytest.fixture

@@ -87,7 +87,14 @@ def test_a_killed_orchestrator_leaves_a_prefix_of_the_recording(tmp_path, own_te
     ends = []
     for number in range(10):
         out = tmp_path / str(number)
-        command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--no-report"]
+        command = [
+            sys.executable,
+            "-m",
+            "stepbus_orchestrator.cli",
+            "run",
+            "two_link",
+            "--no-report",
+        ]
         sets = [word for override in OVERRIDES for word in ("--set", override)]
         process = subprocess.Popen(
             [*command, *sets, "--set", "duration=1000s", "--out", out],

@@ -24,7 +24,7 @@ def test_python_is_this_interpreter(tmp_path):
 
 def test_stepbus_is_this_installation(tmp_path):
     assert command(("stepbus", "replay"), tmp_path) == (
-        sys.executable, "-P", "-m", "stepbus_orchestrator", "replay",
+        sys.executable, "-P", "-m", "stepbus_orchestrator.cli", "replay",
     )  # fmt: skip
 
 

@@ -78,7 +78,7 @@ def test_a_program_behind_the_bridge_that_does_not_exist_is_named(tmp_path):
 
 
 def test_a_bridge_without_a_ticket_says_so():
-    words = [sys.executable, "-m", "stepbus_orchestrator", "bridge", "--", "python", "x.py"]
+    words = [sys.executable, "-m", "stepbus_orchestrator.cli", "bridge", "--", "python", "x.py"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert "no ticket: STEPBUS_TICKET is not set" in done.stderr

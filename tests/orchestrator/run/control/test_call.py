@@ -154,14 +154,22 @@ def test_a_call_that_is_not_answered_is_blamed_on_the_participant(tmp_path):
 
 
 def test_there_is_nobody_to_ask_when_no_run_goes_on(tmp_path):
-    command = [sys.executable, "-m", "stepbus_orchestrator", "call", tmp_path, "plant", "position"]
+    command = [
+        sys.executable,
+        "-m",
+        "stepbus_orchestrator.cli",
+        "call",
+        tmp_path,
+        "plant",
+        "position",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, "no live run in" in done.stderr) == (ExitCode.SCENARIO, True)
 
 
 def test_the_command_line_asks_from_a_second_terminal(tmp_path):
     answers = []
-    command = [sys.executable, "-m", "stepbus_orchestrator", "call", tmp_path / "out"]
+    command = [sys.executable, "-m", "stepbus_orchestrator.cli", "call", tmp_path / "out"]
 
     def ask(*words):
         done = subprocess.run([*command, *words], capture_output=True, text=True, check=True)

@@ -117,7 +117,15 @@ def test_only_a_participant_can_be_debugged(tmp_path):
 
 
 def test_pausing_needs_somebody_who_can_press_a_key(tmp_path):
-    command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--pause-at", "3"]
+    command = [
+        sys.executable,
+        "-m",
+        "stepbus_orchestrator.cli",
+        "run",
+        "two_link",
+        "--pause-at",
+        "3",
+    ]
     done = subprocess.run(
         [*command, "--out", tmp_path / "out"],
         stdin=subprocess.DEVNULL,
@@ -142,7 +150,7 @@ def read_until(terminal, text, seconds=30.0):
 
 def test_keys_pressed_at_a_terminal_step_and_resume_a_run(tmp_path, two_link_recording):
     mine, its = pty.openpty()
-    command = [sys.executable, "-m", "stepbus_orchestrator", "run", "two_link", "--no-report"]
+    command = [sys.executable, "-m", "stepbus_orchestrator.cli", "run", "two_link", "--no-report"]
     process = subprocess.Popen(
         [*command, "--set", "duration=300ms", "--pause-at", "10", "--out", tmp_path / "out"],
         stdin=its,

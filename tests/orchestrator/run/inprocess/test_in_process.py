@@ -27,7 +27,7 @@ from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
-STEPBUS = [sys.executable, "-m", "stepbus_orchestrator"]
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 
 
 @pytest.fixture(autouse=True)

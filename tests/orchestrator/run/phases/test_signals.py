@@ -22,7 +22,7 @@ def start(tmp_path):
 
     def begin(*options, kilobytes=None):
         path = write_scenario(tmp_path / "source")
-        command = [sys.executable, "-m", "stepbus_orchestrator", "run", path, "--no-report"]
+        command = [sys.executable, "-m", "stepbus_orchestrator.cli", "run", path, "--no-report"]
         # What a file may grow to; a write beyond it fails as it does on a full disk.
         limit = f"ulimit -f {kilobytes}; trap '' XFSZ; " if kilobytes else ""
         shell = ["bash", "-c", f'{limit}exec "$@"', "bash"]

@@ -27,7 +27,7 @@ def test_runs_that_start_together_do_not_share_a_folder(tmp_path):
     words = ["run", "two_link", "--no-report", "--json", "--set", "duration=50ms"]
     runs = [
         subprocess.Popen(
-            [sys.executable, "-m", "stepbus_orchestrator", *words],
+            [sys.executable, "-m", "stepbus_orchestrator.cli", *words],
             cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
         for _ in range(3)

@@ -165,5 +165,4 @@ pub fn count(drops: &mut Drops, cause: &str) -> Result<(), Error> {
 }
 
 #[cfg(test)]
-#[path = "source_tests.rs"]
 mod tests;
