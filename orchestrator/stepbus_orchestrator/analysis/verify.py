@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from stepbus_orchestrator.processes import Delays
+from stepbus_orchestrator.processes.delays import Delays
 from stepbus_orchestrator.run.inprocess import check_scenario
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run

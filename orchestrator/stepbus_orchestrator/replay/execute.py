@@ -10,10 +10,10 @@ from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
-from stepbus_orchestrator.processes import (
-    Launcher,
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.limits import check_open_files
+from stepbus_orchestrator.processes.links.endpoints import (
     Mesh,
-    check_open_files,
     make_mesh,
     new_token,
     private_folder,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.processes import Mesh
+from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Process
 from stepbus_orchestrator.run.kernel.state import RunState

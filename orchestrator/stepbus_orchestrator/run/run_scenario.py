@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure, StartFailed
-from stepbus_orchestrator.processes import (
-    Launcher,
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.limits import check_open_files
+from stepbus_orchestrator.processes.links.endpoints import (
     Mesh,
-    check_open_files,
     make_mesh,
     new_token,
     private_folder,

@@ -6,7 +6,8 @@ import time
 import psutil
 import pytest
 
-from stepbus_orchestrator.processes import Child, Delays
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.delays import Delays
 
 
 @pytest.fixture

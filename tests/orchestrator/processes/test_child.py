@@ -12,7 +12,8 @@ import psutil
 import pytest
 from support.runs.kernel import scenario
 
-from stepbus_orchestrator.processes import Activity, Child
+from stepbus_orchestrator.processes.activity import Activity
+from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.run.kernel.barrier import Barrier
 from stepbus_orchestrator.run.kernel.failures import death
 from stepbus_orchestrator.run.kernel.participants import ParticipantState

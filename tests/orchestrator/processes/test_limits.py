@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from stepbus_orchestrator.errors import ExitCode, StartFailed
-from stepbus_orchestrator.processes import Launcher, private_folder
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.links.endpoints import private_folder
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 

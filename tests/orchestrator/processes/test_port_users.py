@@ -11,7 +11,7 @@ from support.runs.kernel import Process
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.processes import Activity
+from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.links.port_users import crowd
 from stepbus_orchestrator.run.kernel.failures import late_to_start
 from stepbus_orchestrator.run.kernel.participants import ParticipantState

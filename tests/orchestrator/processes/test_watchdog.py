@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 
-from stepbus_orchestrator.processes import Watchdog
+from stepbus_orchestrator.processes.watchdog import Watchdog
 
 
 def test_a_blocked_call_is_freed():
@@ -37,7 +37,7 @@ def test_each_blocked_call_has_its_own_kill():
 
 
 WATCHED = """
-from stepbus_orchestrator.processes import Watchdog
+from stepbus_orchestrator.processes.watchdog import Watchdog
 watchdog = Watchdog(1.0, lambda: None)
 with watchdog.watching():
     print("watching", flush=True)

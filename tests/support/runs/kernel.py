@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.processes import Activity
+from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState

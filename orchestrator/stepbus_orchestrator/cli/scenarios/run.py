@@ -12,7 +12,7 @@ from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
-from stepbus_orchestrator.processes import check_open_files
+from stepbus_orchestrator.processes.limits import check_open_files
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines

@@ -7,7 +7,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
-from stepbus_orchestrator.processes import certificates, passwords
+from stepbus_orchestrator.processes.links.credentials import certificates, passwords
 from stepbus_participant import BusError, Endpoint, ZenohBus
 
 from .finding import Finding

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-from stepbus_orchestrator.processes import Watchdog
+from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_participant import Bus, Request
 from stepbus_schemas import CallReply, Refusal, Stop, Trigger, Welcome, encode, encoding_of
 

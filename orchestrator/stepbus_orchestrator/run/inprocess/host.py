@@ -10,7 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-from stepbus_orchestrator.processes import Activity, BoundedLog, activity
+from stepbus_orchestrator.processes.activity import Activity, activity
+from stepbus_orchestrator.processes.bounded_log import BoundedLog
 from stepbus_orchestrator.run.kernel.participants import KeptThread
 from stepbus_participant import HOST, Host, Ticket, last_error
 

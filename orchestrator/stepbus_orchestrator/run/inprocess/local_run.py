@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
-from stepbus_orchestrator.processes import Reaper, private_folder
+from stepbus_orchestrator.processes.links.endpoints import private_folder
+from stepbus_orchestrator.processes.reaping import Reaper
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.run.kernel.state import RunState

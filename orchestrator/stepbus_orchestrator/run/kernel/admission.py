@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 
-from stepbus_orchestrator.processes import low_latency
+from stepbus_orchestrator.processes.links.endpoints import low_latency
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import (
     PROTOCOL_VERSION,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed
-from stepbus_orchestrator.processes import ORCHESTRATOR
+from stepbus_orchestrator.processes.links.credentials import ORCHESTRATOR
 from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import read_stamp

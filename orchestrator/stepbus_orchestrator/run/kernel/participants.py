@@ -6,7 +6,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_orchestrator.processes import Activity
+from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Collection
 
 from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StopTimeout
-from stepbus_orchestrator.processes import TERM_GRACE_S
+from stepbus_orchestrator.processes.child import TERM_GRACE_S
 from stepbus_orchestrator.run.kernel.failures import seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.loop.loop import SHORT_TICK_S, RunLoop

@@ -3,7 +3,7 @@
 import time
 
 from stepbus_orchestrator.errors import BusFailed, ParticipantFault, StartFailed
-from stepbus_orchestrator.processes import gone
+from stepbus_orchestrator.processes.links.endpoints import gone
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
 from stepbus_orchestrator.run.kernel.participants import Phase

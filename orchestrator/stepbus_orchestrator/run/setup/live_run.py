@@ -3,7 +3,8 @@
 from collections.abc import Collection
 from pathlib import Path
 
-from stepbus_orchestrator.processes import Launcher, Mesh
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.processes import Child
+from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.scenario import Deadlines, Scenario
 from stepbus_participant import suggest

@@ -6,7 +6,7 @@ import pytest
 import zenoh
 from support.runs.stranger import disturbed
 
-from stepbus_orchestrator.processes import certificates
+from stepbus_orchestrator.processes.links.credentials import certificates
 from stepbus_participant import load_ticket
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")

@@ -8,7 +8,7 @@ from stepbus_orchestrator.diagnosis.conformance.check import check
 from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
 from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
-from stepbus_orchestrator.processes import Child
+from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
 from stepbus_schemas import Types, WiringError
 

@@ -12,7 +12,10 @@ from typing import Any, Self
 
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
 from stepbus_orchestrator.errors import Interrupted
-from stepbus_orchestrator.processes import Child, Launcher, Watchdog, new_token, private_folder
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.links.endpoints import new_token, private_folder
+from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.bus.session import open_bus
 from stepbus_participant import Endpoint, ZenohBus
 from stepbus_schemas import encode, encoding_of

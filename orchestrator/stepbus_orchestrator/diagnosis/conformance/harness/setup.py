@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.processes import Mesh, low_latency, make_mesh
+from stepbus_orchestrator.processes.links.endpoints import Mesh, low_latency, make_mesh
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Envelope, Refusal, Welcome
