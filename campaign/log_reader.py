@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader
 
 CHAIN = "stepbus/chain"
 CALLS = "stepbus/calls"
-_DAMAGE = (
+DAMAGE = (
     EOFError,
     KeyError,
     McapError,
@@ -93,7 +93,7 @@ def _records(path: Path, log: Log) -> Iterator[tuple[object, Channel | None]]:
                     channels[record.id] = record
                 yield record, channels[record.channel_id] if isinstance(record, Message) else None
             log.sealed = True
-        except _DAMAGE:
+        except DAMAGE:
             return
 
 

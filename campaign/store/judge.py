@@ -40,7 +40,9 @@ def judge(log: SaleLog, result: Mapping[str, Any] | None, killed: str = "") -> l
     """Return every promise that a sale has broken, one sentence each."""
     if result is None:
         return ["there is no result.json"]
+    damage = [] if log.is_whole else ["the recording cannot be read to its end"]
     return [
+        *damage,
         *_forces(log),
         *_motion(log, result),
         *_sale(log, result),

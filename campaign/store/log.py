@@ -13,6 +13,8 @@ import msgpack
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
+from campaign.log_reader import DAMAGE
+
 Row = tuple[int, Mapping[str, Any]]
 
 
@@ -22,6 +24,8 @@ class SaleLog:
 
     messages: dict[str, list[Row]] = field(default_factory=lambda: defaultdict(list))
     names: dict[str, list[str]] = field(default_factory=dict)
+    is_whole: bool = True
+    """Whether the recording could be read to its end."""
 
     def last(self, topic: str) -> Mapping[str, Any]:
         """Return the last message of a topic; empty: there is none."""
@@ -43,15 +47,22 @@ _READ = (
 
 
 def read(path: Path) -> SaleLog:
-    """Return what a recording of the store holds."""
+    """Return what a recording of the store holds, as far as it can be read."""
     log, channels = SaleLog(), dict[int, Channel]()
-    with path.open("rb") as file:
-        for record in StreamReader(file, record_size_limit=None).records:
-            if isinstance(record, Channel):
-                channels[record.id] = record
-                about = json.loads(record.metadata.get("description", "{}"))
-                log.names[record.topic] = about.get("names", [])
-            elif isinstance(record, Message) and channels[record.channel_id].topic in _READ:
-                topic = channels[record.channel_id].topic
-                log.messages[topic].append((record.sequence, msgpack.unpackb(record.data)))
+    try:
+        with path.open("rb") as file:
+            for record in StreamReader(file, record_size_limit=None).records:
+                _add(log, channels, record)
+    except DAMAGE:
+        log.is_whole = False
     return log
+
+
+def _add(log: SaleLog, channels: dict[int, Channel], record: object) -> None:
+    if isinstance(record, Channel):
+        channels[record.id] = record
+        about = json.loads(record.metadata.get("description", "{}"))
+        log.names[record.topic] = about.get("names", [])
+    elif isinstance(record, Message) and channels[record.channel_id].topic in _READ:
+        topic = channels[record.channel_id].topic
+        log.messages[topic].append((record.sequence, msgpack.unpackb(record.data)))

@@ -44,7 +44,8 @@ def sell(rows: Sequence[Case], keep: Path | None = None) -> Iterator[tuple[Case,
 
 
 def _sell(case: Case, out: Path) -> Outcome:
-    names = ("plant", "perception", "mission", "controller", "planner")
+    names = ["plant", "perception", "mission", "controller", "planner"]
+    names += ["world"] if case.scenario == "store" else []
     patience = [f"{name}.spawn_timeout={_START_S}s" for name in names]
     words = [word for item in patience for word in ("--set", item)]
     began = time.monotonic()

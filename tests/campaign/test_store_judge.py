@@ -3,10 +3,12 @@
 import errno
 from unittest.mock import Mock
 
+import msgpack
 import pytest
 from campaign.store import Outcome, cases, judge, sell
 from campaign.store.judge import largest_force
-from campaign.store.log import SaleLog
+from campaign.store.log import SaleLog, read
+from mcap.writer import Writer
 
 ROBOT = ["chassis", "forearm_link", "left_pad", "right_pad", "left_wheel_link"]
 LINKS = ["floor", "chassis", "cola_a1_1", "outlet_top"]
@@ -104,3 +106,35 @@ def test_the_cases_of_a_seed_are_the_same_each_time_and_have_every_family():
     assert len({case.family for case in rows}) == 10
     assert sum(case.scenario == "store" for case in rows) == 6
     assert {word for case in rows for word in case.arguments()} >= {"--fault", "--in-process"}
+
+
+def test_a_recording_that_was_cut_is_read_as_far_as_it_goes(tmp_path):
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=64)
+        writer.start()
+        channel = writer.register_channel("plant/odometry", "msgpack", 0)
+        for step in range(50):
+            row = msgpack.packb({"vx": 0.1 * step, "wz": 0.0})
+            writer.add_message(channel, step, row, step, step)
+        writer.finish()
+    whole = read(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    cut = read(path)
+    assert whole.is_whole
+    assert not cut.is_whole
+    assert 1 < len(cut.messages["plant/odometry"]) < 50
+    assert "the recording cannot be read to its end" in judge(cut, SOLD)
+
+
+def test_a_camera_is_given_time_to_start_its_world_model(monkeypatch, tmp_path):
+    commands = []
+
+    def run(command, **_):
+        commands.append(command)
+        return Mock(stderr="", stdout="", returncode=1)
+
+    monkeypatch.setattr("campaign.store.run.subprocess.run", run)
+    list(sell([case for case in cases(20, 1) if case.family in {"people", "blocked camera"}][:2]))
+    timed = [sum("world.spawn_timeout" in word for word in command) for command in commands]
+    assert timed == [0, 1]

@@ -72,6 +72,11 @@ class CameraErrors(Settings):
 
     depth: NonNegative = 0.0
     """Standard deviation of depth at 1 m; it grows with the square of the distance [m]."""
+    depth_floor: NonNegative = 0.0
+    """The same at any distance, besides [m]."""
+    depth_bias: NonNegative = 0.0
+    """Standard deviation of the constant offset of all depths of a camera that each run draws
+    [m]."""
     color: NonNegative = 0.0
     """Standard deviation of each colour of a pixel; full light is 255 [-]."""
     blur: NonNegative = 0.0

@@ -102,7 +102,6 @@ class Plant:
                 period_ns,
                 Lens(params.camera, self._seed),
                 enabled=params.cameras,
-                seed=self._seed,
             ),
         )
         sensors = problems.attempt(

@@ -73,7 +73,7 @@ class Store:
         row = CameraSettings(
             link="camera", period_ns=8_000_000, width=self.width, height=self.height
         )
-        self._sensor = Camera("camera", row, self.client, ["camera"], 0, lens=self.lens)
+        self._sensor = Camera("camera", row, self.client, ["camera"], self.lens)
         self._views = 0
 
     def add(self, item: Item) -> None:

@@ -33,7 +33,7 @@ class Base:
         errors: OdometryErrors = _NONE,
         noise: Noise | None = None,
     ) -> None:
-        self._errors, self._noise = errors, noise or Noise(0, "")
+        self._errors, self._noise = errors, noise or Noise(0, "odometry")
         one, other = self._noise.at(0).normal(0.0, 1.0, 2).tolist()
         self._scale = (1.0 + errors.wheel * one, 1.0 + errors.wheel * other)
         self._readings = 0

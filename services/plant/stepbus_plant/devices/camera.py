@@ -18,7 +18,6 @@ from stepbus_schemas import Description, Image, Message, PointCloud, WiringError
 
 from .lens import Lens
 from .poses import PoseSensor, link_indices
-from .sensors.errors import Errors
 
 IMAGE, CLOUD = "Image/1", "PointCloud/1"
 TYPES = {"rgb": IMAGE, "depth": IMAGE, "points": CLOUD}
@@ -42,15 +41,10 @@ class Camera:
         row: CameraSettings,
         client: int,
         bodies: Sequence[str],
-        seed: int,
-        *,
         lens: Lens | None = None,
     ) -> None:
         self.row = row
-        self._name, self._lens = name, lens or Lens(CameraErrors(), seed)
-        # All pixels have one offset, and noise of their own.
-        self._offset = Errors(seed, f"cameras/{name}/bias", 0.0, row.depth_bias, 1)
-        self._noise = Errors(seed, f"cameras/{name}/depth", row.depth_noise, 0.0, 0)
+        self._name, self._lens = name, lens or Lens(CameraErrors(), 0)
         self.period_ns = row.period_ns
         self._client = client
         self._pose = PoseSensor(client, bodies, [row.link])
@@ -129,9 +123,6 @@ class Camera:
         near, far = self.row.near, self.row.far
         depth = np.asarray(buffer, dtype=np.float64)
         metres = far * near / (far - (far - near) * depth)
-        if self.row.depth_noise or self.row.depth_bias:
-            metres = self._noise.disturb(metres.ravel()).reshape(metres.shape)
-            metres += self._offset.disturb(np.zeros(1))[0]
         return np.where(depth < 1.0, metres, np.inf).astype("<f4")
 
     def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: np.ndarray) -> Image:
@@ -156,7 +147,7 @@ class Cameras:
     """All cameras that a world file declares; each is on or off.
 
     bodies: names of the engine's bodies, in its order. period_ns: length of the plant's step [ns].
-    lens: what they make of the scene. enabled: false keeps all cameras off. seed: of the noise.
+    lens: what they make of the scene. enabled: false keeps all cameras off.
     Raises WiringError that lists every mistake, each with its line.
     """
 
@@ -169,7 +160,6 @@ class Cameras:
         lens: Lens,
         *,
         enabled: bool,
-        seed: int = 0,
     ) -> None:
         links = link_indices(client, bodies) if world.cameras else {}
         world.source.refuse(
@@ -180,7 +170,7 @@ class Cameras:
             ]
         )
         self._cameras = {
-            name: Camera(name, row, client, bodies, seed, lens=lens)
+            name: Camera(name, row, client, bodies, lens)
             for name, row in world.cameras.items()
         }
         self._on = dict.fromkeys(self._cameras, enabled)

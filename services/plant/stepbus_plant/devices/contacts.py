@@ -1,6 +1,6 @@
 """A sensor of contacts between links: forces, and distances of those that nearly touch."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pybullet as bullet
@@ -31,7 +31,7 @@ class ContactSensor:
 
     links: those whose contacts it reports; None: all. within: it also reports links closer to them
     than this [m]. indices: every link of the world → its index in the engine. errors: of distances;
-    random: numbers for that.
+    random: numbers for that. wheels: of bases.
     """
 
     def __init__(
@@ -43,6 +43,7 @@ class ContactSensor:
         *,
         errors: ProximityErrors = _EXACT,
         random: Noise | None = None,
+        wheels: Collection[LinkIndex] = (),
     ) -> None:
         self._client = client
         self._links = list(indices if links is None else links)
@@ -63,7 +64,8 @@ class ContactSensor:
                 spacing=errors.spacing,
                 reach=within,
                 noise=errors.noise,
-                random=random or Noise(0, ""),
+                random=random or Noise(0, "proximity"),
+                wheels=wheels,
             )
             self._learn_ground(self._skin)
 

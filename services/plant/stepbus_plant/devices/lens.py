@@ -58,23 +58,23 @@ class Lens:
         seen = pixels.astype(np.float32)
         seen = self._blurred(seen) if errors.blur else seen
         if errors.color:
-            draws = Noise(self._seed, f"{camera} color").at(t_ns)
+            draws = Noise(self._seed, "color", camera).at(t_ns)
             noise = draws.standard_normal(pixels.shape, dtype=np.float32)
             seen += np.float32(errors.color) * noise
         return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
 
     def depth(self, metres: NDArray[np.float32], camera: str, t_ns: int) -> NDArray[np.float32]:
         """Return what a camera makes of depth, shape (h, w) [m]; of nothing it makes nothing."""
-        if not self._errors.depth:
+        errors = self._errors
+        if not (errors.depth or errors.depth_floor or errors.depth_bias):
             return metres
-        draws = (
-            Noise(self._seed, f"{camera} depth")
-            .at(t_ns)
-            .standard_normal(metres.shape, dtype=np.float32)
-        )
+        draws = Noise(self._seed, "depth", camera).at(t_ns)
+        noise = draws.standard_normal(metres.shape, dtype=np.float32)
+        offset = errors.depth_bias * Noise(self._seed, "depth bias", camera).at(0).normal()
         known = np.isfinite(metres)
         near = np.where(known, metres, 0.0)
-        noisy = near + np.float32(self._errors.depth) * near**2 * draws
+        spread = np.float32(errors.depth_floor) + np.float32(errors.depth) * near**2
+        noisy = near + spread * noise + np.float32(offset)
         return np.where(known, noisy, np.inf).astype("<f4")
 
     def _blurred(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:

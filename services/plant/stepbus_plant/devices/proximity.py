@@ -43,6 +43,7 @@ class RangeSkin:
 
     client: of PyBullet. links: those with sensors. spacing: of the rays, as far as `_MOST` allows
     [m]. reach: of the sensors [m]. noise: standard deviation, relative to the distance [-].
+    wheels: links that turn below sensors which do not.
     """
 
     def __init__(
@@ -54,11 +55,12 @@ class RangeSkin:
         reach: float,
         noise: float,
         random: Noise,
+        wheels: Collection[LinkIndex] = (),
     ) -> None:
         self._client, self._reach, self._noise, self._random = client, reach, noise, random
         # Before the first step, the engine's bounding boxes are those of loading.
         bullet.performCollisionDetection(client)
-        self._wheels = {link for link in links if self._is_wheel(link)}
+        self._wheels = frozenset(wheels)
         self._rays = {link: self._place(link, spacing) for link in links}
         self._readings = 0
 
@@ -68,12 +70,6 @@ class RangeSkin:
             starts, directions = self._rays[link]
             up = (directions @ self._frame(link)[1].T)[:, 2] > _DOWN
             self._rays[link] = starts[up], directions[up]
-
-    def _is_wheel(self, link: LinkIndex) -> bool:
-        if link[1] < 0:
-            return False
-        row = bullet.getJointInfo(*link, self._client)
-        return bool(row[2] == bullet.JOINT_REVOLUTE and row[8] > row[9])
 
     def _place(self, link: LinkIndex, spacing: float) -> tuple[Array, Array]:
         """Return starts and directions of a link's rays in its frame, each of shape (n, 3)."""

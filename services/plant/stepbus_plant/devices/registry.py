@@ -97,10 +97,11 @@ class Devices:
                 joints[row.right],
                 physics,
                 errors=params.odometry,
-                noise=Noise(seed, name),
+                noise=Noise(seed, "odometry", name),
             )
             for name, row in world.bases.items()
         }
+        wheels = {(joint.body, joint.index) for base in self.bases for joint in base.joints}
         self._grippers = {
             name: Gripper(row, joints[row.left], joints[row.right], physics)
             for name, row in world.grippers.items()
@@ -112,7 +113,8 @@ class Devices:
                 indices,
                 physics.client,
                 errors=params.proximity,
-                random=Noise(seed, name),
+                random=Noise(seed, "proximity", name),
+                wheels=wheels,
             )
             for name, row in world.contacts.items()
         }

@@ -169,10 +169,6 @@ class CameraSettings(Settings):
     """Near clipping distance [m]."""
     far: Positive = 3.0
     """Far clipping distance [m]."""
-    depth_noise: NonNegative = 0.0
-    """Standard deviation of Gaussian noise of each depth [m]."""
-    depth_bias: NonNegative = 0.0
-    """Standard deviation of the constant offset of all depths that each run draws [m]."""
     stride: Count = 1
     """A point cloud has every n-th pixel of every n-th row."""
 

@@ -17,14 +17,14 @@ WALL = np.full((40, 60), 0.5, dtype="<f4")
 
 
 def test_a_reading_has_its_numbers_whatever_was_read_before():
-    one, other = Noise(7, "camera"), Noise(7, "camera")
+    one, other = Noise(7, "color", "camera"), Noise(7, "color", "camera")
     one.at(0).random(100)
     assert one.at(5).random() == other.at(5).random()
 
 
-@pytest.mark.parametrize("noise", [Noise(8, "camera"), Noise(7, "other")])
-def test_seeds_and_sensors_have_streams_of_their_own(noise):
-    assert noise.at(5).random() != Noise(7, "camera").at(5).random()
+@pytest.mark.parametrize("noise", [Noise(8, "color", "camera"), Noise(7, "color", "other"), Noise(7, "depth", "camera")])
+def test_seeds_sensors_and_purposes_have_streams_of_their_own(noise):
+    assert noise.at(5).random() != Noise(7, "color", "camera").at(5).random()
 
 
 class Wheels:
@@ -43,7 +43,7 @@ def odometry(seed=0, *, distance=1.0, steps=50, **errors):
     """Return odometry after both wheels have turned by a distance [m]."""
     wheels = Wheels()
     row = BaseSettings(left="l", right="r", wheel_radius=0.1, track=0.5)
-    noise = Noise(seed, "base")
+    noise = Noise(seed, "odometry", "base")
     base = Base(row, wheels, wheels, wheels, errors=OdometryErrors(**errors), noise=noise)
     for n in range(1, steps + 1):
         wheels.angles = [distance / 0.1 * n / steps] * 2
@@ -93,7 +93,18 @@ def test_noise_of_colour_and_depth_is_as_large_as_wanted():
     assert np.std(lens.colors(GREY, "camera", 0)) == pytest.approx(4.0, rel=0.05)
     noisy = lens.depth(WALL, "camera", 0)
     assert np.std(noisy) == pytest.approx(0.004 * 0.5**2, rel=0.05)
+    coarse = Lens(CameraErrors(depth=0.004, depth_floor=0.01), 0).depth(WALL, "camera", 0)
+    assert np.std(coarse) == pytest.approx(0.01 + 0.004 * 0.5**2, rel=0.05)
     assert noisy.dtype == WALL.dtype
+
+
+def test_all_depths_of_a_run_have_one_offset():
+    lens = Lens(CameraErrors(depth_bias=0.02), 3)
+    one, later = (lens.depth(WALL, "camera", t) - WALL for t in (0, MS))
+    assert np.ptp(one) == 0.0
+    assert 0.0 < abs(one[0, 0]) < 0.1
+    assert np.array_equal(one, later)
+    assert one[0, 0] != lens.depth(WALL, "other", 0)[0, 0] - WALL[0, 0]
 
 
 def test_each_image_and_each_camera_has_noise_of_its_own():

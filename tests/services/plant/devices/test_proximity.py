@@ -1,6 +1,9 @@
 """Range sensors on links: rays with a reach and noise in place of exact distances."""
 
+import math
+
 import numpy as np
+import pybullet as bullet
 import pytest
 from support.services.devices import (
     box,
@@ -11,6 +14,9 @@ from support.services.devices import (
     write_ground,
     write_urdf,
 )
+
+from stepbus_plant.devices.proximity import RangeSkin
+from stepbus_plant.noise import Noise
 
 WORLD = """
 contacts:
@@ -144,3 +150,40 @@ def test_ranges_of_a_link_that_moves_do_not_depend_on_other_sensors(tmp_path):
         return found
 
     assert ranges() == ranges(poses="Poses/1")
+
+
+def skin_of(client, links, **settings):
+    return RangeSkin(
+        client,
+        links,
+        spacing=0.05,
+        reach=0.1,
+        noise=0.0,
+        random=Noise(0, "proximity"),
+        **settings,
+    )
+
+
+@pytest.mark.parametrize(("is_wheel", "sees"), [(False, True), (True, False)])
+def test_sensors_turn_with_a_link_without_end_unless_it_is_a_wheel(tmp_path, is_wheel, sees):
+    write_can(tmp_path)
+    write_urdf(
+        tmp_path,
+        "table",
+        link("foot", 1.0, box("0.05 0.05 0.05")),
+        link("bar", 1.0, box("0.4 0.05 0.05")),
+        joint("spin", "continuous", "foot", "bar", "0 0 0.2", "0 0 1", "1 1"),
+    )
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        table = bullet.loadURDF(str(tmp_path / "table.urdf"), physicsClientId=client)
+        at = (0.0, 0.2 + 0.03 + RADIUS, 0.2)
+        can = bullet.loadURDF(str(tmp_path / "can.urdf"), at, physicsClientId=client)
+        bar = (table, 0)
+        skin = skin_of(client, [bar], wheels=[bar] if is_wheel else [])
+        bullet.resetJointState(*bar, math.pi / 2, physicsClientId=client)
+        bullet.performCollisionDetection(client)
+        found = [reading.distance for _, reading in skin.sense({bar: [(can, -1)]})]
+    finally:
+        bullet.disconnect(client)
+    assert found == ([pytest.approx(0.035, abs=5e-3)] if sees else [])
