@@ -27,7 +27,12 @@ _MEASURED = 0.008
 _OUTLET = (0.15, 0.65, 0.35)
 """The only spot of a single order, on top of the outlet [m]."""
 
-_TOUCH = re.compile(r"\b(\w+) touches (\w+) with ([\d.]+) N")
+_TOUCH = re.compile(r"\b(\w+) touches (?!it )(\w+) with ([\d.]+) N")
+_STILL = re.compile(_TOUCH.pattern + r"; stopped[^;]*still touches it with ([\d.]+) N")
+_APART = re.compile(_TOUCH.pattern + r"; stopped[^;]*now ([\d.]+) mm from it")
+_SAME_FORCE, _SAME_GAP = 0.051, 2e-3
+"""Largest differences between what is reported and what is in the log [N, m]."""
+
 _PLACED = re.compile(r"(\w+): placed ([\d.]+) mm from its spot")
 _SOLD = re.compile(r"^1 +(\w+) +\d+ +(?:-|[\d.]+ mm) +([\d.]+) mm", re.MULTILINE)
 _MOVED = re.compile(r"\b(\w+) was moved by ([\d.]+) mm")
@@ -124,6 +129,7 @@ def _touches(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
         for one, other, force in _TOUCH.findall(text):
             if most[frozenset((one, other))] < 0.5 * float(force):
                 yield f"it says {one} touches {other} with {force} N; the log has no such touch"
+        yield from _afterwards(log, text)
     for item, far in _MOVED.findall(result["reason"]):
         if not any(item in key for key in most):
             yield f"it says the sale failed for {item}, {far} mm; the robot never touched it"
@@ -134,6 +140,20 @@ def _touches(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
         if steps > _FOR_STEPS and not is_grip and not _is_said(key, said):
             links = " and ".join(sorted(key))
             yield f"{links} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
+
+
+def _afterwards(log: SaleLog, text: str) -> Iterator[str]:
+    """Check what is reported of two links after the robot has backed off."""
+    for one, other, _, force in _STILL.findall(text):
+        felt = [f for _, pair, f in _robot_contacts(log) if set(pair) == {one, other}]
+        if not any(abs(f - float(force)) < _SAME_FORCE for f in felt):
+            yield f"it says {one} still touches {other} with {force} N; the log has no such touch"
+    for one, other, _, gap in _APART.findall(text):
+        row = log.last("plant/contacts")
+        pairs = zip(row.get("pairs", ()), row.get("distance", ()), strict=True)
+        now = [distance for pair, distance in pairs if set(pair) == {one, other}]
+        if now and abs(now[0] - 1e-3 * float(gap)) > _SAME_GAP:
+            yield f"it says {one} is {gap} mm from {other}; it is {now[0] * 1e3:.1f} mm"
 
 
 def _is_said(links: frozenset[str], said: Sequence[str]) -> bool:

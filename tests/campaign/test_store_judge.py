@@ -87,6 +87,23 @@ def test_a_touch_that_is_reported_is_no_secret():
     assert judge(log((("chassis", "crate"), 6.0), texts=(TABLE, text)), SOLD) == []
 
 
+@pytest.mark.parametrize(
+    ("end", "force", "gap", "broken"),
+    [
+        ("still touches it with 6.0 N", 6.0, 0.0, 0),
+        ("still touches it with 2.0 N", 6.0, 0.0, 1),
+        ("now 50.2 mm from it", 6.0, 0.0505, 0),
+        ("now 50.2 mm from it", 6.0, 0.02, 1),
+    ],
+)
+def test_what_is_reported_after_a_touch_is_as_in_the_log(end, force, gap, broken):
+    text = f"chassis touches crate with 6.0 N; stopped, backed off 3 mm by odometry, {end}; rest"
+    found = log((("chassis", "crate"), force), texts=(TABLE, text))
+    row = {"pairs": [["chassis", "crate"]], "force": [0.0], "distance": [gap]}
+    found.messages["plant/contacts"].append((9, row))
+    assert len(judge(found, SOLD)) == broken, judge(found, SOLD)
+
+
 def test_a_sale_must_not_fail_for_what_others_moved():
     failed = {**SOLD, "exit_code": 4, "reason": "mission: soup_a1_4 was moved by 18.5 mm"}
     (line,) = judge(log(texts=()), failed)

@@ -150,8 +150,11 @@ class Avoidance:
         """Stop, and back off along the path so far; return the end of a goal that cannot."""
         text = f"{collision}; stopped"
         if part == "base" and self._parts.base is not None and self._monitor is not None:
+            # To drive away from itself helps nobody.
+            own = self._monitor.is_own(collision)
+            distance = 0.0 if own else self._settings.back_off
             self._base_back_off = BaseBackOff(
-                self._parts.base, self._monitor, goal, collision, self._settings.back_off
+                self._parts.base, self._monitor, goal, collision, distance
             )
             return None
         if part == "gripper":
@@ -187,7 +190,7 @@ class Avoidance:
         if not is_other and end is None:
             return None
         if is_other:
-            self._parts.rest(part, t)
+            self._parts.rest(part, t, touches=True)
             self._reports.warn(f"while backing off, {collision}")
         elif back_off.replans and end is not None and end.state == "succeeded":
             self._back_off = None
@@ -220,15 +223,16 @@ class Avoidance:
         arm, watch = self._parts.arm, self._watch
         if part != "arm":
             return ""
-        near = watch.near if watch is not None else None
+        # How close its own links come on a path, the planner has checked.
+        near = watch.strange if watch is not None else None
         if arm.blocked:
             return arm.blocked
         if not arm.follows_plan:
-            self._close = near
+            self._close = near.pair if near is not None else None
             return ""
-        if watch is None or near is None or near == self._close:
+        if near is None or near.pair == self._close:
             return ""
-        return _gap(watch) if watch.gap < self._settings.stop_within else ""
+        return str(near) if near.gap < self._settings.stop_within else ""
 
     def evade(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop for a hindrance; ask for another path, or return the end of a goal without one.

@@ -10,7 +10,7 @@ class BaseBackOff:
     """Backs a base off from a collision, and measures how far that went.
 
     The wheels are locked until the base stands; then it goes back by `distance` [m] along the
-    segment under way, or less, if it comes close to something else.
+    segment under way, or less, if it comes close to something else; 0: it stays.
     """
 
     def __init__(
@@ -28,7 +28,8 @@ class BaseBackOff:
         self._peak = collision.force
         self._start: BaseState | None = None
         self._obstacle = ""
-        self._goes_back = base.back_off(distance)
+        base.halt()
+        self._goes_back = distance > 0.0 and base.back_off(distance)
 
     def check(self, collision: Collision | None) -> Outcome | None:
         """Return the end of the goal once the base stands; collision: one that has just started."""

@@ -96,11 +96,16 @@ class Collision:
 
 @dataclass(frozen=True, kw_only=True)
 class Approach:
-    """Two links that are close and come closer; gap: [m]."""
+    """Two links that are close; gap: [m]."""
 
     ours: str
     other: str
     gap: float
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Return the names of both links."""
+        return self.ours, self.other
 
     def __str__(self) -> str:
         return f"{self.ours} is {self.gap * 1e3:.1f} mm from {self.other}"
@@ -111,7 +116,8 @@ class Watch:
     """What the monitor found in a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. room: for the base, the distance
+    not touch, and `gap` its distance [m]; None: nothing is near. strange: the closest pair of which
+    one is no link of the robot. room: for the base, the distance
     to the closest thing, longer for what it passes by [m]. held: link of the world between the
     pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
     their distance [m].
@@ -124,6 +130,7 @@ class Watch:
     scale: float
     room: float = math.inf
     slow: tuple[str, str, float] | None = None
+    strange: Approach | None = None
 
 
 class CollisionMonitor:
@@ -198,6 +205,12 @@ class CollisionMonitor:
         nearest = min(closing, key=lambda row: row.distance, default=None)
         if nearest is not None and nearest.distance >= self._settings.within:
             nearest = None
+        links = self._settings.links
+        strange = min(
+            (row for row in closing if not {row.ours, row.other} <= links),
+            key=lambda row: row.distance,
+            default=None,
+        )
         speeds = [self._speeds(row, speed_of) for row in closing]
         closer = [
             self._closer(row, dt * (now + base_speed))
@@ -221,6 +234,9 @@ class CollisionMonitor:
             held=self._held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
+            strange=Approach(ours=strange.ours, other=strange.other, gap=max(strange.distance, 0.0))
+            if strange
+            else None,
         )
 
     def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
@@ -240,6 +256,10 @@ class CollisionMonitor:
             return None
         nearest = min(close, key=lambda row: row.distance)
         return Approach(ours=nearest.ours, other=nearest.other, gap=nearest.distance)
+
+    def is_own(self, collision: Collision) -> bool:
+        """Return whether both belong to the robot, or are held by it."""
+        return self._is_ours(collision.other)
 
     def measured(self, approach: Approach) -> Approach:
         """Return an approach with the gap of this step."""

@@ -198,7 +198,7 @@ class GoalExecutor:
             return
         if collision is not None or lost:
             # Both stop; then the base backs off. The goal beside its own ends with it.
-            self._rest(t)
+            self._rest(t, touches=collision is not None)
             self._active, self._driving, self._companion = driving, None, None
             self._stopped_beside = active
             return
@@ -321,7 +321,7 @@ class GoalExecutor:
         why = self._avoidance.slowest or "the joints cannot be faster within their limits"
         return f"took {took:.2f} s instead of {goal.duration:.2f} s: {why}"
 
-    def _rest(self, t: float) -> None:
+    def _rest(self, t: float, *, touches: bool = False) -> None:
         """Bring to rest what the goal under way has set in motion."""
         if self._active is not None:
-            self._parts.rest(self._active.part, t)
+            self._parts.rest(self._active.part, t, touches=touches)

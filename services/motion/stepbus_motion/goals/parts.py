@@ -126,10 +126,10 @@ class Parts:
         """Return a sentence once the gripper has lost what it held, else nothing."""
         return self.gripper.lost(t) if self.gripper is not None else ""
 
-    def rest(self, part: Part, t: float) -> None:
-        """Bring a part to rest at a time [s]."""
+    def rest(self, part: Part, t: float, *, touches: bool = False) -> None:
+        """Bring a part to rest at a time [s]; touches: the robot has touched something."""
         if part == "arm":
-            self.arm.stop(t)
+            self.arm.stop(t, touches=touches)
         elif part == "base" and self.base is not None:
             if self.navigator is not None:
                 self.navigator.cancel()
@@ -143,7 +143,7 @@ class Parts:
             return self.arm.back_off(t, distance)
         except RunError:
             # There is no path to go back along, or none within the limits.
-            self.arm.stop(t)
+            self.arm.stop(t, touches=True)
             return 0.0
 
     def base_rests(self) -> bool:

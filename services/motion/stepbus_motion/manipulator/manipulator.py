@@ -81,6 +81,8 @@ class Manipulator:
             period=options.period,
             brake_acceleration=options.brake_acceleration,
             brake_jerk=options.brake_jerk,
+            tip=options.tip,
+            grip_acceleration=options.grip_acceleration,
             collisions=collisions,
         )
         self._queries = PlannerQueries(options.plan_timeout)
@@ -276,12 +278,15 @@ class Manipulator:
         candidates = itertools.chain([route.candidate], route.candidates)
         self._search(route.goal, route.held, rest, candidates)
 
-    def stop(self, t: float) -> None:
-        """Come to rest as fast as the motors can, whatever the scale; `check` reports when."""
+    def stop(self, t: float, *, touches: bool = False) -> None:
+        """Come to rest as fast as the motors can, whatever the scale; `check` reports when.
+
+        What the gripper holds is kept, unless the robot touches something.
+        """
         now = self._player.catch_up(t)
         self._route = None
         self._forget()
-        self._brake(now, hard=True)
+        self._brake(now, hard=True, touches=touches)
         self._watch()
 
     def back_off(self, t: float, distance: float) -> float:
@@ -292,7 +297,7 @@ class Manipulator:
         """
         now = self._player.catch_up(t)
         self._forget()
-        rest = self._brake(now, hard=True)
+        rest = self._brake(now, hard=True, touches=True)
         points, length = self._behind.take(rest, distance)
         slow = MotionLimits.of_one(
             self._options.back_off_share * float(self._limits.velocity.min()),
@@ -377,9 +382,10 @@ class Manipulator:
         self._backs_off = False
         self._ready, self._beside = None, Beside()
 
-    def _brake(self, now: JointMotion, *, hard: bool = False) -> Vector:
+    def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
         self._backs_off = False
-        return self._player.brake(now, hard=hard)
+        holds = self._queries.load > 0.0 and not touches
+        return self._player.brake(now, hard=hard, holds=holds)
 
     def _start(self, trajectory: Trajectory) -> None:
         self._player.start(trajectory)

@@ -1,5 +1,8 @@
 """Stop as fast as the motors can."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from stepbus_kinematics import RobotModel
@@ -11,21 +14,47 @@ from .trajectory import Retimed, Trajectory
 _SHARES = (1.0, 0.5, 0.25)
 """Of the hardest braking, tried in this order."""
 
+_SAMPLE_S = 0.008
+"""Between two positions of the tip of which its acceleration is computed [s]."""
+
 _ON_PATH = (1.0, 0.7, 0.5, 0.35, 0.25)
 """The same on a path, whose curves and own braking need a part of the limits."""
 
 
+@dataclass(frozen=True)
+class TipLimit:
+    """Largest acceleration of a frame of the robot [m/s²]."""
+
+    frame: str
+    acceleration: float
+
+    def is_kept(self, motion: Motion, robot: RobotModel) -> bool:
+        """Return whether a motion keeps it."""
+        count = max(math.ceil(motion.duration / _SAMPLE_S), 2)
+        times = (n * motion.duration / count for n in range(count + 1))
+        tips = [robot.frame_pose(motion.at(t).position, self.frame).translation for t in times]
+        pushes = np.diff(tips, n=2, axis=0) / (motion.duration / count) ** 2
+        return float(np.linalg.norm(pushes, axis=1).max()) <= self.acceleration
+
+
 def hard_stop(
-    now: JointMotion, robot: RobotModel, limits: MotionLimits, acceleration: float, jerk: float
+    now: JointMotion,
+    robot: RobotModel,
+    limits: MotionLimits,
+    acceleration: float,
+    jerk: float,
+    *,
+    tip: TipLimit | None = None,
 ) -> Motion:
     """Return the shortest of some stops that the motors are strong enough for.
 
-    limits: braking is never softer. acceleration, jerk: of the hardest stop [rad/s², rad/s³].
+    limits: braking is never softer. acceleration, jerk: of the hardest stop [rad/s², rad/s³]. tip:
+    kept by all but the softest one.
     """
     for share in _SHARES:
         harder = limits.at_least(share * acceleration, share * jerk)
         motion = stop_from(now, harder)
-        if is_strong_enough(motion, robot):
+        if is_strong_enough(motion, robot) and (tip is None or tip.is_kept(motion, robot)):
             return motion
     return stop_from(now, limits)
 

@@ -1,5 +1,6 @@
 """Plays the motion of an arm: starts it, slows it down, stops it."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import RunError
 
-from .braking import hard_stop, stop_on_path
+from .braking import TipLimit, hard_stop, stop_on_path
 from .clock import MotionClock
 from .fitting import is_strong_enough, sampled
 from .joint_motion import JointMotion, MotionLimits, stop_from
@@ -18,7 +19,8 @@ class MotionPlayer:
     """The motion under way, and its clock.
 
     limits: of the joints. period: between two commands [s]. brake_acceleration, brake_jerk: of the
-    hardest stop [rad/s², rad/s³]. collisions: of the robot with itself when it stops; None: not
+    hardest stop [rad/s², rad/s³]. tip: frame that what is held moves with, and grip_acceleration: of
+    the frame, in a stop that keeps it [m/s²]. collisions: of the robot with itself when it stops; None: not
     checked. ignores_scale: the motion runs at full rate whatever the scale.
     """
 
@@ -30,6 +32,8 @@ class MotionPlayer:
         period: float,
         brake_acceleration: float,
         brake_jerk: float,
+        tip: str = "",
+        grip_acceleration: float = math.inf,
         collisions: SelfCollisions | None = None,
     ) -> None:
         self._robot = robot
@@ -37,6 +41,7 @@ class MotionPlayer:
         self._limits = limits
         self._period = period
         self._hardest = (brake_acceleration, brake_jerk)
+        self._tip, self._grip_acceleration = tip, grip_acceleration
         self.clock = MotionClock(limits.acceleration, limits.jerk)
         self._trajectory: Trajectory | None = None
         self.ignores_scale = False
@@ -98,25 +103,29 @@ class MotionPlayer:
         """Stand still at q, shape (n,) [rad], clipped to the limits."""
         self.start(Rest(np.clip(q, self._robot.lower, self._robot.upper)))
 
-    def brake(self, now: JointMotion, *, hard: bool = False) -> Vector:
-        """Start to come to rest; return where that will be, shape (n,) [rad]."""
+    def brake(self, now: JointMotion, *, hard: bool = False, holds: bool = False) -> Vector:
+        """Start to come to rest; return where that will be, shape (n,) [rad].
+
+        holds: it stops no harder than the gripper can hold something.
+        """
         if not now.is_moving:
             self.start(Rest(now.position))
             return now.position
-        motion = self._stop(now, hard=hard)
+        motion = self._stop(now, hard=hard, holds=holds)
         self.start(motion)
         self.clock.restart(1.0)
         self.ignores_scale = True
         return motion.at(motion.duration).position
 
-    def _stop(self, now: JointMotion, *, hard: bool) -> Trajectory:
+    def _stop(self, now: JointMotion, *, hard: bool, holds: bool) -> Trajectory:
         """Return a stop: of each joint by itself, or on the path if the robot would touch itself.
 
         The path has been checked, the other stop leaves it.
         """
         motion: Trajectory = stop_from(now, self._limits)
         if hard:
-            motion = hard_stop(now, self._robot, self._limits, *self._hardest)
+            tip = TipLimit(self._tip, self._grip_acceleration) if holds else None
+            motion = hard_stop(now, self._robot, self._limits, *self._hardest, tip=tip)
         if self._collisions is None or not self._touches(self._collisions, motion):
             return motion
         limits = self._limits.at_least(*self._hardest)

@@ -144,6 +144,23 @@ def test_a_collision_of_either_stops_both(robot):
     assert max(abs(robot.vx), np.abs(robot.v).max()) < 1e-5
 
 
+def test_a_robot_that_touches_itself_stops_and_does_not_drive_away(robot):
+    set_off(robot)
+    answer(robot)
+    robot.run(0.6)
+    robot.touching = [("hand", "upper", 20.0, -0.001)]
+    robot.step()
+    robot.run(0.1)
+    stood = robot.x
+    robot.run(3.0)
+    assert (robot.states(0)[-1], robot.states(1)[-1]) == ("failed", "failed")
+    assert robot.news[-1].text == (
+        "hand touches upper with 20.0 N; stopped, still touches it with 20.0 N"
+    )
+    assert stood - 1e-3 < robot.x < stood + 0.03
+    assert max(abs(robot.vx), np.abs(robot.v).max()) < 1e-5
+
+
 def test_a_stop_stops_both(robot):
     set_off(robot)
     answer(robot)

@@ -274,6 +274,23 @@ def test_a_stop_brakes_hard_even_while_paused(robot):
     assert np.abs(np.array(log.q[-1]) - ASIDE).max() > 0.1
 
 
+@pytest.mark.parametrize(("touches", "hardest"), [(False, 6.0), (True, 12.0)])
+def test_what_is_held_is_not_swung_out_of_the_pads_by_a_stop_without_a_touch(touches, hardest):
+    robot = make_robot()
+    stage, log = Stage(make_arm(robot)), Log()
+    stage.arm.carry(0.4)
+    stage.start(joints_goal(ASIDE + [1.5, 0, 0, 0, 0, 0]))
+    for _ in range(60):
+        stage.step(log)
+    stage.arm.stop(stage.t, touches=touches)
+    log, before = Log(), np.linalg.norm(np.diff(tips(robot, log.q[-2:]), axis=0)) / PERIOD
+    while log.outcome is None:
+        stage.step(log)
+    pushes = np.linalg.norm(np.diff(tips(robot, log.q), n=2, axis=0), axis=1) / PERIOD**2
+    assert before > 0.8
+    assert 0.5 * hardest < pushes.max() <= 1.05 * hardest
+
+
 def test_a_new_goal_in_full_motion_makes_no_jump(robot):
     for goal in (joints_goal(HOME), pose_goal("move_linear", [0.4, 0.4, 0.3]), SPIRAL):
         stage, log = Stage(make_arm(robot)), Log()

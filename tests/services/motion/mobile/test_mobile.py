@@ -473,9 +473,19 @@ def test_what_comes_too_close_on_a_planned_way_is_gone_around(planned):
     robot = planned
     robot.touching = [("hand", "crate", 0.0, 0.003)]
     robot.step()
-    assert robot.news[-1].text.startswith("hand is 3 mm from crate; stopped, asked for another")
+    assert robot.news[-1].text.startswith("hand is 3.0 mm from crate; stopped, asked for another")
     assert finish(robot)[-1] == "succeeded"
     assert len(robot.requests) == 2
+
+
+def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind_them_count(planned):
+    robot = planned
+    robot.touching = [("hand", "upper", 0.0, 0.002)]
+    robot.run(0.2)
+    assert len(robot.requests) == 1
+    robot.touching += [("crate", "hand", 0.0, 0.003)]
+    robot.step()
+    assert robot.news[-1].text.startswith("hand is 3.0 mm from crate; stopped, asked for another")
 
 
 def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(planned):
