@@ -15,7 +15,9 @@ class Noise:
     """
 
     def __init__(self, seed: int, purpose: str, name: str = "") -> None:
-        self._key = np.array([seed & (2**64 - 1), zlib.crc32(f"{purpose}/{name}".encode())], dtype=np.uint64)
+        self._key = np.array(
+            [seed & (2**64 - 1), zlib.crc32(f"{purpose}/{name}".encode())], dtype=np.uint64
+        )
 
     def at(self, number: int) -> np.random.Generator:
         """Return the generator of a reading; number: ≥ 0, such as a time [ns]."""

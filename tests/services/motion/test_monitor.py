@@ -201,6 +201,14 @@ def test_links_of_the_robot_that_are_near_each_other_do_not_slow_the_base_down()
     assert stand.look(("elbow", "pillar", 0.0, 0.04)).scale < 1.0
 
 
+def test_links_whose_collisions_are_checked_beforehand_slow_nothing_down_but_may_not_touch():
+    stand = Stand(checks_itself=True)
+    watch = stand.look(("elbow", "hand", 0.0, 0.003))
+    assert (watch.scale, watch.near) == (1.0, None)
+    assert stand.look(("elbow", "pillar", 0.0, 0.003)).scale < 1.0
+    assert stand.look(("elbow", "hand", 9.0, -0.001)).collision is not None
+
+
 def test_where_base_and_arm_move_each_of_them_may_use_up_half_of_a_gap():
     one, both = Stand(), Stand()
     one.monitor.start(moves="arm")

@@ -132,8 +132,11 @@ class StoreMission(Participant):
                 inputs=inputs,
             )
         self._store.inputs = inputs
-        if self._store.witness is not None and step.is_new(self._ports.poses):
-            self._watch(self._store, self._store.witness)
+        witness = self._store.witness
+        if witness is not None and inputs.contacts is not None:
+            witness.feel(inputs.contacts, self._robot_links, step.t_ns * 1e-9)
+        if witness is not None and step.is_new(self._ports.poses):
+            self._watch(self._store, witness)
         return self._store
 
     def _witness_of(self, poses: Poses) -> Witness | None:
@@ -145,10 +148,9 @@ class StoreMission(Participant):
     def _watch(self, store: StoreState, witness: Witness) -> None:
         """Report items that others move."""
         inputs = store.inputs
-        if inputs.contacts is not None:
-            witness.feel(inputs.contacts, self._robot_links)
         sold = store.sale.item.name if store.sale and store.sale.item else ""
-        near = [self._stock.pose(name, inputs.poses)[0] for name in (self._tip, sold) if name]
+        unfelt = (self._tip, sold) if inputs.contacts is None else ()
+        near = [self._stock.pose(name, inputs.poses)[0] for name in unfelt if name]
         for moved in witness.watch(inputs.poses, inputs.t_ns * 1e-9, near, sold):
             text = f"{moved.item} was moved by {moved.distance * 1e3:.1f} mm, not by the robot"
             store.log.append(("warning", text))

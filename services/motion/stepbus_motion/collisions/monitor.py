@@ -39,7 +39,8 @@ class MonitorSettings:
     same, on top of the force at the start of the goal [N].
     within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
     [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
-    slowest speed near things [m/s].
+    slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
+    robot's links with each other before it starts, so that they do not slow it down.
     """
 
     links: frozenset[str]
@@ -53,6 +54,7 @@ class MonitorSettings:
     reaction: float = 0.05
     clearance: float = 2e-3
     creep: float = 0.02
+    checks_itself: bool = False
 
     def safe_speed(self, gap: float) -> float:
         """Return the largest speed of a link that can still stop within a gap [m, m/s].
@@ -339,9 +341,12 @@ class CollisionMonitor:
         """Return whether the goal under way can make a gap smaller.
 
         It cannot between what is held and a link around it, as the palm; between the world and a
-        base that stands; and between two links of a robot of which only the base moves.
+        base that stands; between two links of a robot of which only the base moves, or which has
+        checked its motion for that.
         """
         pair = {row.ours, row.other}
+        if self._settings.checks_itself and pair <= self._settings.links:
+            return False
         if self._held in pair and pair & self._around:
             return False
         both_ours = self._is_ours(row.other)

@@ -31,6 +31,9 @@ from .settling import SettleWatch, Settling
 _LINK_RADIUS = 0.1
 """How far the points of a link are from the axis about which it turns [m]."""
 
+_FARTHER = 1.5
+"""By how much farther than the nearest solution the arm goes beside a base that drives [rad]."""
+
 _AT_ONCE = 1e-6
 """Distance of a target that needs no motion [rad]."""
 
@@ -335,6 +338,9 @@ class Manipulator:
             return self._line(goal, self._brake(now), q, base, held)
         rest = now.position if self._router is not None else self._brake(now)
         found = self._finder.candidates(goal, rest, q, base)
+        if self._beside.bases:
+            # Later, while the base stands, the arm may go the short way.
+            found = _about_as_near(found, rest)
         candidates = itertools.islice(found, self._options.most_candidates)
         if self._router is None:
             return self._search(goal, held, rest, candidates)
@@ -399,6 +405,17 @@ class Manipulator:
         trajectory = self._player.trajectory
         self._began_at, self.took = self._player.clock.t, None
         self._settle = SettleWatch(self._robot, self._settling, trajectory, self._tip)
+
+
+def _about_as_near(candidates: Iterator[Candidate], rest: Vector) -> Iterator[Candidate]:
+    """Yield candidates that are little farther from rest than the first one, shape (n,) [rad]."""
+    nearest: float | None = None
+    for candidate in candidates:
+        away = float(np.linalg.norm(candidate.target - rest))
+        nearest = away if nearest is None else nearest
+        if away > nearest + _FARTHER:
+            return
+        yield candidate
 
 
 def _is_there(rest: Vector, candidate: Candidate) -> bool:

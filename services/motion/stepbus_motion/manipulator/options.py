@@ -17,8 +17,9 @@ class ManipulatorOptions:
     effort_share: of the effort limits that motions may need. raise_by, most_raises: of the points
     of a spiral that are out of reach [m]. back_off_share: of the largest velocity, when the arm
     backs off. brake_acceleration, brake_jerk: of the hardest stop; the limits of the motion where
-    they are larger [rad/s², rad/s³]. grip_acceleration: of the tip in a stop while the gripper holds
-    something, unless the robot touches something: harder, it would swing out of the pads [m/s²].
+    they are larger [rad/s², rad/s³]. grip_acceleration: of the tip in a stop while the gripper
+    holds something, unless the robot touches something: harder, it would swing out of the pads
+    [m/s²].
     """
 
     period: float

@@ -138,6 +138,7 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
         within=params.slow_within,
         brake=params.arm_brake,
         creep=params.arm_creep,
+        checks_itself=params.srdf is not None,
     )
 
 

@@ -19,9 +19,9 @@ class MotionPlayer:
     """The motion under way, and its clock.
 
     limits: of the joints. period: between two commands [s]. brake_acceleration, brake_jerk: of the
-    hardest stop [rad/s², rad/s³]. tip: frame that what is held moves with, and grip_acceleration: of
-    the frame, in a stop that keeps it [m/s²]. collisions: of the robot with itself when it stops; None: not
-    checked. ignores_scale: the motion runs at full rate whatever the scale.
+    hardest stop [rad/s², rad/s³]. tip: frame that what is held moves with; grip_acceleration: its
+    largest in a stop that keeps that [m/s²]. collisions: of the robot with itself when it stops;
+    None: not checked. ignores_scale: the motion runs at full rate whatever the scale.
     """
 
     def __init__(

@@ -170,8 +170,7 @@ class Cameras:
             ]
         )
         self._cameras = {
-            name: Camera(name, row, client, bodies, lens)
-            for name, row in world.cameras.items()
+            name: Camera(name, row, client, bodies, lens) for name, row in world.cameras.items()
         }
         self._on = dict.fromkeys(self._cameras, enabled)
         self._enabled = enabled

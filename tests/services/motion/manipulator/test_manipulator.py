@@ -20,6 +20,7 @@ from support.services.manipulator import (
 
 from stepbus_kinematics import RobotModel
 from stepbus_motion.goals.outcome import Refused
+from stepbus_motion.manipulator.manipulator import Beside
 from stepbus_motion.motions.joint_motion import JointMotion, motion_to
 from stepbus_schemas import BaseState, Goal, Plan
 from stepbus_schemas.messages import Spiral
@@ -279,7 +280,7 @@ def test_what_is_held_is_not_swung_out_of_the_pads_by_a_stop_without_a_touch(tou
     robot = make_robot()
     stage, log = Stage(make_arm(robot)), Log()
     stage.arm.carry(0.4)
-    stage.start(joints_goal(ASIDE + [1.5, 0, 0, 0, 0, 0]))
+    stage.start(joints_goal(np.add(ASIDE, [1.5, 0, 0, 0, 0, 0])))
     for _ in range(60):
         stage.step(log)
     stage.arm.stop(stage.t, touches=touches)
@@ -385,6 +386,18 @@ def test_four_postures_are_tried_before_a_pose_has_no_path(robot):
     assert (log.outcome.state, log.outcome.cause) == ("failed", "no_path")
     assert log.outcome.text == "4 solutions were tried; the last: no path for request 3"
     assert len({tuple(np.round(request.goal, 6)) for request in stage.requests}) == 4
+
+
+def test_beside_a_base_that_drives_no_posture_far_away_is_tried(robot):
+    stage = Stage(planned_arm(robot), answer=bad_planner)
+    beside = Beside(bases=[(0.0, 0.0, 0.0)], waits=True)
+    goal = pose_goal("move_to_pose", [0.5, 0.2, 0.35])
+    stage.arm.start(goal, stage.q, STANDING, stage.t, beside=beside)
+    log = stage.run()
+    far = [np.linalg.norm(np.subtract(request.goal, HOME)) for request in stage.requests]
+    assert log.outcome.state == "failed"
+    assert len(far) < 4
+    assert max(far) <= far[0] + 1.5
 
 
 @pytest.mark.parametrize(

@@ -478,7 +478,9 @@ def test_what_comes_too_close_on_a_planned_way_is_gone_around(planned):
     assert len(robot.requests) == 2
 
 
-def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind_them_count(planned):
+def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind_them_count(
+    planned,
+):
     robot = planned
     robot.touching = [("hand", "upper", 0.0, 0.002)]
     robot.run(0.2)

@@ -22,7 +22,9 @@ def test_a_reading_has_its_numbers_whatever_was_read_before():
     assert one.at(5).random() == other.at(5).random()
 
 
-@pytest.mark.parametrize("noise", [Noise(8, "color", "camera"), Noise(7, "color", "other"), Noise(7, "depth", "camera")])
+@pytest.mark.parametrize(
+    "noise", [Noise(8, "color", "camera"), Noise(7, "color", "other"), Noise(7, "depth", "camera")]
+)
 def test_seeds_sensors_and_purposes_have_streams_of_their_own(noise):
     assert noise.at(5).random() != Noise(7, "color", "camera").at(5).random()
 

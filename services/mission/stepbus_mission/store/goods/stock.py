@@ -102,6 +102,10 @@ class Stock:
         """Return the names of all items, in the plant's order."""
         return list(self._types)
 
+    def measures(self, name: str) -> Measures:
+        """Return the dimensions of an item."""
+        return self._measures[name]
+
     def check(self, poses: Poses) -> None:
         """Raise RunError for a wrong number of poses, and for one of an item that is not finite."""
         counts = {len(poses.position), len(poses.orientation)}
