@@ -87,11 +87,15 @@ class RecordingTable:
 
 @dataclass
 class SaleTable:
-    """What the sales came to: for each family the cases, sales, largest force, broken promises."""
+    """What the sales came to: for each family the cases, sales, largest force, broken promises.
+
+    excused: sales in which something appeared nearer than the robot can stop.
+    """
 
     cases: Counter[str] = field(default_factory=Counter)
     sold: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
+    excused: Counter[str] = field(default_factory=Counter)
     force: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def add(self, case: SaleCase, outcome: SaleOutcome) -> None:
@@ -99,20 +103,21 @@ class SaleTable:
         self.cases[case.family] += 1
         self.sold[case.family] += outcome.code == 0
         self.broken[case.family] += bool(outcome.broken)
+        self.excused[case.family] += bool(outcome.excused)
         self.force[case.family] = max(self.force[case.family], outcome.force)
 
     def lines(self) -> list[str]:
         """Return the table."""
         lines = [
-            "| What happens | Cases | Sold | Stopped | Largest force [N] | Broken |",
-            "|---|---|---|---|---|---|",
+            "| What happens | Cases | Sold | Stopped | Largest force [N] | Too near | Broken |",
+            "|---|---|---|---|---|---|---|",
         ]
         for name, count in self.cases.items():
             sold, broken = self.sold[name], self.broken[name]
             row = f"| {name} | {count} | {sold} | {count - sold} | {self.force[name]:.1f} |"
-            lines.append(f"{row} {broken} |")
-        total, sold = self.cases.total(), self.sold.total()
-        last = f"| **all** | {total} | {sold} | {total - sold} | | {self.broken.total()} |"
+            lines.append(f"{row} {self.excused[name]} | {broken} |")
+        total, sold, near = self.cases.total(), self.sold.total(), self.excused.total()
+        last = f"| **all** | {total} | {sold} | {total - sold} | | {near} | {self.broken.total()} |"
         return [*lines, last] if total else []
 
 

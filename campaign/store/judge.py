@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from .log import SaleLog
+from .physics import Excuses
 
 MOST_FORCE = 50.0
 """Of the robot on anything but the ground [N]."""
@@ -41,17 +42,26 @@ _ROLLING = ("left_wheel_link", "right_wheel_link", "front_caster", "back_caster"
 _PADS = ("left_pad", "right_pad")
 
 
-def judge(log: SaleLog, result: Mapping[str, Any] | None, killed: str = "") -> list[str]:
-    """Return every promise that a sale has broken, one sentence each."""
+def judge(
+    log: SaleLog,
+    result: Mapping[str, Any] | None,
+    killed: str = "",
+    excused: Excuses | None = None,
+) -> list[str]:
+    """Return every promise that a sale has broken, one sentence each.
+
+    excused: what could not be avoided; None: all could.
+    """
+    excused = excused or Excuses()
     if result is None:
         return ["there is no result.json"]
     damage = [] if log.is_whole else ["the recording cannot be read to its end"]
     return [
         *damage,
-        *_forces(log),
+        *_forces(log, excused),
         *_motion(log, result),
         *_sale(log, result),
-        *_touches(log, result),
+        *_touches(log, result, excused),
         *_blame(result, killed),
     ]
 
@@ -72,10 +82,10 @@ def _robot_contacts(log: SaleLog) -> Iterator[tuple[int, tuple[str, str], float]
                 yield step, (one, other), force
 
 
-def _forces(log: SaleLog) -> Iterator[str]:
+def _forces(log: SaleLog, excused: Excuses) -> Iterator[str]:
     worst: dict[tuple[str, str], tuple[float, int]] = {}
     for step, pair, force in _robot_contacts(log):
-        if force > MOST_FORCE:
+        if force > MOST_FORCE and not excused.covers(pair, step):
             worst[pair] = max(worst.get(pair, (0.0, 0)), (force, step))
     for (one, other), (force, step) in worst.items():
         yield f"{one} pressed on {other} with {force:.0f} N at step {step}"
@@ -117,14 +127,15 @@ def _sale(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
             yield f"it says that {item} is {reported} mm from its spot; it is {error * 1e3:.1f} mm"
 
 
-def _touches(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
+def _touches(log: SaleLog, result: Mapping[str, Any], excused: Excuses) -> Iterator[str]:
     """Check that touches which are reported were there, and that those which were are reported."""
     said = [*log.texts(), result["reason"]]
     longest, most = defaultdict[frozenset[str], int](int), defaultdict[frozenset[str], float](float)
-    for _, pair, force in _robot_contacts(log):
+    for step, pair, force in _robot_contacts(log):
         key = frozenset(pair)
         most[key] = max(most[key], force)
-        longest[key] += force > _WORTH_A_WORD
+        thrown = excused.overlaps is not None and step >= excused.overlaps
+        longest[key] += force > _WORTH_A_WORD and not thrown
     for text in dict.fromkeys(said):
         for one, other, force in _TOUCH.findall(text):
             if most[frozenset((one, other))] < 0.5 * float(force):

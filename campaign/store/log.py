@@ -20,10 +20,14 @@ Row = tuple[int, Mapping[str, Any]]
 
 @dataclass
 class SaleLog:
-    """Topic → messages with their steps, in file order; topic → names of its description."""
+    """Topic → messages with their steps, in file order; topic → names of its description.
+
+    bodies: link → the body of the world that it belongs to.
+    """
 
     messages: dict[str, list[Row]] = field(default_factory=lambda: defaultdict(list))
     names: dict[str, list[str]] = field(default_factory=dict)
+    bodies: dict[str, str] = field(default_factory=dict)
     is_whole: bool = True
     """Whether the recording could be read to its end."""
 
@@ -63,6 +67,8 @@ def _add(log: SaleLog, channels: dict[int, Channel], record: object) -> None:
         channels[record.id] = record
         about = json.loads(record.metadata.get("description", "{}"))
         log.names[record.topic] = about.get("names", [])
+        if record.topic == "plant/poses":
+            log.bodies = dict(zip(about["names"], about["details"]["body"], strict=True))
     elif isinstance(record, Message) and channels[record.channel_id].topic in _READ:
         topic = channels[record.channel_id].topic
         log.messages[topic].append((record.sequence, msgpack.unpackb(record.data)))

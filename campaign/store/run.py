@@ -16,6 +16,7 @@ from campaign.sandbox import STEPBUS
 from .cases import Case
 from .judge import judge, largest_force
 from .log import read
+from .physics import excuses
 
 _LONGEST_S = 400.0
 _START_S = 120
@@ -23,13 +24,17 @@ _START_S = 120
 
 @dataclass
 class Outcome:
-    """What a sale came to. code: None where it hangs. force: the largest one [N]."""
+    """What a sale came to.
+
+    code: None where it hangs. force: the largest one [N]. excused: what could not be avoided.
+    """
 
     code: int | None
     seconds: float
     said: str = ""
     force: float = 0.0
     broken: list[str] = field(default_factory=list)
+    excused: list[str] = field(default_factory=list)
 
 
 def sell(rows: Sequence[Case], keep: Path | None = None) -> Iterator[tuple[Case, Outcome]]:
@@ -63,7 +68,8 @@ def _sell(case: Case, out: Path) -> Outcome:
         return outcome
     log = read(recording)
     outcome.said, outcome.force = result["reason"], largest_force(log)
-    outcome.broken = judge(log, result, case.killed)
+    excused = excuses(log, case.script)
+    outcome.broken, outcome.excused = judge(log, result, case.killed, excused), excused.texts
     if "Traceback (most recent call last)" in done.stderr + done.stdout:
         outcome.broken.append("a traceback is printed")
     if log_reader.read(recording).sha256 != result["sha256"]:

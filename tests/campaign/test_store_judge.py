@@ -8,6 +8,7 @@ import pytest
 from campaign.store import Outcome, cases, judge, sell
 from campaign.store.judge import largest_force
 from campaign.store.log import SaleLog, read
+from campaign.store.physics import excuses
 from mcap.writer import Writer
 
 ROBOT = ["chassis", "forearm_link", "left_pad", "right_pad", "left_wheel_link"]
@@ -155,3 +156,47 @@ def test_a_camera_is_given_time_to_start_its_world_model(monkeypatch, tmp_path):
     list(sell([case for case in cases(20, 1) if case.family in {"people", "blocked camera"}][:2]))
     timed = [sum("world.spawn_timeout" in word for word in command) for command in commands]
     assert timed == [0, 1]
+
+
+def appearing(gap, *, vx=0.6, pair=("chassis", "crate_box"), force=300.0, later=3):
+    """Return the log of a crate that is put down at step 2, a gap away, and hit `later` on [m]."""
+    found = log(texts=(TABLE,))
+    found.bodies = {"crate_box": "crate", "chassis": "robot"}
+    found.messages["plant/odometry"] = [(step, {"vx": vx, "wz": 0.0}) for step in range(90)]
+    near = {"pairs": [list(pair)], "force": [0.0], "distance": [gap]}
+    hit = {"pairs": [list(pair)], "force": [force], "distance": [0.0]}
+    found.messages["plant/contacts"] = [(0, {"pairs": [], "force": [], "distance": []})]
+    found.messages["plant/contacts"] += [(2, near), (2 + later, hit)]
+    return found
+
+
+CRATE = [{"at": "0.032s", "body": "crate", "position": [1.0, 0.0, 0.0]}]
+
+
+@pytest.mark.parametrize(
+    ("found", "texts"),
+    [
+        (appearing(0.04), ["crate_box appeared 40 mm from chassis, which needed 46 mm to stop"]),
+        (appearing(0.05), []),
+        (appearing(0.04, vx=0.5), []),
+        (appearing(0.0, vx=0.0), ["crate_box was put into chassis at step 2"]),
+    ],
+)
+def test_what_appears_nearer_than_a_base_can_brake_is_nobody_s_fault(found, texts):
+    excused = excuses(found, CRATE)
+    assert [a.startswith(b) for a, b in zip(excused.texts, texts, strict=True)] == [True] * len(
+        texts
+    )
+    pressed = [line for line in judge(found, SOLD, excused=excused) if "pressed on" in line]
+    assert bool(pressed) is not bool(texts)
+
+
+def test_a_second_after_something_has_appeared_nobody_may_hit_it():
+    found = appearing(0.04, later=70)
+    lines = judge(found, SOLD, excused=excuses(found, CRATE))
+    assert "chassis pressed on crate_box with 300 N at step 72" in lines
+
+
+def test_what_others_move_is_no_excuse_for_hitting_something_else():
+    found = appearing(0.01, pair=("chassis", "pillar_post"))
+    assert excuses(found, CRATE).texts == []
