@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Iterable, Mapping
 
-import msgspec
-
 from stepbus_orchestrator.run.bus.announcer import Announcer
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import stamp
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode
 
-from .recorded import Recorded, envelope
+from .recorded import Recorded, envelope, without_bulk
 
 
 class Peer:
@@ -45,20 +43,10 @@ class Peer:
         if self._put is None:
             return
         if self._put_bulk:
-            outputs = self._publish_bulk(outputs)
+            outputs, content = without_bulk(outputs, self._put_bulk)
+            for port, data in content.items():
+                self._put_bulk[port](data, attachment=stamp(outputs.step, outputs.token))
         self._put(encode(outputs))
-
-    def _publish_bulk(self, outputs: Outputs) -> Outputs:
-        bulk, ports = {}, {}
-        for port, raw in outputs.ports.items():
-            put = self._put_bulk.get(port)
-            if put is None:
-                ports[port] = raw
-            else:
-                data = bytes(raw)
-                bulk[port] = len(data)
-                put(data, attachment=stamp(outputs.step, outputs.token))
-        return msgspec.structs.replace(outputs, ports=ports, bulk=bulk)
 
 
 class Peers:

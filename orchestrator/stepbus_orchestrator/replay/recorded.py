@@ -1,6 +1,6 @@
 """What a recording says a participant published, to be taken step by step."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import msgspec
 import numpy as np
@@ -68,6 +68,14 @@ def envelope(token: str, step: int, step_ns: int, ports: Mapping[str, bytes]) ->
     """Return what a participant published at a step, as it is published in this run."""
     raw = {port: msgspec.Raw(data) for port, data in ports.items()}
     return Outputs(token=token, step=step, t_ns=step * step_ns, ports=raw)
+
+
+def without_bulk(outputs: Outputs, bulk_ports: Collection[str]) -> tuple[Outputs, dict[str, bytes]]:
+    """Return outputs that announce the content of bulk ports (P7.3), and that content by port."""
+    content = {port: bytes(raw) for port, raw in outputs.ports.items() if port in bulk_ports}
+    ports = {port: raw for port, raw in outputs.ports.items() if port not in content}
+    sizes = {port: len(data) for port, data in content.items()}
+    return msgspec.structs.replace(outputs, ports=ports, bulk=sizes), content
 
 
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:

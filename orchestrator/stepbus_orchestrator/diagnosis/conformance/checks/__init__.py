@@ -6,11 +6,11 @@ from stepbus_orchestrator.diagnosis.conformance.check import Check
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-from . import encodings, faults, inputs, join, noise, ready, steps, stop
+from . import bulk, encodings, faults, inputs, join, noise, ready, steps, stop
 
 CHECKS = tuple(
     item
-    for module in (join, ready, steps, inputs, encodings, noise, faults, stop)
+    for module in (join, ready, steps, inputs, encodings, noise, faults, bulk, stop)
     for item in vars(module).values()
     if isinstance(item, Check)
 )

@@ -1,6 +1,6 @@
 """Checks of fatal inputs: the participant reports a fault, and blames the right one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 
 import msgspec
 
@@ -17,11 +17,15 @@ Spoil = Callable[[Harness, str, int, Ports], None]
 
 def _faults(kit: Kit, spoil: Spoil) -> str:
     """Spoil one step of each source in turn; the participant has to report it."""
-    return "; ".join(_blames(kit, source, spoil) for source in kit.feed)
+    return "; ".join(
+        blames(kit, source, spoil, {i.port for i in kit.spec.inputs.values() if i.source == source})
+        for source in kit.feed
+    )
 
 
-def _blames(kit: Kit, source: str, spoil: Spoil) -> str:
-    at = _where(kit, source)
+def blames(kit: Kit, source: str, spoil: Spoil, ports: Set[str]) -> str:
+    """Spoil a step at which a source publishes one of some ports, which has to be reported."""
+    at = _where(kit, source, ports)
     with kit.running(at) as harness:
         try:
             _walk_to_fault(kit, harness, source, at, spoil)
@@ -60,9 +64,8 @@ def _walk_to_fault(kit: Kit, harness: Harness, source: str, at: int, spoil: Spoi
         raise Failed(f"it did all {kit.steps} steps, and reported no fault of {source}")
 
 
-def _where(kit: Kit, source: str) -> int:
+def _where(kit: Kit, source: str, ports: Set[str]) -> int:
     """Return a step in the middle at which a source publishes what the participant reads."""
-    ports = {item.port for item in kit.spec.inputs.values() if item.source == source}
     steps = [step for step, row in kit.feed[source].items() if ports & row.keys()]
     if not steps:
         raise Skipped(f"{source} publishes nothing that it reads")
@@ -125,9 +128,9 @@ def wrong_message(kit: Kit) -> str:
     """Publish messages that are not of their port's type."""
 
     def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
-        # No field of any type is binary.
+        # No field of any type may be an empty map.
         bad = {
-            port: msgspec.msgpack.encode(dict.fromkeys(msgspec.msgpack.decode(data), b"\x00"))
+            port: msgspec.msgpack.encode({key: {} for key in msgspec.msgpack.decode(data)})
             for port, data in ports.items()
         }
         harness.publish(source, step, bad)

@@ -11,7 +11,6 @@ from stepbus_orchestrator.diagnosis.conformance.harness.feeds import Feed, Ports
 from stepbus_orchestrator.diagnosis.conformance.harness.harness import Harness
 from stepbus_orchestrator.diagnosis.conformance.harness.kit import Kit
 from stepbus_orchestrator.diagnosis.conformance.outcome import Skipped
-from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Start, Stop, Trigger, encode
 
@@ -55,7 +54,7 @@ def _outputs(harness: Harness, source: str, step: int, token: str | None = None)
     ports = harness.material.feed[source].get(step)
     if ports is None:
         return None
-    return encode(envelope(token or harness.token, step, harness.scenario.step_ns, ports))
+    return harness.outputs(source, step, ports, token)[0]
 
 
 @check("P8.1", "duplicate messages change nothing", inputs=True)
@@ -158,8 +157,14 @@ def unread_ports(kit: Kit) -> str:
 @check("P3.7", "messages as large as the bus allows change nothing", inputs=True)
 def oversize(kit: Kit) -> str:
     """Make each message of the sources as large as the bus allows."""
-    limit = min(max_message_bytes(kit.material.scenario), 60_000)
-    own = max(sum(map(len, row.values())) for rows in kit.feed.values() for row in rows.values())
+    scenario = kit.material.scenario
+    bulk = {n: {p for p, o in scenario.participant(n).outputs.items() if o.bulk} for n in kit.feed}
+    own = max(
+        sum(len(data) for port, data in row.items() if port not in bulk[name])
+        for name, rows in kit.feed.items()
+        for row in rows.values()
+    )
+    limit = min(max_message_bytes(scenario), 60_000)
     room = limit - own - 500
     if room < 1:
         raise Skipped(f"its inputs of {own} bytes are as large as the bus allows already")

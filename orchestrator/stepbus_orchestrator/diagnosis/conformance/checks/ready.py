@@ -26,6 +26,9 @@ def handshake(kit: Kit) -> str:
         )
         if "P4.6" in transcript.problems:
             raise Failed(transcript.problems["P4.6"])
+        bulk = {port for port, output in kit.spec.outputs.items() if output.bulk}
+        if missing := sorted(bulk - transcript.bulk_handshakes):
+            raise Failed(f"it sent no handshake on bulk port {missing[0]}")
         if not transcript.log_before_ready:
             raise Failed("its first Ready came without a Log before it")
         if transcript.outputs:

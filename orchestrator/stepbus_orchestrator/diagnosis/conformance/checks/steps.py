@@ -28,7 +28,7 @@ def steps(kit: Kit) -> str:
 def content(kit: Kit) -> str:
     """Check what it published in the plain run."""
     trace = kit.reference()
-    for clause in ("P3.4", "P7.2", "P7.3"):
+    for clause in ("P3.4", "P7.2", "P7.3", "P7.5"):
         if clause in trace.transcript.problems:
             raise Failed(trace.transcript.problems[clause])
     silent = [port for port in kit.spec.outputs if not any(port in p for p in trace.ports.values())]
@@ -44,6 +44,10 @@ def encodings(kit: Kit) -> str:
         wrong = transcript.encodings.get(channel, set()) - {encoding_of(type_name)}
         if wrong:
             raise Failed(f"on {channel}/: {min(wrong)!r}, not {encoding_of(type_name)!r}")
+    for port, output in kit.spec.outputs.items():
+        wrong = transcript.encodings.get(f"bulk/{port}", set()) - {encoding_of(output.type)}
+        if wrong:
+            raise Failed(f"on bulk/…/{port}: {min(wrong)!r}, not {encoding_of(output.type)!r}")
     return "each names its type"
 
 

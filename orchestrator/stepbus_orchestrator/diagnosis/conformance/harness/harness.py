@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
-from stepbus_orchestrator.replay.recorded import envelope
+from stepbus_orchestrator.replay.recorded import envelope, without_bulk
+from stepbus_participant import stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     Description,
@@ -31,9 +32,12 @@ class Harness(Session):
     # --- sending -----------------------------------------------------------------------------
 
     def send_handshake(self) -> None:
-        """Send the handshake of every peer."""
+        """Send the handshake of every peer, also on its bulk ports."""
         for put in self._peers.values():
             self._send(put, encode(Outputs(token=self.token, step=HANDSHAKE_STEP, t_ns=0)))
+        for source, puts in self._bulk.items():
+            for port in puts:
+                self.publish_content(source, port, HANDSHAKE_STEP, b"")
 
     def meet(self) -> None:
         """Start the program, and play its peers until it is ready."""
@@ -87,16 +91,35 @@ class Harness(Session):
 
     def publish(self, source: str, step: int, ports: Ports) -> None:
         """Publish the outputs of a source at a step."""
-        data = encode(envelope(self.token, step, self.scenario.step_ns, ports))
-        self.publish_bytes(source, data)
+        outputs, content = self.outputs(source, step, ports)
+        for port, data in content.items():
+            self.publish_content(source, port, step, data)
+        self.publish_bytes(source, outputs)
+
+    def outputs(
+        self, source: str, step: int, ports: Ports, token: str | None = None
+    ) -> tuple[bytes, dict[str, bytes]]:
+        """Return the `Outputs` of a source at a step, and the content of its bulk ports.
+
+        token: another one than that of the run.
+        """
+        outputs = envelope(token or self.token, step, self.scenario.step_ns, ports)
+        outputs, content = without_bulk(outputs, self._bulk.get(source, {}))
+        return encode(outputs), content
+
+    def publish_content(
+        self, source: str, port: str, step: int, data: bytes, token: str | None = None
+    ) -> None:
+        """Publish the content of a bulk port; token: another one than that of the run."""
+        self._send(self._bulk[source][port], data, attachment=stamp(step, token or self.token))
 
     def publish_bytes(self, source: str, data: bytes) -> None:
         """Publish bytes on behalf of a source."""
         self._send(self._peers[source], data)
 
-    def _send(self, put: Callable[..., None], data: bytes) -> None:
+    def _send(self, put: Callable[..., None], data: bytes, **options: bytes) -> None:
         with self._watchdog.watching():
-            put(data)
+            put(data, **options)
         if self._watchdog.fired:
             limit_s = self.spec.deadlines.step_s
             raise Failed(f"it read nothing for {limit_s:g} s, and messages to it piled up")
@@ -116,8 +139,8 @@ class Harness(Session):
         """
         due = due_step(step, every=self.spec.every)
         self.until(
-            lambda: self.transcript.newest >= due,
-            f"step {due}",
+            lambda: self.transcript.newest >= due and not self.transcript.awaited,
+            f"step {due}, with all that it announces,",
             self.spec.deadlines.step_s,
             self.repeat if repeating else None,
         )

@@ -64,6 +64,7 @@ class Session:
         self._stack = contextlib.ExitStack()
         self._bus: ZenohBus | None = None
         self._peers: dict[str, Callable[..., None]] = {}
+        self._bulk: dict[str, dict[str, Callable[..., None]]] = {}
         self._control: dict[str, Callable[..., None]] = {}
         self._child: Child | None = None
 
@@ -95,6 +96,9 @@ class Session:
         bus.answer("join", self._to(self._take_join))
         for channel in ("out", "log", "ready", "fault"):
             bus.subscribe(f"{channel}/{name}", self._to(partial(self._take, channel)))
+        for port, output in self.spec.outputs.items():
+            if output.bulk:
+                bus.subscribe(f"bulk/{name}/{port}", self._to(partial(self._take_bulk, port)))
         alive = self._to(self._take_alive)
         bus.watch_alive(f"alive/{name}", lambda _key, is_alive: alive(is_alive))
         for channel in ("start", "trigger", "stop"):
@@ -117,6 +121,11 @@ class Session:
     def _open_publishers(self, bus: ZenohBus) -> None:
         for source in self.material.feed:
             self._peers[source] = bus.publisher(f"out/{source}", encoding_of("Outputs/1"))
+            self._bulk[source] = {
+                port: bus.publisher(f"bulk/{source}/{port}", encoding_of(output.type))
+                for port, output in self.scenario.participant(source).outputs.items()
+                if output.bulk
+            }
 
     def start_program(self) -> None:
         """Start the participant."""
@@ -144,6 +153,11 @@ class Session:
     def _take(self, channel: str, sample: Any) -> None:
         if self._bus is not None:
             self._recorder.add(channel, self._bus.payload(sample), self._bus.encoding(sample))
+
+    def _take_bulk(self, port: str, sample: Any) -> None:
+        if (bus := self._bus) is not None:
+            stamp, content = bus.attachment(sample), bus.payload(sample)
+            self._recorder.add_bulk(port, stamp, content, bus.encoding(sample))
 
     def _take_alive(self, is_alive: bool) -> None:
         self.transcript.alive = is_alive

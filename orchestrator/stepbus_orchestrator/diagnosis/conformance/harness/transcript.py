@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_participant import read_stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     SHIPPED,
@@ -35,6 +36,7 @@ class Transcript:
     requests to join. hello: its newest `Hello`. outputs: the published ones by step, handshakes
     excepted; packed: their bytes in the order they came. logged: bytes of the logged ones, in
     their order. encodings: first part of the key → encodings. problems: clause → how it was broken.
+    content: of its bulk ports, by step and port. bulk_handshakes: its bulk ports with a handshake.
     """
 
     alive: bool = False
@@ -51,6 +53,18 @@ class Transcript:
     faults: list[Fault] = field(default_factory=list)
     encodings: dict[str, set[str]] = field(default_factory=dict)
     problems: dict[str, str] = field(default_factory=dict)
+    content: dict[tuple[int, str], bytes] = field(default_factory=dict)
+    bulk_handshakes: set[str] = field(default_factory=set)
+
+    @property
+    def awaited(self) -> set[tuple[int, str]]:
+        """Return the bulk content, as step and port, that is announced and has not arrived."""
+        return {
+            (step, port)
+            for step, outputs in self.outputs.items()
+            for port in outputs.bulk
+            if (step, port) not in self.content
+        }
 
     @property
     def newest(self) -> int:
@@ -77,7 +91,10 @@ class Transcript:
     def ports(self) -> dict[int, dict[str, bytes]]:
         """Return the published messages: step → port → bytes."""
         return {
-            step: {port: bytes(raw) for port, raw in outputs.ports.items()}
+            step: {
+                **{port: bytes(raw) for port, raw in outputs.ports.items()},
+                **{port: self.content.get((step, port), b"") for port in outputs.bulk},
+            }
             for step, outputs in sorted(self.outputs.items())
         }
 
@@ -92,6 +109,7 @@ class Recorder:
         self._spec = spec
         self._token = token
         self._step_ns = step_ns
+        self._bulk = {port for port, output in spec.outputs.items() if output.bulk}
         self._decoders = {
             port: Decoder(types[output.type]) for port, output in spec.outputs.items()
         }
@@ -128,6 +146,36 @@ class Recorder:
                 self.transcript.readies.append(message)
             case Fault():
                 self.transcript.faults.append(message)
+
+    def add_bulk(self, port: str, stamped: bytes, content: bytes, encoding: str) -> None:
+        """Record one bulk sample; stamped: its attachment (P7.5)."""
+        transcript = self.transcript
+        transcript.encodings.setdefault(f"bulk/{port}", set()).add(encoding)
+        step = read_stamp(stamped, self._token)
+        if step is None:
+            self._add_problem("P7.5", f"bulk content on {port} has no attachment with the token")
+        elif step == HANDSHAKE_STEP:
+            transcript.bulk_handshakes.add(port)
+            if content:
+                self._add_problem("P4.6", f"its handshake on bulk port {port} is not empty")
+        elif (step, port) in transcript.content:
+            self._add_problem("P7.5", f"step {step}: {port} has bulk content twice")
+        else:
+            transcript.content[step, port] = content
+            if step in transcript.outputs:
+                self._check_content(transcript.outputs[step], port)
+
+    def _check_content(self, outputs: Outputs, port: str) -> None:
+        content, size = self.transcript.content.get((outputs.step, port)), outputs.bulk[port]
+        if content is None:
+            return
+        if len(content) != size:
+            text = f"step {outputs.step}: {port} has {len(content)} bytes, announced were {size}"
+            self._add_problem("P7.3", text)
+        try:
+            self._decoders[port](content)
+        except MessageError as exc:
+            self._add_problem("P7.2", f"step {outputs.step}: {port} is {exc}")
 
     def add_hello(self, data: bytes) -> None:
         """Record one request to join."""
@@ -170,8 +218,14 @@ class Recorder:
                 decode(raw)
             except MessageError as exc:
                 self._add_problem("P7.2", f"{where}: {port} is {exc}")
-        if outputs.bulk:
-            self._add_problem("P7.3", f"{where} announces bulk content, and there is no bulk port")
+        for port in outputs.bulk:
+            if port not in self._bulk:
+                text = f"{where} announces bulk content on {port!r}, which is no bulk port"
+                self._add_problem("P7.3", text)
+            else:
+                self._check_content(outputs, port)
+        for port in self._bulk & outputs.ports.keys():
+            self._add_problem("P7.3", f"{where} has the bulk port {port!r} in `ports`")
 
     def _add_log(self, log: Log) -> None:
         self.transcript.log_before_ready |= not self.transcript.readies
