@@ -76,6 +76,8 @@ class ScriptedBus:
     def subscribe(self, key, sink):
         self.sinks[key] = sink
 
+    receive = subscribe
+
     def payload(self, sample):
         return sample
 

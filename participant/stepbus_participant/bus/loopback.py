@@ -33,7 +33,7 @@ class _Declared:
     """What one bus has declared on its network; sink: what to call, where there is anything."""
 
     bus: LoopbackBus
-    role: Literal["subscriber", "answerer", "watcher", "alive"]
+    role: Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
     key: str
     sink: Callable[..., None] | None = None
 
@@ -51,6 +51,9 @@ class LoopbackBus:
         self._subscribers: dict[str, list[Callable[[Any], None]]] = (
             {} if peer is None else peer._subscribers
         )
+        self._receivers: dict[str, list[Callable[[bytes], None]]] = (
+            {} if peer is None else peer._receivers
+        )
         self.queue = make_queue
         self._closed = False
 
@@ -58,14 +61,17 @@ class LoopbackBus:
         """Return a function that publishes bytes; it raises BusError once the bus is closed."""
         # The same list for as long as the network lives, so that a put has nothing to look up.
         sinks = self._subscribers.setdefault(key, [])
+        receivers = self._receivers.setdefault(key, [])
         self._find_subscribers()
 
         def put(data: bytes, attachment: bytes = b"") -> None:
             if self._closed:
                 raise BusError(f"{key}: the bus is closed")
-            sample = _Sample(key, bytes(data), encoding, attachment)
+            content = bytes(data)
+            for receive in receivers:
+                receive(content)
             for sink in sinks:
-                sink(sample)
+                sink(_Sample(key, content, encoding, attachment))
 
         return put
 
@@ -73,10 +79,16 @@ class LoopbackBus:
         """Renew who gets what is published on each key, after something was declared."""
         for key, sinks in self._subscribers.items():
             sinks[:] = self._sinks("subscriber", key)
+            self._receivers[key][:] = self._sinks("receiver", key)
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key; `*` stands for one part of it."""
         self.declared.append(_Declared(self, "subscriber", key, sink))
+        self._find_subscribers()
+
+    def receive(self, key: str, sink: Callable[[bytes], None]) -> None:
+        """Call `sink` with the content of each sample on a key; `*` stands for one part of it."""
+        self.declared.append(_Declared(self, "receiver", key, sink))
         self._find_subscribers()
 
     def payload(self, sample: Any) -> bytes:

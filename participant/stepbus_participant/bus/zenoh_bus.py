@@ -220,6 +220,22 @@ class ZenohBus:
             _keep_thread_state()
             sink(sample)
 
+        self._subscribe(key, on_sample)
+
+    def receive(self, key: str, sink: Callable[[bytes], None]) -> None:
+        """Call `sink` with the content of each sample, on Zenoh's own receiving thread.
+
+        A link has one buffer of 64 KiB to receive into. Zenoh allocates, clears and frees another
+        for every message that arrives while somebody holds a sample, so none is held.
+        """
+
+        def on_sample(sample: Any) -> None:
+            _keep_thread_state()
+            sink(sample.payload.to_bytes())
+
+        self._subscribe(key, on_sample)
+
+    def _subscribe(self, key: str, on_sample: Callable[[Any], None]) -> None:
         # The default, an indirect callback, moves every message to another thread.
         handler: Any = self._zenoh.handlers.Callback(on_sample, indirect=False)
         self._held.append(self._session.declare_subscriber(self._prefix + key, handler))

@@ -50,17 +50,16 @@ class Control:
         self._token = token
         self._step = -1
         self._stop: Stop | None = None
-        self._bus = bus
         self._wake = list(wake)
         self._queue = bus.queue()
         for key in ("start", "trigger", "stop"):
-            bus.subscribe(key, self._sink(key))
+            bus.receive(key, self._sink(key))
         if name:
-            bus.subscribe(f"call/{name}", self._sink("call"))
+            bus.receive(f"call/{name}", self._sink("call"))
         bus.watch_alive("alive/orchestrator", self._on_alive)
 
-    def _sink(self, key: str) -> Callable[[Any], None]:
-        return lambda sample: self._put(key, self._bus.payload(sample))
+    def _sink(self, key: str) -> Callable[[bytes], None]:
+        return lambda data: self._put(key, data)
 
     def _on_alive(self, _key: str, alive: bool) -> None:
         if not alive:

@@ -23,7 +23,7 @@ def await_start(
     put_ready = bus.publisher(f"ready/{ready.name}", encoding_of("Ready/1"))
     while control.started is None:
         outbox.send_handshake()
-        _accept_handshakes(bus, sources)
+        _accept_handshakes(sources)
         unconnected = [source.name for source in sources if not source.connected]
         if unconnected:
             outbox.flush(Waiting(step=HANDSHAKE_STEP, sources=unconnected))
@@ -35,10 +35,10 @@ def await_start(
     return control.started.get(ready.name, {})
 
 
-def _accept_handshakes(bus: Bus, sources: list[Source]) -> None:
+def _accept_handshakes(sources: list[Source]) -> None:
     for source in sources:
         # What follows the first handshake, with its bulk content, is for the step loop (P4.9).
         while not source.connected and not source.queue.empty():
-            sample = source.queue.get()
-            if sample is not None:
-                source.accept(bus.payload(sample))
+            data = source.queue.get()
+            if data is not None:
+                source.accept(data)

@@ -116,8 +116,7 @@ class StepLoop:
 
     def _receive(self, source: Source) -> None:
         """Accept the next message of a source, however long it takes to arrive (P6.2)."""
-        sample = self._next(source, source.queue)
-        outputs = source.accept(self._bus.payload(sample))
+        outputs = source.accept(self._next(source, source.queue))
         if outputs is not None and outputs.bulk:
             for port, size in outputs.bulk.items():
                 if port in source.bulk_queues:
@@ -141,24 +140,24 @@ class StepLoop:
         source.offer_bulk(outputs, port, content)
 
     def _next(self, source: Source, queue: Any) -> Any:
-        """Return the next sample of a queue; None in it means that the orchestrator has sent."""
+        """Return the next item of a queue; None in it means that the orchestrator has sent."""
         if not queue.empty():
-            sample = queue.get()
-            if sample is not None:
-                return sample
+            item = queue.get()
+            if item is not None:
+                return item
             self._control.poll()
         start_ns = _now_ns()
         timeout = FLUSH_AFTER_S
         while True:
             try:
-                sample = queue.get(timeout=timeout)
+                item = queue.get(timeout=timeout)
             except Empty:
                 if timeout == FLUSH_AFTER_S:
                     self._outbox.flush(Waiting(step=self.step.index, sources=[source.name]))
                     timeout = 1.0
                 self._control.poll()
                 continue
-            if sample is not None:
+            if item is not None:
                 self._waited_ns += _now_ns() - start_ns
-                return sample
+                return item
             self._control.poll()

@@ -81,6 +81,9 @@ class HandBus:
 
     answer = watch_alive = subscribe
 
+    def receive(self, key, sink):
+        self.sinks[key] = lambda sample: sink(sample.payload)
+
     def declare_alive(self, key):
         self.alive = key
 

@@ -42,6 +42,8 @@ class Bus:
         if key == "out/controller":
             sink(encode(Outputs(token=TOKEN, step=-1, t_ns=0)))
 
+    receive = subscribe
+
     def payload(self, sample):
         return sample
 

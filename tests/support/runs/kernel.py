@@ -200,7 +200,7 @@ class Bus:
     def subscribe(self, key, sink):
         self._sinks[key] = sink
 
-    answer = watch_alive = subscribe
+    answer = watch_alive = receive = subscribe
 
     def declare_alive(self, key):
         pass
@@ -235,7 +235,7 @@ class Bus:
             self._log(name, *steps)
 
     def _log(self, name, *steps):
-        self._sinks[f"log/{name}"]((f"log/{name}", log(name, *steps)))
+        self._sinks[f"log/{name}"](log(name, *steps))
 
     def _on_stop(self, data):
         stop = Decoder(Stop)(data)

@@ -85,7 +85,9 @@ def _execute(args: argparse.Namespace) -> int:
     )
     with interruptible() as interrupt:
         result = _run(scenario, options, pace, interrupt, quiet=args.json)
-        lines = _report(result, interrupt, has_plots=not args.no_report)
+        # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
+        is_read = not (args.json and args.no_report)
+        lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
         if args.json:
             say_json(result)
         else:

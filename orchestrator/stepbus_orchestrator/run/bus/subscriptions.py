@@ -37,8 +37,7 @@ def subscribe(
 
 
 def _subscribe_one(session: Session, key: str, take: Callable[[bytes], None]) -> None:
-    payload = session.bus.payload
-    session.bus.subscribe(key, session.inbox.into(lambda sample: take(payload(sample))))
+    session.bus.receive(key, session.inbox.into(take))
 
 
 def _subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
