@@ -76,7 +76,7 @@ class ScriptedBus:
     def subscribe(self, key, sink):
         self.sinks[key] = sink
 
-    receive = subscribe
+    subscribe_content = subscribe
 
     def payload(self, sample):
         return sample

@@ -53,7 +53,7 @@ class Bus(Protocol):
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key; `*` matches one part of it."""
 
-    def receive(self, key: str, sink: Callable[[bytes], None]) -> None:
+    def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample on a key; cheaper than `subscribe`."""
 
     def payload(self, sample: Any) -> bytes:

@@ -86,7 +86,7 @@ class LoopbackBus:
         self.declared.append(_Declared(self, "subscriber", key, sink))
         self._find_subscribers()
 
-    def receive(self, key: str, sink: Callable[[bytes], None]) -> None:
+    def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample on a key; `*` stands for one part of it."""
         self.declared.append(_Declared(self, "receiver", key, sink))
         self._find_subscribers()

@@ -222,7 +222,7 @@ class ZenohBus:
 
         self._subscribe(key, on_sample)
 
-    def receive(self, key: str, sink: Callable[[bytes], None]) -> None:
+    def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
         """Call `sink` with the content of each sample, on Zenoh's own receiving thread.
 
         A link has one buffer of 64 KiB to receive into. Zenoh allocates, clears and frees another

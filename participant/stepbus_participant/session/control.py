@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from queue import Empty
-from typing import Any
 
 from stepbus_participant.bus import Bus, Queue
 from stepbus_schemas import Call, Decoder, Description, MessageError, RunError, Start, Stop, Trigger
@@ -53,9 +52,9 @@ class Control:
         self._wake = list(wake)
         self._queue = bus.queue()
         for key in ("start", "trigger", "stop"):
-            bus.receive(key, self._sink(key))
+            bus.subscribe_content(key, self._sink(key))
         if name:
-            bus.receive(f"call/{name}", self._sink("call"))
+            bus.subscribe_content(f"call/{name}", self._sink("call"))
         bus.watch_alive("alive/orchestrator", self._on_alive)
 
     def _sink(self, key: str) -> Callable[[bytes], None]:

@@ -65,7 +65,7 @@ class Session:
 
     def _subscribe(self) -> None:
         for source in self._sources:
-            self._bus.receive(f"out/{source.name}", source.queue.put)
+            self._bus.subscribe_content(f"out/{source.name}", source.queue.put)
             for port, queue in source.bulk_queues.items():
                 self._bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
 

@@ -33,8 +33,8 @@ def carries_token(data: bytes, token: str) -> bool:
 class Source:
     """One participant to read from: its `Outputs` in the order of their steps.
 
-    queue: where the bus puts the content of its samples. step: the newest step accepted. connected: whether a
-    handshake has arrived. drops: cause → number of dropped messages.
+    queue: where the bus puts the content of its samples. step: the newest step accepted.
+    connected: whether a handshake has arrived. drops: cause → number of dropped messages.
     """
 
     def __init__(

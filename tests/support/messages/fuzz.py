@@ -81,7 +81,7 @@ class HandBus:
 
     answer = watch_alive = subscribe
 
-    def receive(self, key, sink):
+    def subscribe_content(self, key, sink):
         self.sinks[key] = lambda sample: sink(sample.payload)
 
     def declare_alive(self, key):

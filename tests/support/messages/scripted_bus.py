@@ -42,7 +42,7 @@ class Bus:
         if key == "out/controller":
             sink(encode(Outputs(token=TOKEN, step=-1, t_ns=0)))
 
-    receive = subscribe
+    subscribe_content = subscribe
 
     def payload(self, sample):
         return sample

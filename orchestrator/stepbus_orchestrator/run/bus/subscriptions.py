@@ -37,7 +37,7 @@ def subscribe(
 
 
 def _subscribe_one(session: Session, key: str, take: Callable[[bytes], None]) -> None:
-    session.bus.receive(key, session.inbox.into(take))
+    session.bus.subscribe_content(key, session.inbox.into(take))
 
 
 def _subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
