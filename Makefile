@@ -1,4 +1,4 @@
-.PHONY: help demo test test-unit test-slow chaos coverage examples robots check docs bench soak campaign clean setup
+.PHONY: help demo test test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign clean setup
 
 PYTHON := .venv/bin/python
 
@@ -67,10 +67,14 @@ bench: setup
 soak: setup
 	@$(PYTHON) benchmarks/soak.py
 
-examples:
+examples: examples-c examples-rust
+
+examples-c:
 	@command -v gcc >/dev/null || { echo "no gcc: examples/controllers/c is not built"; exit 0; }; \
 		$(MAKE) --no-print-directory -C examples/controllers/c && \
 		$(MAKE) --no-print-directory -C examples/thruster
+
+examples-rust:
 	@command -v cargo >/dev/null || { echo "no cargo: examples/controllers/rust is not built"; exit 0; }; \
 		nice cargo build --release --quiet --manifest-path examples/controllers/rust/Cargo.toml
 

@@ -14,8 +14,34 @@ from pathlib import Path
 from campaign.sandbox import Sandbox
 
 from .fault import Prepare, Strike
+from .signals import stopped
 
 _LIMIT_BYTES = 1 << 20
+_MCAP_END = b"\x89MCAP0\r\n"
+
+
+def while_running(strike: Strike) -> Strike:
+    """Return the strike at an orchestrator that is stopped meanwhile, so that no run ends before.
+
+    One that has written its recording whole has been missed; its strike is left out.
+    """
+
+    def at_rest(box: Sandbox, chance: random.Random) -> None:
+        with stopped(box.orchestrator):
+            box.notes["missed"] = _is_written(box.out / "run.mcap")
+            if not box.notes["missed"]:
+                strike(box, chance)
+
+    return at_rest
+
+
+def _is_written(recording: Path) -> bool:
+    try:
+        with recording.open("rb") as file:
+            file.seek(-len(_MCAP_END), os.SEEK_END)
+            return file.read() == _MCAP_END and file.tell() > len(_MCAP_END)
+    except OSError:
+        return False
 
 
 def small_disk(box: Sandbox, chance: random.Random) -> Callable[[], None] | None:
@@ -58,6 +84,7 @@ def mount(folder: Path, options: str) -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
+@while_running
 def fill(box: Sandbox, _chance: random.Random) -> None:
     """Take the space of the run's folder away while it runs."""
     with contextlib.suppress(OSError), (box.home / "disk" / "ballast").open("wb") as file:
@@ -66,17 +93,20 @@ def fill(box: Sandbox, _chance: random.Random) -> None:
             file.flush()
 
 
+@while_running
 def remove_folder(box: Sandbox, _chance: random.Random) -> None:
     """Remove the run's folder."""
     shutil.rmtree(box.out, ignore_errors=True)
 
 
+@while_running
 def move_folder(box: Sandbox, _chance: random.Random) -> None:
     """Move the run's folder away."""
     with contextlib.suppress(OSError):
         box.out.rename(box.out.with_name("elsewhere"))
 
 
+@while_running
 def remove_logs(box: Sandbox, _chance: random.Random) -> None:
     """Remove the participants' logs."""
     shutil.rmtree(box.out / "logs", ignore_errors=True)
@@ -91,9 +121,9 @@ def remove_temporary_files(box: Sandbox, _chance: random.Random) -> None:
 def truncate(name: str) -> Strike:
     """Return a strike that cuts a file of the run to a random size."""
 
+    @while_running
     def strike(box: Sandbox, chance: random.Random) -> None:
         path = box.out / name
-        box.wait_for(path.exists, 5.0)
         with contextlib.suppress(OSError):
             os.truncate(path, chance.randrange(path.stat().st_size + 1))
 
@@ -103,9 +133,9 @@ def truncate(name: str) -> Strike:
 def replace(name: str) -> Strike:
     """Return a strike that puts something else into the place of a file of the run."""
 
+    @while_running
     def strike(box: Sandbox, chance: random.Random) -> None:
         path = box.out / name
-        box.wait_for(path.exists, 5.0)
         with contextlib.suppress(OSError):
             path.unlink()
             match chance.randrange(3):
@@ -119,6 +149,7 @@ def replace(name: str) -> Strike:
     return strike
 
 
+@while_running
 def damage(box: Sandbox, chance: random.Random) -> None:
     """Overwrite some bytes of the recording that have been written."""
     with contextlib.suppress(OSError), (box.out / "run.mcap").open("r+b") as file:

@@ -12,6 +12,9 @@ from campaign.sandbox import Sandbox
 Strike = Callable[[Sandbox, random.Random], None]
 Prepare = Callable[[Sandbox, random.Random], Callable[[], None] | None]
 
+START_S = 120.0
+"""How long a process of the run may take to appear [s]."""
+
 ANY_END = frozenset({0, 3, 4, 5, 6, 7, 8, 9, 130})
 
 

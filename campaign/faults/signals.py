@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import random
+import signal
+import subprocess
 import time
 from collections.abc import Iterator
 
@@ -11,7 +14,7 @@ import psutil
 
 from campaign.sandbox import Sandbox
 
-from .fault import Strike
+from .fault import START_S, Strike
 
 
 def to_participant(*numbers: int) -> Strike:
@@ -20,7 +23,7 @@ def to_participant(*numbers: int) -> Strike:
     def strike(box: Sandbox, chance: random.Random) -> None:
         name = chance.choice(box.notes["participants"])
         box.notes["hit"] = name
-        box.wait_for(lambda: box.find(name), 10.0)
+        box.wait_for(lambda: box.find(name), START_S)
         send(box.find(name), chance.choice(numbers))
 
     return strike
@@ -30,7 +33,7 @@ def to_all_participants(number: int) -> Strike:
     """Return a strike that sends a signal to every participant at once."""
 
     def strike(box: Sandbox, _chance: random.Random) -> None:
-        box.wait_for(lambda: all(map(box.find, box.notes["participants"])), 10.0)
+        box.wait_for(lambda: all(map(box.find, box.notes["participants"])), START_S)
         for process in [box.find(name) for name in box.notes["participants"]]:
             send(process, number)
 
@@ -50,7 +53,7 @@ def to_reaper(*numbers: int) -> Strike:
     """Return a strike that sends one of these signals to the reaper."""
 
     def strike(box: Sandbox, chance: random.Random) -> None:
-        box.wait_for(lambda: box.find("reaper"), 10.0)
+        box.wait_for(lambda: box.find("reaper"), START_S)
         send(box.find("reaper"), chance.choice(numbers))
 
     return strike
@@ -70,13 +73,13 @@ def storm(*numbers: int) -> Strike:
 def suspend_orchestrator(box: Sandbox, chance: random.Random) -> None:
     """Stop the orchestrator for longer than any deadline of a step, then let it continue."""
     with paused(psutil.Process(box.orchestrator.pid)):
-        time.sleep(chance.uniform(2.5, 4.0))
+        time.sleep(box.notes["step_s"] + chance.uniform(0.5, 2.0))
 
 
 def stutter(box: Sandbox, chance: random.Random) -> None:
     """Stop a participant a few times, never for as long as its deadline."""
     name = chance.choice(box.notes["participants"])
-    box.wait_for(lambda: box.find(name), 10.0)
+    box.wait_for(lambda: box.find(name), START_S)
     for _ in range(5):
         with paused(box.find(name)):
             time.sleep(chance.uniform(0.02, 0.3))
@@ -95,6 +98,18 @@ def paused(process: psutil.Process | None) -> Iterator[None]:
         with contextlib.suppress(psutil.Error):
             if process is not None:
                 process.resume()
+
+
+@contextlib.contextmanager
+def stopped(process: subprocess.Popen[bytes]) -> Iterator[None]:
+    """Stop a process of ours while this is open; it has stopped, or ended, once it is."""
+    process.send_signal(signal.SIGSTOP)
+    with contextlib.suppress(ChildProcessError):
+        os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGCONT)
 
 
 def pause(_box: Sandbox, _chance: random.Random) -> None:

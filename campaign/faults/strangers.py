@@ -13,17 +13,17 @@ import psutil
 
 from campaign.sandbox import Sandbox
 
-from .fault import Strike
+from .fault import START_S, Strike
 
 _PROGRAM = Path(__file__).with_name("stranger.py")
-_READY_S = 8.0
+_READY_S = 30.0
 
 
 def deed(*names: str, nobody: bool = False) -> Strike:
     """Return a strike that does one of these deeds on all sockets and ports of the run."""
 
     def strike(box: Sandbox, chance: random.Random) -> None:
-        box.wait_for(lambda: addresses(box), 10.0)
+        box.wait_for(lambda: addresses(box), START_S)
         found = addresses(box)
         if found:
             _start(box, chance.choice(names), found, nobody=nobody)
@@ -33,14 +33,14 @@ def deed(*names: str, nobody: bool = False) -> Strike:
 
 def with_tickets(box: Sandbox, _chance: random.Random) -> None:
     """Subscribe with stolen credentials, then stop reading."""
-    box.wait_for(lambda: _tickets(box), 10.0)
+    box.wait_for(lambda: _tickets(box), START_S)
     if _tickets(box):
         _start(box, "subscribe_stolen", _tickets(box))
 
 
 def as_caller(box: Sandbox, _chance: random.Random) -> None:
     """Call the run with nonsense, then stop reading."""
-    box.wait_for((box.out / ".live.json").exists, 10.0)
+    box.wait_for((box.out / ".live.json").exists, START_S)
     _start(box, "call", [str(box.out)])
 
 

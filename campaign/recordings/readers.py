@@ -63,7 +63,7 @@ def process(*words: object) -> Answer:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=1200,
         env={**os.environ, "COLUMNS": "200"},
     )
     return Answer(done.returncode, done.stdout + done.stderr)

@@ -23,6 +23,7 @@ SOURCES = {
     "baxter": ("controller", "200ms"),
     "store/truth": ("controller", "320ms"),
 }
+_LONGEST_S = 1200.0
 _PROCESS_EVERY = 25
 """Of so many recordings, one is read by a process of its own, by one of its commands in turn."""
 
@@ -55,7 +56,11 @@ def _record(scenario: str, folder: Path) -> list[Path]:
     # However slow the machine is: it is not this that is judged.
     patient = replace(SCENARIOS[scenario], start_s=300.0, step_s=60.0)
     words = ["run", *patient.arguments(scenario, SOURCES[scenario][1]), "--no-report"]
-    subprocess.run([STEPBUS, *words, "--out", str(out)], check=True, capture_output=True)
+    command = [STEPBUS, *words, "--out", str(out)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=_LONGEST_S)
+    if done.returncode:
+        said = (done.stdout + done.stderr)[-2000:]
+        raise RuntimeError(f"{scenario} cannot be recorded: exit code {done.returncode}: {said}")
     path, small = out / "run.mcap", out / "small.mcap"
     small.write_bytes(rewritten(random.Random(0), path.read_bytes()))
     return [path, small]

@@ -14,10 +14,12 @@ from campaign.faults.fault import wait
 from campaign.judge import judge
 from campaign.log_reader import CHAIN, read
 from campaign.recordings.mutations import message_changed, message_dropped
-from campaign.runs import cases
+from campaign.runs import Case, cases, strike
 from campaign.sandbox import MARK, sandbox
-from campaign.scenarios import SCENARIOS
+from campaign.scenarios import SCENARIOS, Scenario
 from support.messages.recordings import rewrite
+
+from stepbus_orchestrator import load
 
 CODES = frozenset({0, 5, 6, 130})
 GOOD = {"exit_code": 0, "participant": None, "reason": "finished", "at_step": 61, "steps": 61}
@@ -194,3 +196,35 @@ def test_every_fault_comes_in_turn_and_every_scenario_comes():
     assert {row.scenario for row in rows} == set(SCENARIOS)
     assert {row.moment for row in rows} == {"start", "middle", "end"}
     assert rows == cases(5 * len(FAULTS), 1)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_arguments_of_every_scenario_are_valid(name):
+    row = SCENARIOS[name].patient(2.5)
+    for words in (row.arguments(name, row.duration), row.endless(name)):
+        scenario = load(*words[:1], words[2::2])
+        assert {spec.name for spec in scenario.participants} == set(row.participants)
+
+
+def test_an_undisturbed_run_that_fails_is_a_broken_case_with_its_output(monkeypatch):
+    monkeypatch.setitem(SCENARIOS, "two_link", Scenario(duration="7us"))
+    case = Case(number=0, fault="stdout is full", scenario="two_link", moment="start")
+    ((_, verdict),) = strike([case], 1, 2.0)
+    assert [line.split(":")[0] for line in verdict.broken] == ["the undisturbed run failed"]
+    assert "not a whole number" in verdict.broken[0]
+
+
+def test_a_case_that_the_campaign_cannot_judge_is_broken(monkeypatch):
+    case = Case(number=0, fault="stdout is full", scenario="no_such", moment="start")
+    ((_, verdict),) = strike([case], 1, 2.0)
+    assert "KeyError: 'no_such'" in verdict.broken[0]
+
+
+def test_a_run_that_ended_before_the_fault_is_judged_as_undisturbed(box):
+    end(box)
+    box.notes["missed"] = True
+    assert broken(box, codes=frozenset({8})) == []
+    box.notes["reference"] = "0"
+    assert broken(box, codes=frozenset({8})) == [
+        "another recording than that of an undisturbed run"
+    ]

@@ -1,6 +1,7 @@
 """Runs a scenario: the one function behind `stepbus run`, free of global state."""
 
 import contextlib
+import os
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -95,6 +96,7 @@ class _Run:
         self._token = new_token()
         self._run = new_token()
         self._loop: RunLoop | None = None
+        self._processes: set[int] = set()
         if options.in_process:
             check_scenario(scenario)
         claim(options.out)
@@ -124,7 +126,7 @@ class _Run:
             names = attach(self._file, self._scenario)
             with OpenedFiles(self._own_folder(), self._options.out) as opened:
                 reason = self._with_participants()
-                self._warn_of_rerun(opened.read_beside(names))
+                self._warn_of_rerun(opened, names)
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
@@ -154,9 +156,12 @@ class _Run:
         is_shipped = any(folder.is_relative_to(shipped) for shipped in builtin_folders())
         return None if is_shipped else folder
 
-    def _warn_of_rerun(self, missing: Sequence[str]) -> None:
-        """Warn where a rerun would not find what this run did; missing: files that were read."""
+    def _warn_of_rerun(self, opened: OpenedFiles, known: Sequence[str]) -> None:
+        """Warn where a rerun would not find what this run did; known: files that are recorded."""
+        missing = opened.read_beside(known, self._processes)
         declare = "declare it in `files` of its participant"
+        if not opened.knows_readers:
+            declare += ", if it is one of them that read it"
         for what in (*left_out(self._scenario), *(f"{name}; {declare}" for name in missing)):
             self._events.add_warning("recording", f"a rerun does not find {what}")
 
@@ -197,7 +202,10 @@ class _Run:
                     "works in the scenario's folder, and logs to the run's"
                 ) from exc
             stack.enter_context(local.watched())
-            return self._run_phases(local.bus, local)
+            try:
+                return self._run_phases(local.bus, local)
+            finally:
+                self._processes.update((os.getpid(), *local.groups))
 
     def _with_processes(self) -> str:
         logs = self._options.out.resolve() / LOGS_FOLDER
@@ -208,6 +216,7 @@ class _Run:
             with self._options.around(launcher.children):
                 return self._with_bus(launcher, mesh)
         finally:
+            self._processes.update(child.pid for child in launcher.children.values())
             launcher.end_all()
 
     def _with_bus(self, launcher: Launcher, mesh: Mesh) -> str:

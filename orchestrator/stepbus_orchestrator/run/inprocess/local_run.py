@@ -46,6 +46,7 @@ class LocalRun:
     """Hosts all participants in this process; none is played.
 
     bus: the orchestrator's, whose network the participants join. logs: folder of their logs.
+    groups: process groups of the programs that they have started.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class LocalRun:
         self.hub = Hub()
         self.bus = LoopbackBus(make_queue=self.hub.queue)
         self.hosted: dict[str, HostedParticipant] = {}
+        self.groups: list[int] = []
         self._run = run
         self._token = token
         self._logs = logs
@@ -91,6 +93,7 @@ class LocalRun:
         if self._reaper is None:
             self._reaper = Reaper(private_folder())
         self._reaper.watch(group)
+        self.groups.append(group)
 
     def _current(self) -> tuple[HostedParticipant, int] | None:
         for hosted in self.hosted.values():

@@ -1,11 +1,16 @@
 """A run warns where its recording cannot repeat it."""
 
+import subprocess
+import sys
+
 import pytest
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.setup import opened_files
+from stepbus_orchestrator.run.setup.opened_files import OpenedFiles
 
 
 @pytest.fixture
@@ -34,6 +39,32 @@ def test_a_file_that_is_read_and_not_recorded_is_named(reading, tmp_path, in_pro
         "recording",
         "a rerun does not find gains.dat; declare it in `files` of its participant",
     )
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_what_another_process_reads_meanwhile_is_not_named(reading, tmp_path, in_process):
+    with OpenedFiles(tmp_path / "source", tmp_path) as watch:
+        if not watch.knows_readers:
+            pytest.skip("this user is not told who reads a file")
+    path = reading.with_name("unread.dat")
+    words = ["-c", f"while True: open({str(path)!r}).close()"]
+    stranger = subprocess.Popen([sys.executable, *words], start_new_session=True)
+    try:
+        result = run_it(reading, tmp_path / "run", in_process=in_process)
+    finally:
+        stranger.kill()
+        stranger.wait()
+    (warned,) = result.warnings
+    assert "gains.dat" in warned.text
+
+
+def test_where_readers_are_not_known_the_warning_says_so(reading, tmp_path, monkeypatch):
+    def refuse(_folders):
+        raise PermissionError
+
+    monkeypatch.setattr(opened_files, "_Readers", refuse)
+    (warned,) = run_it(reading, tmp_path / "run").warnings
+    assert warned.text.endswith("if it is one of them that read it")
 
 
 def test_a_declared_file_is_recorded_and_found_again(reading, tmp_path):
