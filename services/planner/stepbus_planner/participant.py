@@ -154,11 +154,15 @@ class PlannerParticipant(Participant):
         self._pending = None
         if plan is not None:
             self._publish(messages, plan)
-            is_watched = not (plan.cause or plan.route or pending.request.bases)
+            is_watched = not (plan.cause or plan.route)
             if is_watched and pending.poses is not None:
                 last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
                 path = PlannedPath(
-                    request=pending.request, plan=plan, poses=pending.poses, last_step=last
+                    request=pending.request,
+                    plan=plan,
+                    poses=pending.poses,
+                    last_step=last,
+                    map_in_world=self._map,
                 )
                 robot, planning = self._setup.robot, self._setup.planning
                 self._monitor = PathMonitor(robot, self._obstacles, planning, path)

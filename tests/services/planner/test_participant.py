@@ -322,6 +322,51 @@ def test_what_moves_elsewhere_or_may_be_touched_does_not_matter(planner):
     assert after_the_pillar_moves(planner, (0.6, 0.0, 0.5), soft)[0] == [(29, 1, "")]
 
 
+BASES = [(0.0, 3.0, 0.0), (0.0, 1.5, 0.0), (0.0, 0.0, 0.0)]
+
+
+def beside_a_base(planner, pillar, *, at_step=60, arrives=True, start=START):
+    """Return what is planned and reported for an arm that swings while its base drives along y.
+
+    pillar: where it is from a step on. arrives: the base ends at the last pose of the request, else
+    it starts there. It is in the middle at step 58.
+    """
+    stand, _ = planner()
+    first, last = (3.0, 0.0) if arrives else (0.0, 3.0)
+    drive = PlanRequest(id=1, start=[], goal=[], base=((0.0, first, 0.0), (0.0, last, 0.0)))
+    asked = PlanRequest(id=2, start=start, goal=GOAL, bases=BASES)
+    found = []
+    for k in range(120):
+        _, poses = scenery((*PILLAR[:2], pillar if k >= at_step else (5.0, 5.0, 0.5)))
+        share = min(max(0.01 * (k - 8), 0.0), 1.0)
+        poses.position[0] = (0.0, first + share * (last - first), 0.0)
+        new = {0: drive, 6: asked}.get(k)
+        out = stand.update(k, poses=poses, **({"request": new} if new else {}))
+        found += [out["plan"]] if "plan" in out and out["plan"].id == 2 else []
+    return [(plan.cause, plan.text) for plan in found]
+
+
+def test_what_comes_onto_a_path_beside_a_base_is_reported_where_the_base_has_yet_to_be(planner):
+    planned, blocked = beside_a_base(planner, (0.6, 0.0, 0.5))
+    assert (planned[0], blocked[0]) == ("", "blocked")
+    assert blocked[1].startswith("pillar blocks the path 0.")
+
+
+def test_what_comes_where_the_base_has_been_blocks_nothing(planner):
+    assert [cause for cause, _ in beside_a_base(planner, (0.6, 3.0, 0.5))] == [""]
+
+
+@pytest.mark.parametrize(("y", "causes"), [(0.0, [""]), (3.0, ["", "blocked"])])
+def test_a_base_that_starts_at_its_last_pose_goes_through_them_backwards(planner, y, causes):
+    found = beside_a_base(planner, (0.6, y, 0.5), arrives=False)
+    assert [cause for cause, _ in found] == causes
+
+
+def test_an_arm_in_a_thing_is_refused_beside_a_base_too(planner):
+    (refused,) = beside_a_base(planner, (0.3, 0.0, 0.5), at_step=0, start=[0.0, 0.0, 0.0])
+    assert refused == ("start_collides", "at the start, link_0 touches pillar (70.0 mm deep)")
+
+
 def test_a_check_of_a_path_is_answered_sooner(planner):
     stand, poses = planner()
     path = [[-0.9, 0.0, 0.0], [-0.8, 0.0, 0.0]]

@@ -235,8 +235,8 @@ class Manipulator:
         """Follow a planner's answer, or record that its path is blocked; older ones are ignored."""
         search = self._queries.answered(plan)
         if search is None:
-            if self._queries.search is None and self._route and plan.id == self._route.request.id:
-                self._blocked = plan.text if plan.cause else ""
+            if self._queries.search is None:
+                self._block(plan)
             return
         try:
             if plan.cause:
@@ -250,6 +250,14 @@ class Manipulator:
             self._ready = (parts, search)
         else:
             self._follow(parts, search)
+
+    def _block(self, plan: Plan) -> None:
+        """Record that the path under way is blocked, or forget the one that waits."""
+        if self._route is not None and plan.id == self._route.request.id:
+            self._blocked = plan.text if plan.cause else ""
+        elif self._ready is not None and plan.id == self._ready[1].request.id and plan.cause:
+            self._ready = None
+            self._fail(Refused("blocked", plan.text))
 
     def _follow(self, parts: list[Trajectory], search: PlannerSearch) -> None:
         self._route = search

@@ -13,7 +13,7 @@ from stepbus_planner.scene.robot import PlannedRobot
 from stepbus_planner.scene.scene import Checker, Scene, Surroundings
 from stepbus_schemas import Plan, PlanRequest, Poses
 
-from .planning import PlanningSettings, fingers_at
+from .planning import BESIDE_RESOLUTION, PlanningSettings, fingers_at, on_floor
 from .timing import dense
 
 _MOVED = 0.01
@@ -43,12 +43,14 @@ class PlannedPath:
     """A path to monitor.
 
     poses: those that it was planned with. last_step: after it the path is no longer in use.
+    map_in_world: pose of the frame of the request's `bases`.
     """
 
     request: PlanRequest
     plan: Plan
     poses: Poses
     last_step: int
+    map_in_world: Any = None
 
 
 def last_step(request: PlanRequest, plan: Plan, step: int, period: float) -> int:
@@ -58,7 +60,11 @@ def last_step(request: PlanRequest, plan: Plan, step: int, period: float) -> int
 
 
 class PathMonitor:
-    """Monitors one path until the tip has arrived or the base moves."""
+    """Monitors one path until the tip has arrived or the base moves, unless it should.
+
+    Beside a base that drives, the path has to be free where the base is, and at all poses that are
+    ahead of it.
+    """
 
     def __init__(
         self,
@@ -77,12 +83,17 @@ class PathMonitor:
             [robot.frame_pose(q, settings.tip).translation for q in self._path]
         )
         self._start_of_held = obstacles.placements(poses).get(request.held)
-        self._at = 0
+        self._bases = [path.map_in_world * on_floor(base) for base in request.bases]
+        if self._bases and _apart(self._bases[-1], obstacles.frame_in_world(poses)) < _MOVED:
+            # The pose that it was planned for is where the base starts.
+            self._bases.reverse()
+        self._at = self._base_at = 0
         self.is_over = False
 
     def check(self, poses: Poses, step: int) -> str:
         """Return which object blocks the path, as a sentence; empty: none."""
-        if step > self._last_step or self._obstacles.base_moved(self._before, poses) > _MOVED:
+        leaves = self._obstacles.base_moved(self._before, poses) > _MOVED and not self._bases
+        if step > self._last_step or leaves:
             self.is_over = True
         if not self.is_over and self._tip_index is not None:
             self._follow(self._obstacles.placement(poses, self._tip_index).translation)
@@ -101,6 +112,14 @@ class PathMonitor:
             self._at += 1
         self.is_over = self._at + 1 == len(away) and bool(away[-1] < _ARRIVED)
 
+    def _ahead(self, poses: Poses) -> list[Any]:
+        """Return the poses of the base at which the path has to be free, from now on."""
+        now, bases = self._obstacles.frame_in_world(poses), self._bases
+        away = [_apart(base, now) for base in bases]
+        while self._base_at + 1 < len(bases) and away[self._base_at + 1] <= away[self._base_at]:
+            self._base_at += 1
+        return [now, *bases[self._base_at + 1 :]]
+
     def _moved(self, poses: Poses) -> Mapping[str, Any]:
         """Return the links that have moved since the plan, with their positions, if any is new."""
         request = self._request
@@ -118,21 +137,31 @@ class PathMonitor:
         return moved if is_new else {}
 
     def _blocked(self, moved: Mapping[str, Any], poses: Poses) -> str:
-        checker = self._checker(moved, poses)
-        ahead = dense(self._path[self._at :], self._settings.resolution)
-        hit = next((q for q in ahead if not checker.is_free(q)), None)
-        if hit is None:
+        share = BESIDE_RESOLUTION if self._bases else 1.0
+        ahead = dense(self._path[self._at :], self._settings.resolution * share)
+        found: tuple[Any, Vector] | None = None
+        for base in self._ahead(poses):
+            checker = self._checker(moved, poses, base)
+            hit = next((q for q in ahead if not checker.is_free(q)), None)
+            if hit is not None:
+                found = (base, hit)
+                break
+        if found is None:
             return ""
-        which = next((n for n in moved if not self._checker([n], poses).is_free(hit)), "")
+        base, hit = found
+        which = next((n for n in moved if not self._checker([n], poses, base).is_free(hit)), "")
         tip = self._settings.tip
         there = self._robot.frame_pose(hit, tip).translation
         here = self._robot.frame_pose(ahead[0], tip).translation
         return f"{which} blocks the path {np.linalg.norm(there - here):.2f} m ahead of {tip}"
 
-    def _checker(self, names: Iterable[str], poses: Poses) -> Checker:
-        """Return a checker against some links at their current poses, and no others."""
+    def _checker(self, names: Iterable[str], poses: Poses, base: Any) -> Checker:
+        """Return a checker against some links at their current poses, and no others.
+
+        base: pose of the robot in the world.
+        """
         held, obstacles = self._request.held, self._obstacles
-        placements = obstacles.placements(poses)
+        placements = obstacles.placements(poses, base)
         if held:
             # It keeps the pose in the tip that it had at the start of the path.
             placements[held] = self._start_of_held
@@ -155,6 +184,11 @@ def _differ(before: Poses, now: Poses, index: int) -> bool:
     # For two unit quaternions, |a · b| is the cosine of half the angle between them.
     same = abs(float(np.dot(before.orientation[index], now.orientation[index])))
     return same < math.cos(_TURNED / 2)
+
+
+def _apart(a: Any, b: Any) -> float:
+    """Return how far apart two poses are on the floor [m]."""
+    return _distance(a.translation[:2], b.translation[:2])
 
 
 def _distance(a: Any, b: Any) -> float:

@@ -33,7 +33,7 @@ _LAST_SHARE = 0.5
 _LAST_RESOLUTION = 0.5
 """Resolution of the trajectory's check, as a share of the search's."""
 
-_BESIDE_RESOLUTION = 3.0
+BESIDE_RESOLUTION = 3.0
 """The same, at poses of the base other than that of the plan."""
 
 
@@ -77,14 +77,14 @@ def fingers_at(robot: PlannedRobot, obstacles: Obstacles, poses: Poses, tip: str
     }
 
 
-def _on_floor(base: Point) -> Any:
+def on_floor(base: Point) -> Any:
     """Return a pose of the base, x, y, yaw, as `pinocchio.SE3`."""
     return pin.SE3(pin.utils.rotate("z", base[2]), np.array([base[0], base[1], 0.0]))
 
 
 def map_in_world(obstacles: Obstacles, base: Point, poses: Poses) -> Any:
     """Return the pose of the frame in which the base is at a pose, while the world is at others."""
-    return obstacles.frame_in_world(poses) * _on_floor(base).inverse()
+    return obstacles.frame_in_world(poses) * on_floor(base).inverse()
 
 
 class NoPlan(Exception):
@@ -183,7 +183,7 @@ class _Planning:
             raise NoPlan("bad_request", "bases need a request of the base before them")
         here = self._obstacles.placements(poses)
         fingers = fingers_at(self._robot, self._obstacles, poses, self._settings.tip)
-        frames = [map_in_world * _on_floor(base) for base in request.bases] or [None]
+        frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
         scenes = []
         for frame in frames:
             placements = self._obstacles.placements(poses, frame)
@@ -209,8 +209,7 @@ class _Planning:
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
             return self._standing(checked)
-        if not self._request.bases:
-            self._check_collision("start", self._start)
+        self._check_collision("start", self._start)
         self._check_collision("goal", self._goal)
         if np.linalg.norm(self._goal - self._start) < _SAME:
             return self._standing("the joints are at the goal")
@@ -290,7 +289,7 @@ class _Planning:
         if self._cancelled():
             raise Cancelled
         fine = dense(motion.position, self._settings.resolution * _LAST_RESOLUTION)
-        coarse = dense(motion.position, self._settings.resolution * _BESIDE_RESOLUTION)
+        coarse = dense(motion.position, self._settings.resolution * BESIDE_RESOLUTION)
         return all(map(checker.is_free, fine)) and all(
             all(map(other.is_free, coarse)) for other in self._beside
         )

@@ -106,6 +106,21 @@ def test_the_arm_reaches_out_only_on_the_last_stretch_of_the_route(robot):
     assert (robot.states(2)[-1], robot.states(0)[-1]) == ("succeeded", "succeeded")
 
 
+def test_a_path_that_is_blocked_before_the_arm_moves_is_not_taken(robot):
+    request = go_and_reach(robot)
+    answer(robot)
+    robot.run(0.3)
+    before = robot.q.copy()
+    robot.step(plan=Plan(id=request.id, cause="blocked", text="somebody stands there"))
+    while robot.states(0)[-1] != "succeeded":
+        robot.step()
+    robot.run(0.1)
+    assert (robot.requests[-1].bases, robot.q) == ([], pytest.approx(before))
+    answer(robot)
+    robot.run(3.0)
+    assert robot.states(2)[-1] == "succeeded"
+
+
 def test_where_no_path_is_free_on_arrival_the_arm_reaches_out_when_the_base_stands(robot):
     go_and_reach(robot)
     while robot.requests[-1].bases:
