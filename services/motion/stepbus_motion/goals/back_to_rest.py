@@ -82,9 +82,9 @@ class BackToRest:
 
     def _free(self, now: Measured, t: float) -> bool:
         """Start the next motion that frees the arm; return False where none is left."""
-        for name, begin in self.escapes:
+        for name, start in self.escapes:
             try:
-                begin(now, t)
+                start(now, t)
             except RunError:
                 continue
             self.done.append(name)

@@ -28,3 +28,9 @@ class Refused(RunError):
     def __init__(self, cause: str, text: str) -> None:
         super().__init__(text)
         self.cause = cause
+
+
+def failure_of(error: RunError) -> Outcome:
+    """Return how a goal ends that cannot be carried out."""
+    cause = error.cause if isinstance(error, Refused) else "invalid"
+    return Outcome(state="failed", cause=cause, text=str(error))
