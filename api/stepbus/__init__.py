@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stepbus_orchestrator import (
+        Branch,
         BusFailed,
         Diff,
+        Diverged,
         ExitCode,
         Interrupted,
         Observer,
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
     from stepbus_schemas import *
 
     from . import testing
-    from .recordings import diff, recover, replay, rerun
+    from .recordings import branch, diff, recover, replay, rerun
     from .runs import call, describe, load, run, verify
     from .scenarios import Scenario
 
@@ -49,6 +51,7 @@ _HOMES = ("stepbus_participant", "stepbus_schemas", ".runs", ".recordings", "ste
 __all__ = [
     "BaseCommand",
     "BaseState",
+    "Branch",
     "Bus",
     "BusError",
     "BusFailed",
@@ -62,6 +65,7 @@ __all__ = [
     "Description",
     "Detections",
     "Diff",
+    "Diverged",
     "Duration",
     "Endpoint",
     "Event",
@@ -142,6 +146,7 @@ __all__ = [
     "Whole",
     "WiringError",
     "Wrench",
+    "branch",
     "call",
     "describe",
     "diff",

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 from stepbus_orchestrator import (
+    Branch,
     Diff,
     Observer,
     Preparation,
@@ -15,6 +16,7 @@ from stepbus_orchestrator import (
     ReplayResult,
     Rerun,
     Tolerance,
+    branch_recording,
     parse_tolerance,
     read_tolerance,
     replay_participant,
@@ -117,6 +119,41 @@ def rerun(
     out: folder of the new run. Raises RecordingFailed when the recording holds no scenario.
     """
     return Preparation(path_of(recording), Path(out), overrides(set)).run(observer, interrupt)
+
+
+def branch(
+    recording: Source,
+    out: str | PathLike[str],
+    *,
+    at: int | str,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    faults: Sequence[str] = (),
+    calls: Sequence[str] = (),
+    in_process: bool = False,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> Branch:
+    """Take a recording up to a step, and go on from there live, with a change.
+
+    at: the first live step, or its time such as "6s". out: folder of the new run. set: as of
+    `load`; a changed participant's own outputs count from `at` on. faults: such as "kill plant at
+    1300". calls: such as "controller set kp 90", made before step `at`.
+
+    Below `at`, each participant gets its recorded inputs; the first that does not publish what is
+    recorded is named in `result`. Raises RecordingFailed when the recording does not go so far,
+    WiringError for a change that no branch can make.
+    """
+    return branch_recording(
+        path_of(recording),
+        at,
+        Path(out),
+        overrides(set),
+        faults=faults,
+        calls=calls,
+        in_process=in_process,
+        observer=observer,
+        interrupt=interrupt,
+    )
 
 
 def recover(recording: Source, target: str | PathLike[str]) -> Recovery:

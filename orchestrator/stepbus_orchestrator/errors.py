@@ -8,6 +8,7 @@ RunError
    ├─ StepTimeout (TimeoutError)       a participant did not finish a step by its deadline
    ├─ StopTimeout (TimeoutError)       a participant did not exit by its deadline
    ├─ BusFailed (ConnectionError)      the bus could not be opened
+   ├─ Diverged                         a participant did not repeat what is recorded of it
    ├─ RecordingFailed (OSError)        a recording could not be written or read
    ├─ Untrusted                        a recording made elsewhere would start programs
    └─ Interrupted                      the user pressed Ctrl-C
@@ -99,6 +100,12 @@ class BusFailed(RunFailure, ConnectionError):
     """The bus could not be opened."""
 
     code = ExitCode.BUS
+
+
+class Diverged(RunFailure):
+    """A participant did not repeat what is recorded of it, from its recorded inputs."""
+
+    code = ExitCode.DIFFERENT
 
 
 class RecordingFailed(RunFailure, OSError):

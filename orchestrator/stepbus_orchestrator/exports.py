@@ -3,8 +3,11 @@
 from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
+from .branch import Branch
+from .branch import branch as branch_recording
 from .errors import (
     BusFailed,
+    Diverged,
     ExitCode,
     Interrupted,
     ParticipantDied,
@@ -31,8 +34,10 @@ from .run.run_scenario import run as run_scenario
 from .scenario import Problem, Scenario, ScenarioError, check_data, load
 
 __all__ = [
+    "Branch",
     "BusFailed",
     "Diff",
+    "Diverged",
     "ExitCode",
     "Interrupted",
     "Observer",
@@ -59,6 +64,7 @@ __all__ = [
     "StopTimeout",
     "Tolerance",
     "Verification",
+    "branch_recording",
     "call",
     "check_data",
     "default_folder",

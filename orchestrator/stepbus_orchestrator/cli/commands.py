@@ -12,6 +12,7 @@ from .command import Command
 from .participants import bridge as bridge_command
 from .participants import conformance as conformance_command
 from .participants import selftest as selftest_command
+from .recordings import branch as branch_command
 from .recordings import diff as diff_command
 from .recordings import plot as plot_command
 from .recordings import recover as recover_command
@@ -44,6 +45,7 @@ COMMANDS: tuple[Command, ...] = (
     plot_command.COMMAND,
     verify_command.COMMAND,
     rerun_command.COMMAND,
+    branch_command.COMMAND,
     recover_command.COMMAND,
     conformance_command.COMMAND,
     bridge_command.COMMAND,

@@ -24,6 +24,8 @@ CALLS_TYPE = "CallRecord/1"
 SCENARIO_ATTACHMENT = "scenario.yaml"
 FAULTS_METADATA = "faults"
 FALLBACK_METADATA = "on_fault"
+BRANCH_METADATA = "branch"
+"""Participant → the step from which its outputs are its own, where it was changed by a branch."""
 DESCRIPTION_KEY = "description"
 """Metadata of a channel: its `Description` as JSON."""
 

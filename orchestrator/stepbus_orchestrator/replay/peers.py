@@ -1,6 +1,6 @@
 """Plays the participants around the one that is replayed."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from stepbus_orchestrator.run.bus.announcer import Announcer
 from stepbus_orchestrator.scenario import ParticipantSpec
@@ -10,43 +10,59 @@ from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode
 from .recorded import Recorded, envelope, without_bulk
 
 
-class Peer:
-    """One participant that is played from the recording.
+class Speaker:
+    """Publishes as one participant. is_read: whether anybody listens.
 
-    put: publishes its outputs; None where nobody listens. put_bulk: by bulk port.
+    key: of its outputs. put: publishes these; None where nobody listens. remote: the orchestrator's
+    own subscribers get nothing of it.
     """
 
     def __init__(
-        self, spec: ParticipantSpec, recorded: Recorded, announcer: Announcer, *, is_read: bool
+        self, spec: ParticipantSpec, announcer: Announcer, *, is_read: bool, remote: bool = False
     ) -> None:
         self.name = spec.name
-        self.recorded = recorded
-        self._put: Callable[..., None] | None = None
+        self.key = f"out/{spec.name}"
+        self.put: Callable[..., None] | None = None
         self._put_bulk: Mapping[str, Callable[..., None]] = {}
         if is_read:
-            self._put = announcer.publisher(f"out/{spec.name}", "Outputs/1")
+            self.put = announcer.publisher(self.key, "Outputs/1", remote=remote)
             self._put_bulk = {
-                port: announcer.publisher(f"bulk/{spec.name}/{port}", output.type)
+                port: announcer.publisher(f"bulk/{spec.name}/{port}", output.type, remote=remote)
                 for port, output in spec.outputs.items()
                 if output.bulk
             }
 
+    def bulk_puts(self) -> Iterator[tuple[str, Callable[..., None]]]:
+        """Yield the key of each bulk port with the function that publishes on it."""
+        for port, put in self._put_bulk.items():
+            yield f"bulk/{self.name}/{port}", put
+
     def send_handshake(self, token: str) -> None:
         """Prove the connection, before the first step."""
-        if self._put is not None:
-            self._put(encode(Outputs(token=token, step=HANDSHAKE_STEP, t_ns=0)))
+        if self.put is not None:
+            self.put(encode(Outputs(token=token, step=HANDSHAKE_STEP, t_ns=0)))
             for put in self._put_bulk.values():
                 put(b"", attachment=stamp(HANDSHAKE_STEP, token))
 
     def publish(self, outputs: Outputs) -> None:
         """Publish the outputs of a step, bulk content first."""
-        if self._put is None:
+        if self.put is None:
             return
         if self._put_bulk:
             outputs, content = without_bulk(outputs, self._put_bulk)
             for port, data in content.items():
                 self._put_bulk[port](data, attachment=stamp(outputs.step, outputs.token))
-        self._put(encode(outputs))
+        self.put(encode(outputs))
+
+
+class Peer(Speaker):
+    """One participant that is played from the recording."""
+
+    def __init__(
+        self, spec: ParticipantSpec, recorded: Recorded, announcer: Announcer, *, is_read: bool
+    ) -> None:
+        super().__init__(spec, announcer, is_read=is_read)
+        self.recorded = recorded
 
 
 class Peers:

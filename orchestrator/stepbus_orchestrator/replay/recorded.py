@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, topic_of
+from stepbus_orchestrator.recording.layout import BRANCH_METADATA, CHAIN_TOPIC, topic_of
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Description, Outputs
 
@@ -56,6 +56,12 @@ def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Descripti
     for port in recording.ports.values():
         found.setdefault(port.participant, {})[port.name] = port.description
     return found
+
+
+def counts_from_of(recording: Recording) -> dict[str, int]:
+    """Return who was changed by the branch that made a recording: participant → from which step."""
+    rows = recording.metadata.get(BRANCH_METADATA, {})
+    return {name: int(step) for name, step in rows.items()}
 
 
 def recorded_versions(recording: Recording) -> dict[str, dict[str, str]]:

@@ -21,7 +21,8 @@ from stepbus_participant import SettingsError
 from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord
 
-from .recorded import recorded_end
+from .prefix import RecordedPrefix
+from .recorded import counts_from_of, recorded_end
 
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")
@@ -37,7 +38,8 @@ class Origin:
     files: name → content, without the scenario. versions: `orchestrator` or participant →
     library → version; `cpu` and `machine` are among those of the orchestrator. steps: the newest
     one with a message, plus one. end: the number of complete steps. flaws: damage and
-    holes. calls: those that changed the run.
+    holes. calls: those that changed the run. counts_from: of a branch, the participants that were
+    changed at a step.
     """
 
     recording: Path
@@ -48,6 +50,7 @@ class Origin:
     end: int
     flaws: Sequence[str]
     calls: Sequence[CallRecord] = ()
+    counts_from: Mapping[str, int] = field(default_factory=dict)
 
 
 def read_origin(recording: Path) -> Origin:
@@ -78,6 +81,7 @@ def origin_of(recording: Recording) -> Origin:
         end=recorded_end(recording),
         flaws=recording.flaws(),
         calls=recorded_calls(recording),
+        counts_from=counts_from_of(recording),
     )
 
 
@@ -221,7 +225,7 @@ class Preparation:
             *_damage(self._origin),
             *_changes(self._origin, self.scenario, overrides),
             *_open_end(self._origin, self.scenario),
-            *_version_notes("the orchestrator", recorded, own_versions()),
+            *version_notes("the orchestrator", recorded, own_versions()),
             *_outside(self._origin, self.scenario),
         ]
 
@@ -229,14 +233,14 @@ class Preparation:
         self, observer: Observer | None = None, interrupt: threading.Event | None = None
     ) -> Rerun:
         """Run, and compare with the recording; observer, interrupt: as of `run`."""
-        options = Options(out=self._out, calls=self._origin.calls)
+        options = Options(out=self._out, prefix=self._prefix(), calls=self._origin.calls)
         result = run(self.scenario, options, observer, interrupt)
         now = read_origin(result.recording).versions
         later = [
             note
             for name, recorded in self._origin.versions.items()
             if name != layout.ORCHESTRATOR and name in now
-            for note in _version_notes(name, recorded, now[name])
+            for note in version_notes(name, recorded, now[name])
         ]
         return Rerun(
             recording=self._origin.recording,
@@ -246,6 +250,13 @@ class Preparation:
             is_part=self._is_part(result),
             notes=[*self.notes, *later],
         )
+
+    def _prefix(self) -> RecordedPrefix | None:
+        """Return the steps that a branch has from its recording; only there can they come from."""
+        changed = self._origin.counts_from
+        if not changed:
+            return None
+        return RecordedPrefix(Recording(self._origin.recording), max(changed.values()), changed)
 
     def _is_part(self, result: Result) -> bool:
         """Return whether the recording has less than this run without being different."""
@@ -277,7 +288,7 @@ def _open_end(origin: Origin, scenario: Scenario) -> list[str]:
     return [note]
 
 
-def _version_notes(who: str, recorded: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+def version_notes(who: str, recorded: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     """Return a sentence for each thing that is another than it was."""
     return [
         f"{who} ran with {name} {recorded.get(name, 'absent')}, now it is {now.get(name, 'absent')}"

@@ -1,6 +1,7 @@
 """Runs a scenario: the one function behind `stepbus run`, free of global state."""
 
 import contextlib
+import dataclasses
 import os
 import threading
 import time
@@ -16,7 +17,7 @@ from stepbus_orchestrator.processes.links.endpoints import (
     new_token,
     private_folder,
 )
-from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
+from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
 from stepbus_orchestrator.scenario import (
     FaultSpec,
     Scenario,
@@ -31,6 +32,7 @@ from .bus.session import Session, open_bus
 from .control.injector import Injector
 from .control.live_file import Live, forget
 from .inprocess import LocalRun, check_scenario, surroundings
+from .kernel.gates import Gate
 from .loop.loop import Controls, Records, RunLoop
 from .loop.strategy import Strategy
 from .phases import run_phases
@@ -110,7 +112,8 @@ class _Run:
             self._file, order, scenario.step_ns, self._events.take, scenario.types
         )
         self._injected: list[str] = []
-        self._injector = Injector(scenario.faults, self._add_fault) if scenario.faults else None
+        faults = self._live_scenario().faults
+        self._injector = Injector(faults, self._add_fault) if faults else None
 
     def _add_fault(self, fault: FaultSpec) -> None:
         text = format_fault(fault)
@@ -124,6 +127,10 @@ class _Run:
         reason = ""
         try:
             names = attach(self._file, self._scenario)
+            if self._options.prefix is not None and self._options.prefix.counts_from:
+                rows = self._options.prefix.counts_from.items()
+                content = {name: str(step) for name, step in rows}
+                self._file.add_metadata(layout.BRANCH_METADATA, content)
             with OpenedFiles(self._own_folder(), self._options.out) as opened:
                 reason = self._with_participants()
                 self._warn_of_rerun(opened, names)
@@ -212,7 +219,8 @@ class _Run:
         folder = private_folder()
         launcher = Launcher(run=self._run, token=self._token, folder=folder, logs=logs)
         try:
-            mesh = make_mesh(self._scenario, folder, self._run)
+            is_star = self._options.prefix is not None
+            mesh = make_mesh(self._scenario, folder, self._run, is_star=is_star)
             with self._options.around(launcher.children):
                 return self._with_bus(launcher, mesh)
         finally:
@@ -229,11 +237,18 @@ class _Run:
             return self._run_phases(bus, LiveRun(launcher, mesh, self._timing, self._options))
 
     def _run_phases(self, bus: Bus, live: Strategy) -> str:
+        session = Session(self._live_scenario(), bus, self._token)
+        strategy, gate = self._adapt(live), None
+        recorder: Sink = self._recorder
+        if self._options.prefix is not None:
+            strategy, recorder, gate = self._options.prefix.join(
+                strategy, session, recorder, self._timing
+            )
         loop = self._loop = RunLoop(
-            Session(self._scenario, bus, self._token),
-            self._adapt(live),
-            Records(recorder=self._recorder, timing=self._timing),
-            self._controls(),
+            session,
+            strategy,
+            Records(recorder=recorder, timing=self._timing),
+            self._controls(gate),
         )
         try:
             return run_phases(loop)
@@ -241,13 +256,22 @@ class _Run:
             if self._injector is not None:
                 self._injector.close(loop.state.steps)
 
-    def _controls(self) -> Controls:
+    def _live_scenario(self) -> Scenario:
+        """Return the scenario without the faults that a recording has the outcome of."""
+        prefix = self._options.prefix
+        first = 0 if prefix is None else prefix.at
+        faults = tuple(fault for fault in self._scenario.faults if fault.step >= first)
+        return dataclasses.replace(self._scenario, faults=faults)
+
+    def _controls(self, prefix: Gate | None) -> Controls:
         return Controls(
             observer=self._observer,
             interrupt=self._interrupt,
             injector=self._injector,
             pace=self._options.pace,
+            prefix=prefix,
             calls=self._options.calls,
+            new_calls=self._options.new_calls,
         )
 
     def _result(self, reason: str, failure: RunFailure | None) -> Result:

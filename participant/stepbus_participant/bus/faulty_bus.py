@@ -29,9 +29,9 @@ class FaultyBus(ZenohBus):
         self._key = f"out/{name}"
         self._faults = list(faults)
 
-    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes, with faults where they are outputs."""
-        put = super().publisher(key, encoding)
+        put = super().publisher(key, encoding, remote=remote)
         return FaultyPublisher(put, self._faults) if key == self._key else put
 
 

@@ -47,8 +47,11 @@ class Bus(Protocol):
     def queue(self) -> Queue:
         """Return a queue for what callbacks get; waiting for it lets the bus work."""
 
-    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
-        """Return a function that publishes bytes; it also takes `attachment=` bytes."""
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
+        """Return a function that publishes bytes; it also takes `attachment=` bytes.
+
+        remote: subscribers of this bus itself do not get them.
+        """
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key; `*` matches one part of it."""

@@ -30,38 +30,52 @@ class _LoopbackRequest:
 
 @dataclass(frozen=True, eq=False)
 class _Declared:
-    """What one bus has declared on its network; sink: what to call, where there is anything."""
+    """What one bus has declared on its network; sink: what to call."""
 
     bus: LoopbackBus
     role: Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
     key: str
-    sink: Callable[..., None] | None = None
+    sink: Callable[..., None] = lambda *_: None
+
+
+@dataclass(frozen=True, eq=False)
+class _Route:
+    """Where a publisher's samples go. only: the one bus they reach; without: one they do not."""
+
+    key: str
+    sinks: list[Callable[..., None]]
+    receivers: list[Callable[..., None]]
+    only: LoopbackBus | None
+    without: LoopbackBus | None
 
 
 class LoopbackBus:
     """A `Bus` without a network: samples reach their subscribers in the publisher's own thread.
 
     peer: any bus of the network to join; default: a new network. make_queue: of what it queues.
+    is_leaf: it has a link to `peer` only, so that what it publishes reaches nobody else.
     """
 
     def __init__(
-        self, peer: LoopbackBus | None = None, make_queue: Callable[[], Queue] = SimpleQueue
+        self,
+        peer: LoopbackBus | None = None,
+        make_queue: Callable[[], Queue] = SimpleQueue,
+        *,
+        is_leaf: bool = False,
     ) -> None:
         self.declared: list[_Declared] = [] if peer is None else peer.declared
-        self._subscribers: dict[str, list[Callable[[Any], None]]] = (
-            {} if peer is None else peer._subscribers
-        )
-        self._receivers: dict[str, list[Callable[[bytes], None]]] = (
-            {} if peer is None else peer._receivers
-        )
+        self._routes: list[_Route] = [] if peer is None else peer._routes
+        self._only = peer if is_leaf else None
         self.queue = make_queue
         self._closed = False
 
-    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it raises BusError once the bus is closed."""
         # The same list for as long as the network lives, so that a put has nothing to look up.
-        sinks = self._subscribers.setdefault(key, [])
-        receivers = self._receivers.setdefault(key, [])
+        sinks: list[Callable[..., None]] = []
+        receivers: list[Callable[..., None]] = []
+        route = _Route(key, sinks, receivers, self._only, self if remote else None)
+        self._routes.append(route)
         self._find_subscribers()
 
         def put(data: bytes, attachment: bytes = b"") -> None:
@@ -77,9 +91,16 @@ class LoopbackBus:
 
     def _find_subscribers(self) -> None:
         """Renew who gets what is published on each key, after something was declared."""
-        for key, sinks in self._subscribers.items():
-            sinks[:] = self._sinks("subscriber", key)
-            self._receivers[key][:] = self._sinks("receiver", key)
+        for route in self._routes:
+            route.sinks[:] = self._reached("subscriber", route)
+            route.receivers[:] = self._reached("receiver", route)
+
+    def _reached(self, role: str, route: _Route) -> list[Callable[..., None]]:
+        return [
+            row.sink
+            for row in self._rows(role, route.key)
+            if row.bus is not route.without and route.only in {None, row.bus}
+        ]
 
     def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
         """Call `sink` with each sample on a key; `*` stands for one part of it."""
@@ -154,11 +175,10 @@ class LoopbackBus:
         return len(sinks)
 
     def _sinks(self, role: str, key: str) -> list[Callable[..., None]]:
-        return [
-            row.sink
-            for row in self.declared
-            if row.role == role and row.sink is not None and _matches(row.key, key)
-        ]
+        return [row.sink for row in self._rows(role, key)]
+
+    def _rows(self, role: str, key: str) -> list[_Declared]:
+        return [row for row in self.declared if row.role == role and _matches(row.key, key)]
 
 
 def _matches(wanted: str, key: str) -> bool:

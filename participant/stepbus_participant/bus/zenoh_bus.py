@@ -201,13 +201,15 @@ class ZenohBus:
         """Return a queue that Zenoh's thread fills."""
         return SimpleQueue()
 
-    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return the put function of a publisher that blocks rather than drops."""
+        locality = self._zenoh.Locality
         publisher = self._session.declare_publisher(
             self._prefix + key,
             encoding=encoding,
             congestion_control=self._zenoh.CongestionControl.BLOCK,
             express=True,
+            allowed_destination=locality.REMOTE if remote else locality.ANY,
         )
         self._held.append(publisher)
         put: Callable[..., None] = publisher.put

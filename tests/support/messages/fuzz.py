@@ -73,7 +73,7 @@ class HandBus:
     def __init__(self) -> None:
         self.sinks: dict[str, Any] = {}
 
-    def publisher(self, key, encoding):
+    def publisher(self, key, encoding, *, remote=False):
         return lambda data, attachment=b"": None
 
     def subscribe(self, key, sink):

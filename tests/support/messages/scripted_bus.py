@@ -50,7 +50,7 @@ class Bus:
     def query(self, key, data, encoding, timeout_s):
         return [encode(self.welcome)]
 
-    def publisher(self, key, encoding):
+    def publisher(self, key, encoding, *, remote=False):
         return lambda data: self.take(key, data)
 
     def take(self, key, data):

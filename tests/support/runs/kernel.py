@@ -193,7 +193,7 @@ class Bus:
         self._next = dict.fromkeys(self._specs, 0)
         self._sinks = {}
 
-    def publisher(self, key, encoding):
+    def publisher(self, key, encoding, *, remote=False):
         react = {"trigger": self._on_trigger, "stop": self._on_stop}.get(key, lambda data: None)
         return lambda data, attachment=b"": react(data)
 

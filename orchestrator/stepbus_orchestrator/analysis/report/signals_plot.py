@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,18 @@ class PlottedSignal:
     unit: str
     t: Array
     lines: dict[str, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overlay:
+    """One panel with a signal of several recordings.
+
+    lines: name of the recording → times [s] and values, both of shape (T,); the first is dashed.
+    """
+
+    title: str
+    unit: str
+    lines: dict[str, tuple[Array, Array]] = field(default_factory=dict)
 
 
 def signal_names(recording: Recording) -> list[str]:
@@ -60,17 +72,49 @@ def find_signals(recording: Recording, text: str) -> list[PlottedSignal]:
 
 def draw_signals(title: str, signals: Sequence[PlottedSignal], target: Path) -> None:
     """Write the picture; raises ImportError without matplotlib, RecordingFailed when it cannot."""
+    figure, axes = _panels(title, len(signals))
+    for axis, signal in zip(axes, signals, strict=True):
+        _draw(axis, signal)
+    _save(figure, target)
+
+
+def draw_overlays(
+    title: str, overlays: Sequence[Overlay], target: Path, *, mark_s: float, before: float
+) -> None:
+    """Write a picture of several recordings; raises as `draw_signals`.
+
+    mark_s: a time that is marked [s]. before: how much is shown before it, as a share of the time
+    behind it.
+    """
+    figure, axes = _panels(title, len(overlays))
+    for axis, overlay in zip(axes, overlays, strict=True):
+        _label(axis, overlay.title, overlay.unit)
+        end_s = max((float(t[-1]) for t, _ in overlay.lines.values() if len(t)), default=mark_s)
+        start_s = max(0.0, mark_s - before * (end_s - mark_s))
+        for number, (name, (t, values)) in enumerate(overlay.lines.items()):
+            shown = t >= start_s
+            curve = Curve()
+            curve.add(t[shown], values[shown][:, None])
+            line(axis, curve.line(0), name, number - 1, dashed=number == 0)
+        axis.axvline(mark_s, color="grey", linewidth=1)
+        legend(axis)
+    _save(figure, target)
+
+
+def _panels(title: str, count: int) -> tuple[Any, Any]:
     # Loading matplotlib takes longer than all else here, and it is an extra.
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    figure = Figure(figsize=(14, 1 + 3 * len(signals)), dpi=100, layout="constrained")
+    figure = Figure(figsize=(14, 1 + 3 * count), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title)
-    axes = figure.subplots(len(signals), 1, sharex=True, squeeze=False).flatten()
-    for axis, signal in zip(axes, signals, strict=True):
-        _draw(axis, signal)
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False).flatten()
     axes[-1].set_xlabel("time [s]")
+    return figure, axes
+
+
+def _save(figure: Any, target: Path) -> None:
     try:
         figure.savefig(target)
     except (OSError, ValueError) as exc:
@@ -78,14 +122,18 @@ def draw_signals(title: str, signals: Sequence[PlottedSignal], target: Path) -> 
 
 
 def _draw(axis: Any, signal: PlottedSignal) -> None:
-    axis.set_title(signal.title, loc="left", fontsize=10)
-    axis.set_ylabel(f"[{signal.unit}]" if signal.unit else "")
-    axis.grid(visible=True, alpha=0.3)
+    _label(axis, signal.title, signal.unit)
     for number, (label, values) in enumerate(signal.lines.items()):
         curve = Curve()
         curve.add(signal.t, values[:, None])
         line(axis, curve.line(0), label, number)
     legend(axis)
+
+
+def _label(axis: Any, title: str, unit: str) -> None:
+    axis.set_title(title, loc="left", fontsize=10)
+    axis.set_ylabel(f"[{unit}]" if unit else "")
+    axis.grid(visible=True, alpha=0.3)
 
 
 def _signal(port: Port, field: str, index: str | None, text: str) -> PlottedSignal:
@@ -117,7 +165,7 @@ def _chosen(columns: dict[str, Array], index: str, text: str) -> dict[str, Array
 
 def _numeric_fields(port: Port) -> Iterator[str]:
     """Yield the fields whose values over time are an array of numbers, in order."""
-    for field in port.message_class.__struct_fields__:
-        values = port.arrays(field)[field]
+    for name in port.message_class.__struct_fields__:
+        values = port.arrays(name)[name]
         if values is not None and values.size and values.dtype.kind in "fiub" and values.ndim < 3:
-            yield field
+            yield name

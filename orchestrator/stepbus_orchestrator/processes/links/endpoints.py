@@ -67,12 +67,12 @@ def gone(path: Path) -> str:
     return f"{path}, which is private to the run, is gone: did somebody remove it?"
 
 
-def make_mesh(scenario: Scenario, folder: Path, run: str | None) -> Mesh:
+def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: bool = False) -> Mesh:
     """Return the endpoints of all members of a run, with their credentials.
 
     folder: private, for sockets and certificates. run: names the key space, in which each
     participant may publish on its own keys only; None: on any key, as the conformance kit does,
-    which speaks for several.
+    which speaks for several. is_star: participants are linked to the orchestrator only.
 
     Raises BusFailed when there is no room for a socket, no free port or no space in the folder.
     """
@@ -87,7 +87,7 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None) -> Mesh:
     endpoints = {
         name: Endpoint(
             listen=addresses[index : index + 1],
-            connect=addresses[: index if name != CALLER else 1],
+            connect=addresses[: min(index, 1) if is_star or name == CALLER else index],
             low_latency=low_latency(scenario),
             user=name,
             password=users[name],

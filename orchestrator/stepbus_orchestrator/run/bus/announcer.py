@@ -37,9 +37,12 @@ class Announcer:
         self._pause_s = _FIRST_S
         self._due_s = 0.0
 
-    def publisher(self, key: str, type_name: str) -> Callable[..., None]:
-        """Return a function that publishes bytes on a key; it takes `attachment=` bytes too."""
-        put = self._bus.publisher(key, encoding_of(type_name))
+    def publisher(self, key: str, type_name: str, *, remote: bool = False) -> Callable[..., None]:
+        """Return a function that publishes bytes on a key; it takes `attachment=` bytes too.
+
+        remote: the orchestrator's own subscribers do not get them.
+        """
+        put = self._bus.publisher(key, encoding_of(type_name), remote=remote)
         start, end = self._watchdog.start, self._watchdog.end
 
         def watched_put(data: bytes, **options: bytes) -> None:

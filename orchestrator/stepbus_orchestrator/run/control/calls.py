@@ -4,9 +4,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from stepbus_orchestrator.errors import StepTimeout
+from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
 from stepbus_orchestrator.recording import Recording, Sink, layout
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.failures import deadline, seconds
@@ -66,7 +67,8 @@ class Calls:
     answered between the same two steps, and what it changes is a function of its step: calls that
     change something are recorded, and made again by `rerun` and `replay`.
 
-    planned: calls of a recording. Methods run on the run's own thread.
+    planned: calls of a recording. new: further ones, each at its step; one that fails ends the run
+    with a RunFailure. Methods run on the run's own thread.
     """
 
     def __init__(
@@ -75,19 +77,19 @@ class Calls:
         state: RunState,
         recorder: Sink,
         planned: Sequence[CallRecord] = (),
+        new: Sequence[CallRecord] = (),
     ) -> None:
         self._state = state
         self._token = session.token
         self._recorder = recorder
         self._waiting: deque[_Asked] = deque(
-            _Asked(
-                participant=call.participant,
-                method=call.method,
-                args=call.args,
-                step=call.step,
-                reply=_no_reply,
+            sorted(
+                (
+                    *(_planned(call, _no_reply) for call in planned),
+                    *(_planned(call, partial(_insist, call)) for call in new),
+                ),
+                key=lambda asked: asked.step or 0,
             )
-            for call in planned
         )
         self._open: _Open | None = None
         self._number = 0
@@ -117,7 +119,11 @@ class Calls:
             step = released if asked.step is None else asked.step
             if self._state.barrier.completed >= step:
                 self._waiting.popleft()
-                self._send(asked, step)
+                mistake = self._mistake(asked.participant, asked.method)
+                if mistake is None:
+                    self._send(asked, step)
+                else:
+                    asked.reply(CallReply(error=mistake))
 
     def _send(self, asked: _Asked, step: int) -> None:
         self._number += 1
@@ -156,7 +162,7 @@ class Calls:
         if not request.participant:
             reply(CallReply(value=self._offered()))
             return
-        mistake = self._mistake(request)
+        mistake = self._mistake(request.participant, request.method)
         if mistake is not None:
             reply(CallReply(error=mistake))
             return
@@ -181,21 +187,19 @@ class Calls:
             for name, participant in self._state.participants.items()
         }
 
-    def _mistake(self, request: CallRequest) -> str | None:
+    def _mistake(self, name: str, method: str) -> str | None:
         """Return why a call cannot be made, or None."""
         state = self._state
         if not state.phase.is_stepping:
             return f"the run is {state.phase.shown}; calls are answered between its steps"
-        participant = state.participants.get(request.participant)
+        participant = state.participants.get(name)
         if participant is None:
-            name = request.participant
             return f"no participant {name!r}{suggest(name, state.participants)}"
         methods = _methods(participant)
-        if request.method not in methods:
+        if method not in methods:
             if not methods:
-                return f"{participant.name} offers no calls"
-            near = suggest(request.method, methods)
-            return f"{participant.name} has no call {request.method!r}{near}"
+                return f"{name} offers no calls"
+            return f"{name} has no call {method!r}{suggest(method, methods)}"
         return None
 
     def take_called(self, key_name: str, data: bytes) -> None:
@@ -255,6 +259,27 @@ def recorded_calls(recording: Recording, participant: str | None = None) -> list
         return []
     calls = [decode(entry.data) for entry in recording[layout.CALLS_TOPIC].entries()]
     return [call for call in calls if participant in {None, call.participant}]
+
+
+def _planned(call: CallRecord, reply: Reply) -> _Asked:
+    return _Asked(
+        participant=call.participant,
+        method=call.method,
+        args=call.args,
+        step=call.step,
+        reply=reply,
+    )
+
+
+def _insist(call: CallRecord, reply: CallReply) -> None:
+    """End the run where a call has failed that it was started for."""
+    if reply.error is not None:
+        raise RunFailure(
+            f"the call {call.participant} {call.method} before step {call.step}: {reply.error}",
+            participant=call.participant,
+            step=call.step,
+            code=ExitCode.SCENARIO,
+        )
 
 
 def _no_reply(_reply: CallReply) -> None:

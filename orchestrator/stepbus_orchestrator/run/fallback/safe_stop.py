@@ -69,6 +69,7 @@ class SafeStop:
         has_witness = isinstance(failure, ParticipantFault) and failure.witness is not None
         return (
             self._state.phase is RunPhase.STEPPING
+            and not self._state.is_prefix
             and failure.participant in self._substitutes
             and not has_witness
         )

@@ -9,18 +9,26 @@ from stepbus_participant import FaultyPublisher, LoopbackBus, MessageFault
 class HostedBus(LoopbackBus):
     """A participant's bus in memory, with faults in the outputs that have any.
 
-    peer: the orchestrator's. published: how many outputs it has published.
+    peer: the orchestrator's. is_leaf: it has no link to other participants. published: how many
+    outputs it has published.
     """
 
-    def __init__(self, peer: LoopbackBus, name: str, faults: Sequence[MessageFault]) -> None:
-        super().__init__(peer, peer.queue)
+    def __init__(
+        self,
+        peer: LoopbackBus,
+        name: str,
+        faults: Sequence[MessageFault],
+        *,
+        is_leaf: bool = False,
+    ) -> None:
+        super().__init__(peer, peer.queue, is_leaf=is_leaf)
         self.published = 0
         self._key = f"out/{name}"
         self._faults = list(faults)
 
-    def publisher(self, key: str, encoding: str) -> Callable[..., None]:
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it counts outputs, and makes them faulty."""
-        put = super().publisher(key, encoding)
+        put = super().publisher(key, encoding, remote=remote)
         if key != self._key:
             return put
         if self._faults:

@@ -137,7 +137,12 @@ class LocalRun:
         try:
             return HostedParticipant(
                 ticket,
-                HostedBus(self.bus, spec.name, ticket.faults),
+                HostedBus(
+                    self.bus,
+                    spec.name,
+                    ticket.faults,
+                    is_leaf=self._options.prefix is not None,
+                ),
                 Program(command, scenario.folder),
                 hub=self.hub,
                 log=self._logs / f"{spec.name}.log",

@@ -9,11 +9,12 @@ from stepbus_schemas import due_step
 class Barrier:
     """Counts the outputs of every participant.
 
-    reported: newest step each participant has reported; negative before its first.
+    window: steps that may be in flight. reported: newest step each participant has reported;
+    negative before its first.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._window = scenario.window
+        self.window = scenario.window
         self._steps = scenario.steps
         self._every = {spec.name: spec.every for spec in scenario.participants}
         self._first = {s.name for s in scenario.participants if s.publishes == "first"}
@@ -36,7 +37,7 @@ class Barrier:
     @property
     def step_limit(self) -> int:
         """Return the newest trigger: steps below it may be worked on (P5.5)."""
-        ahead = self.completed + self._window
+        ahead = self.completed + self.window
         return ahead if self._steps is None else min(ahead, self._steps)
 
     @property

@@ -163,7 +163,8 @@ class MessageHandler:
             raise skipped(participant, outputs.step, state.barrier, self._step_ns)
         state.newest[participant.name] = outputs.ports
         self._recorder.offer(participant.name, outputs)
-        if outputs.end is not None:
+        counts_from = state.counts_from.get(participant.name, 0)
+        if outputs.end is not None and outputs.step >= counts_from:
             state.ask_end(outputs.step + 1, f"{participant.name}: {outputs.end}")
 
     def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:

@@ -25,6 +25,8 @@ class RunState:
     total computing time [ns] and number of steps. newest: of each participant, port → its last
     message. started_at: when the first trigger was sent, by
     the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
+    is_prefix: whether the steps are those of a recording still. counts_from: of a participant that
+    was changed at a step: that step; what it does before is not part of the run.
     is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
     """
 
@@ -39,6 +41,8 @@ class RunState:
     newest: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     started_at: float = 0.0
     replaced: str | None = None
+    is_prefix: bool = False
+    counts_from: Mapping[str, int] = field(default_factory=dict)
     is_check_due: bool = False
     is_release_due: bool = False
 

@@ -51,14 +51,17 @@ class Controls:
     """What acts on a run from outside.
 
     observer: is notified of progress. interrupt: ends it when it is set. injector: of faults.
-    pace: pauses it. calls: of a recording, made again.
+    pace: pauses it. prefix: holds it before its first live step. calls: of a recording, made
+    again. new_calls: made at their steps; one that fails ends the run.
     """
 
     observer: Observer = field(default_factory=Silent)
     interrupt: threading.Event = field(default_factory=threading.Event)
     injector: Injector | None = None
     pace: Pace | None = None
+    prefix: Gate | None = None
     calls: Sequence[CallRecord] = ()
+    new_calls: Sequence[CallRecord] = ()
 
 
 class RunLoop:
@@ -88,8 +91,10 @@ class RunLoop:
             self.state, session.token, records.recorder, records.timing, strategy.peers.names
         )
         self.safe_stop = SafeStop(session, self.state, messages)
-        self.calls = Calls(session, self.state, records.recorder, controls.calls)
-        gates = (controls.injector, controls.pace, self.calls)
+        self.calls = Calls(
+            session, self.state, records.recorder, controls.calls, controls.new_calls
+        )
+        gates = (controls.injector, controls.pace, controls.prefix, self.calls)
         self._gates: list[Gate] = [gate for gate in gates if gate is not None]
         self._killed: list[str] = []
         self._completed = 0

@@ -1,10 +1,12 @@
 """What differs between a run, a replay and a description: who is started, who is played."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
-from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.kernel.gates import Gate
 from stepbus_orchestrator.run.kernel.participants import Participants
 from stepbus_orchestrator.run.kernel.state import RunState
 
@@ -59,6 +61,26 @@ class Strategy(Protocol):
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
         """Return what the start of a participant needs and somebody has removed (`Mesh.lost`)."""
+
+
+class Prefix(Protocol):
+    """The first steps of a run, where they are those of a recording (`replay.prefix`)."""
+
+    @property
+    def at(self) -> int:
+        """Return the first step that is not."""
+
+    @property
+    def counts_from(self) -> Mapping[str, int]:
+        """Return the participants whose own outputs count from a step on only, with that step."""
+
+    def join(
+        self, live: Strategy, session: Session, recorder: Sink, timing: TimingRecorder
+    ) -> tuple[Strategy, Sink, Gate]:
+        """Return what a run needs to begin with these steps.
+
+        live: how its participants are started. recorder: gets all outputs, recorded ones included.
+        """
 
 
 def ready_descriptions(participants: Participants) -> Descriptions:

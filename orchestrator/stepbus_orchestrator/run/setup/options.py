@@ -8,6 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.loop.strategy import Prefix
 from stepbus_orchestrator.scenario import Deadlines, Scenario
 from stepbus_participant import suggest
 from stepbus_schemas import CallRecord, WiringError
@@ -30,17 +31,21 @@ class Options:
     out: folder of the run's files; made, must be empty. start_order: names of the participants
     in the order they are started; default: that of the scenario. around: is entered before the
     first participant is started and left after the last has ended; it gets their processes by
-    name. pace: pauses the run. calls: of a recording, made again at their steps. debug: names of
-    participants that have the terminal and no deadline, to run in a debugger.
-    in_process: host all participants in this process, over a bus in memory. owns_descriptors: then
-    descriptors 1 and 2 are nobody else's, and what libraries in C print goes to a log.
+    name. pace: pauses the run. prefix: the first steps, where they are those of a recording.
+    calls: of a recording, made again at their steps. new_calls: made at their steps for the first
+    time; one that fails ends the run. debug: names of participants that have the terminal and no
+    deadline, to run in a debugger. in_process: host all participants in this process, over a bus
+    in memory. owns_descriptors: then descriptors 1 and 2 are nobody else's, and what libraries in
+    C print goes to a log.
     """
 
     out: Path
     start_order: Sequence[str] | None = None
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
     pace: Pace | None = None
+    prefix: Prefix | None = None
     calls: Sequence[CallRecord] = ()
+    new_calls: Sequence[CallRecord] = ()
     debug: Sequence[str] = ()
     in_process: bool = False
     owns_descriptors: bool = False

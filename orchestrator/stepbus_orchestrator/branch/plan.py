@@ -1,0 +1,172 @@
+"""From a recording, a step and a change to what a branch runs."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.replay.recorded import counts_from_of, replayable_steps
+from stepbus_orchestrator.replay.rerun import (
+    SOURCE_FOLDER,
+    Origin,
+    origin_of,
+    refuse_others,
+    unpack,
+    version_notes,
+)
+from stepbus_orchestrator.run.reports.result import own_versions
+from stepbus_orchestrator.scenario import Scenario, format_fault, load
+from stepbus_participant import parse_duration, suggest
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import CallRecord, WiringError
+
+_KEPT = ("every", "publishes", "inputs", "outputs")
+"""They decide who reads what at which step: a branch keeps them."""
+_CHANGEABLE = ("exec", "bridge", "params")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What is not as in the recording; see `BranchPlan`."""
+
+    overrides: Sequence[str] = ()
+    faults: Sequence[str] = ()
+    calls: Sequence[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a branch runs.
+
+    at: the first live step. counts_from: as of `RecordedPrefix`; changed: those that this branch
+    has changed. calls: of the recording; new_calls: of this branch.
+    """
+
+    scenario: Scenario
+    at: int
+    counts_from: Mapping[str, int]
+    changed: Sequence[str]
+    calls: Sequence[CallRecord]
+    new_calls: Sequence[CallRecord]
+    notes: Sequence[str]
+
+
+def plan(
+    recording: Recording, at: int | str, out: Path, change: Change, trusted: str | None
+) -> Plan:
+    """Unpack a recording's scenario into `out/source`, and check that it can be branched."""
+    origin = origin_of(recording)
+    refuse_others(origin, trusted)
+    if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
+        raise RecordingFailed(f"{out} holds a run already; choose another --out")
+    path = unpack(origin, out / SOURCE_FOLDER)
+    recorded = load(path)
+    scenario = load(path, change.overrides, change.faults)
+    _check_wiring(recorded, scenario)
+    step = _step(at, scenario.step_ns)
+    _check_step(recording, origin, recorded, step)
+    _check_faults(recorded, scenario, step)
+    changed = [
+        spec.name
+        for spec in scenario.participants
+        if any(
+            getattr(spec, key) != getattr(recorded.participant(spec.name), key)
+            for key in _CHANGEABLE
+        )
+    ]
+    counts_from = {**counts_from_of(recording), **dict.fromkeys(changed, step)}
+    ran_on = origin.versions.get(layout.ORCHESTRATOR, {})
+    return Plan(
+        scenario=scenario,
+        at=step,
+        # In the order of the scenario: it is recorded.
+        counts_from={
+            spec.name: counts_from[spec.name]
+            for spec in scenario.participants
+            if counts_from.get(spec.name)
+        },
+        changed=changed,
+        calls=origin.calls,
+        new_calls=[_call(text, step, scenario) for text in change.calls],
+        notes=version_notes("the orchestrator", ran_on, own_versions()),
+    )
+
+
+def _step(at: int | str, step_ns: int) -> int:
+    """Return the step of a number, or of a time such as `6s`."""
+    if isinstance(at, int) or at.strip().isdecimal():
+        return int(at)
+    return parse_duration(at) // step_ns
+
+
+def _check_step(recording: Recording, origin: Origin, scenario: Scenario, at: int) -> None:
+    """Raise RecordingFailed where the recording does not have all that is below a step."""
+    holes = recording.holes()
+    if holes:
+        raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
+    end = origin.end
+    if recording.damage:
+        names = (spec.name for spec in scenario.participants)
+        end = min(replayable_steps(recording, scenario, name) for name in names)
+    if not 0 <= at <= end:
+        raise RecordingFailed(f"{recording.path} has {end} complete steps; none is step {at}")
+    held = recording.metadata.get(layout.FALLBACK_METADATA)
+    if held is not None and at > int(held["first"]):
+        raise RecordingFailed(
+            f"{recording.path}: {held['participant']} had failed and was replaced from step "
+            f"{held['first']} on; branch there or before"
+        )
+    latest = max(counts_from_of(recording).values(), default=0)
+    if at < latest:
+        raise RecordingFailed(
+            f"{recording.path} is a branch from step {latest}: branch it there or later, or branch "
+            "the recording that it was made from"
+        )
+
+
+def _check_wiring(recorded: Scenario, scenario: Scenario) -> None:
+    """Raise WiringError for a change of what decides who reads what at which step."""
+    rows = {
+        "step": (recorded.step_ns, scenario.step_ns),
+        "seed": (recorded.seed, scenario.seed),
+        "participants": (
+            [spec.name for spec in recorded.participants],
+            [spec.name for spec in scenario.participants],
+        ),
+    }
+    changed = [key for key, (was, now) in rows.items() if was != now]
+    if "participants" not in changed:
+        changed += [
+            f"{spec.name}.{key}"
+            for spec in scenario.participants
+            for key in _KEPT
+            if getattr(spec, key) != getattr(recorded.participant(spec.name), key)
+        ]
+    if changed:
+        raise WiringError(
+            f"{', '.join(changed)}: a branch keeps step, seed, ports and rates of the recording; "
+            "change parameters, programs, deadlines, duration, window or bus"
+        )
+
+
+def _check_faults(recorded: Scenario, scenario: Scenario, at: int) -> None:
+    early = [f for f in scenario.faults if f.step < at and f not in recorded.faults]
+    if early:
+        raise WiringError(
+            f"the fault '{format_fault(early[0])}' is before step {at}, where the branch is live"
+        )
+
+
+def _call(text: str, at: int, scenario: Scenario) -> CallRecord:
+    """Return the call that a text such as `controller set kp 90` stands for."""
+    words = shlex.split(text)
+    if len(words) < 2:
+        raise WiringError(f"--call {text!r}: write PARTICIPANT METHOD ARG…")
+    name, method, *values = words
+    names = [spec.name for spec in scenario.participants]
+    if name not in names:
+        raise WiringError(f"--call {text!r}: no participant {name!r}{suggest(name, names)}")
+    args = [parse_yaml(value, value) for value in values]
+    return CallRecord(step=at, participant=name, method=method, args=args)

@@ -1,0 +1,247 @@
+"""`stepbus branch`: a recording up to a step, and from there a run with a change."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.analysis.report import write_report
+from stepbus_orchestrator.branch import Branch, BranchPlan, Variant, draw_variants, variants
+from stepbus_orchestrator.cli.command import Command, add_overrides
+from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
+from stepbus_participant import ExtraMissing
+from stepbus_schemas import WiringError
+
+from .trust import add_trust, trusted_programs
+
+_PICTURE = "variants.png"
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    parser.add_argument(
+        "--at", required=True, metavar="STEP", help="the first live step, or its time, e.g. 6s"
+    )
+    add_overrides(
+        parser,
+        "change a parameter from that step on, e.g. controller.params.kp=90; may be repeated",
+    )
+    parser.add_argument(
+        "--call",
+        action="append",
+        default=[],
+        metavar="CALL",
+        help="call a participant before that step, e.g. 'controller set kp 90'; may be repeated",
+    )
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE,VALUE",
+        help="make one branch for each value, and one picture of all; may be repeated",
+    )
+    parser.add_argument(
+        "--plot",
+        action="append",
+        default=[],
+        metavar="SIGNAL",
+        help="what the picture shows, as of `stepbus plot`; default: the errors of the joints",
+    )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="FAULT",
+        help="inject a fault at that step or later, e.g. 'freeze plant at 1300 for 200ms'",
+    )
+    parser.add_argument(
+        "--debug",
+        action="append",
+        default=[],
+        metavar="PARTICIPANT",
+        help="give a participant this terminal and no deadlines, for a debugger",
+    )
+    parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
+    parser.add_argument(
+        "--in-process",
+        action="store_true",
+        help="host all participants in one process: quicker, the same recording",
+    )
+    parser.add_argument("--no-report", action="store_true", help="make no plots, only figures")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+    add_trust(parser)
+
+
+def _execute(args: argparse.Namespace) -> int:
+    trusted = trusted_programs(args)
+    out = args.out or _default(args.recording, args.at)
+    if args.vary:
+        return _execute_variants(args, out, trusted)
+    branch = _make(args, out, args.set, trusted)
+    if args.json:
+        say_json(_fields(branch))
+    else:
+        _conclude(branch, has_plots=not args.no_report)
+    return _code(branch, args)
+
+
+def _make(
+    args: argparse.Namespace, out: Path, overrides: Sequence[str], trusted: str, name: str = ""
+) -> Branch:
+    plan = BranchPlan(
+        args.recording,
+        args.at,
+        out,
+        overrides,
+        faults=args.fault,
+        calls=args.call,
+        trusted=trusted,
+    )
+    if not args.json:
+        for note in plan.notes:
+            say(f"note: {note}")
+    title = f"{plan.scenario.name} from step {plan.at}{name and f', {name}'}"
+    with (
+        displayed(title, quiet=args.json, plain=bool(args.debug)) as display,
+        interruptible() as interrupt,
+    ):
+        return plan.run(
+            display,
+            interrupt,
+            debug=args.debug,
+            in_process=args.in_process,
+            owns_descriptors=args.in_process and not args.debug,
+        )
+
+
+def _default(recording: Path, at: str) -> Path:
+    """Return a new folder in runs/, named after the recorded run and the step."""
+    path = recording_file(recording).absolute()
+    stem = f"{path.parent.name if path.name == RUN_FILE else path.stem}-at-{at}"
+    names = [stem, *(f"{stem}-{number}" for number in range(2, 1000))]
+    return next(Path("runs") / name for name in names if not (Path("runs") / name).exists())
+
+
+def _code(branch: Branch, args: argparse.Namespace) -> int:
+    """Return the exit code: a branch without a change has to be equal."""
+    if branch.result.exit_code:
+        return branch.result.exit_code
+    is_changed = args.set or args.call or args.fault or args.vary
+    return ExitCode.FINISHED if is_changed or branch.equal else ExitCode.DIFFERENT
+
+
+def _conclude(branch: Branch, *, has_plots: bool) -> None:
+    result = branch.result
+    if result.exit_code:
+        print_error(result.reason)
+    if branch.way_s:
+        rate = branch.at / branch.way_s
+        say(f"live from step {branch.at}; {branch.way_s:.2f} s to get there ({rate:.0f} steps/s)")
+    if branch.equal:
+        say(f"{result.steps} steps, byte for byte as recorded")
+    elif result.exit_code == 0:
+        why = "" if result.reason == "finished" else f" ({result.reason})"
+        say(f"{result.scenario}: finished{why} after {result.steps} steps")
+        for line in _difference(branch):
+            say(line)
+    if has_plots and result.recording.exists() and result.steps:
+        with abortable():
+            for line in write_report(result.recording, has_plots=True):
+                say(line)
+    say(f"recording {result.recording}\nsha256    {result.sha256}")
+
+
+def _difference(branch: Branch) -> Iterator[str]:
+    """Yield where a branch leaves its recording."""
+    found = diff(branch.recording, branch.result.recording)
+    if found.divergence is not None:
+        yield f"leaves the recording at {found.divergence.text('recorded', 'now')}"
+    elif found.equal:
+        yield "every message is as recorded"
+
+
+def _fields(branch: Branch) -> dict[str, Any]:
+    return {
+        "at": branch.at,
+        "changed": list(branch.changed),
+        "equal": branch.equal,
+        "way_s": branch.way_s,
+        "notes": list(branch.notes),
+        "recorded_sha256": branch.recorded_sha256,
+        "result": branch.result,
+    }
+
+
+def _execute_variants(args: argparse.Namespace, out: Path, trusted: str) -> int:
+    found = variants(args.vary)
+    if out.exists() and any(out.iterdir()):
+        raise RecordingFailed(f"{out} is not empty; choose another --out")
+    if args.debug:
+        raise WiringError("--debug: choose one of the variants, with --set")
+    branches: list[tuple[Variant, Branch]] = []
+    for variant in found:
+        overrides = [*args.set, *variant.overrides]
+        branch = _make(args, out / variant.folder, overrides, trusted, variant.name)
+        branches.append((variant, branch))
+        if not args.json:
+            _say_variant(variant, branch)
+        if branch.result.exit_code == ExitCode.INTERRUPTED:
+            break
+    picture = None if args.no_report else _picture(args, out, branches)
+    if args.json:
+        rows = [{"variant": variant.name, **_fields(branch)} for variant, branch in branches]
+        say_json({"variants": rows, "picture": picture})
+    elif picture is not None:
+        say(f"picture   {picture}")
+    return max((_code(branch, args) for _, branch in branches), default=ExitCode.FINISHED)
+
+
+def _say_variant(variant: Variant, branch: Branch) -> None:
+    result = branch.result
+    if result.exit_code:
+        print_error(f"{variant.name}: {result.reason}")
+    say(f"{variant.name}: {result.outcome} after {result.steps} steps, {result.recording}")
+
+
+def _picture(
+    args: argparse.Namespace, out: Path, branches: Sequence[tuple[Variant, Branch]]
+) -> str | None:
+    """Draw the variants that have anything to draw; return the picture's path."""
+    drawn = {v.name: b.result.recording for v, b in branches if b.result.steps > b.at}
+    if not drawn:
+        return None
+    target = out / _PICTURE
+    try:
+        at = branches[0][1].at
+        draw_variants(args.recording, drawn, target, at=at, signals=args.plot)
+    except ExtraMissing as exc:
+        say(f"no picture: {exc}")
+        return None
+    return str(target)
+
+
+COMMAND = Command(
+    name="branch",
+    summary="branch a recording: live again from a step on, with a change",
+    description="Takes a recording up to a step, and goes on from there as a live run, with what "
+    "you change. Up to the step, every participant gets its recorded inputs, as fast as it takes "
+    "them, and has to publish what is recorded; the first that does not is named (exit code 10). "
+    "Without a change, the new recording is the old one, byte for byte. A changed participant "
+    "gets its recorded inputs too; its own outputs count from the step on. A recording contains "
+    "programs: those that you have not run here are shown first, and need a yes, or --trust.",
+    examples=(
+        "stepbus branch run.mcap --at 1200",
+        "stepbus branch run.mcap --at 6s --set controller.params.kp=90",
+        "stepbus branch run.mcap --at 1200 --vary controller.params.kp=50,100,200",
+        "stepbus branch run.mcap --at 1200 --fault 'freeze plant at 1300 for 200ms'",
+        "stepbus branch run.mcap --at 1200 --debug controller",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+    is_run=True,
+)

@@ -1,0 +1,112 @@
+"""Between all participants of a branch: first the recording speaks for them, then they do.
+
+Participants are linked to the orchestrator only. So each gets its recorded inputs, ahead and
+whatever the others do; and from the first live step on, what its sources publish, passed on as it
+is. For the participants nothing changes: the same keys, the same messages, the same processes.
+"""
+
+from collections.abc import Callable, Collection, Iterable
+from functools import partial
+from typing import Any
+
+from stepbus_orchestrator.errors import Diverged
+from stepbus_orchestrator.replay.peers import Speaker
+from stepbus_orchestrator.replay.recorded import envelope
+from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_participant import Bus
+
+from .expected import Expected
+
+_Put = Callable[..., None]
+
+
+class Relay:
+    """Publishes for every participant that is a source: recorded outputs below `at`, then its own.
+
+    Peers of a strategy and gate of a run: nobody is let into step `at` before all have repeated
+    what is below. is_repeated: says whether all outputs were compared. on_live: called then.
+    """
+
+    names: Collection[str] = ()
+    """Nobody is replaced: everybody takes part."""
+
+    def __init__(
+        self,
+        session: Session,
+        expected: Expected,
+        *,
+        at: int,
+        is_repeated: Callable[[], bool],
+        on_live: Callable[[], None],
+    ) -> None:
+        self.state: RunState | None = None
+        self._token = session.token
+        self._step_ns = session.scenario.step_ns
+        self._expected = expected
+        self._at = at
+        self._is_repeated = is_repeated
+        self._on_live = on_live
+        self._is_live = False
+        self._speakers = _speakers(session)
+        bus, into = session.bus, session.inbox.into
+        for speaker in self._speakers:
+            for key, put in speaker.bulk_puts():
+                bus.subscribe(key, into(partial(self._pass_bulk_on, bus, put)))
+            if speaker.put is not None:
+                bus.subscribe_content(speaker.key, into(partial(self._pass_on, speaker.put)))
+
+    def _pass_on(self, put: _Put, outputs: bytes) -> None:
+        """Pass on what a participant published; below `at`, the recording has spoken for it.
+
+        Its outputs come before the log that reports them, on the same link: none of the prefix
+        comes after the last of these.
+        """
+        if self._is_live:
+            put(outputs)
+
+    def _pass_bulk_on(self, bus: Bus, put: _Put, sample: Any) -> None:
+        if self._is_live:
+            put(bus.payload(sample), attachment=bus.attachment(sample))
+
+    def limit(self, _released: int) -> int:
+        """Return the first live step, until all have repeated what is below."""
+        return FAR if self._is_live else self._at
+
+    def send_handshake(self) -> None:
+        """Prove the connection for each source."""
+        for speaker in self._speakers:
+            speaker.send_handshake(self._token)
+
+    def publish_below(self, step: int, reported: dict[str, int]) -> None:
+        """Publish the recorded outputs of steps below `step`; be live once all are repeated."""
+        if self._is_live:
+            return
+        for speaker in self._speakers:
+            for fed, ports in self._expected.below(speaker.name, step):
+                speaker.publish(envelope(self._token, fed, self._step_ns, ports))
+        state = self.state
+        if state is not None and state.barrier.completed >= self._at and self._is_repeated():
+            self._is_live = True
+            state.is_prefix = False
+            state.barrier.window = state.scenario.window
+            self._on_live()
+
+    def close(self, step: int, names: Iterable[str], reported: dict[str, int]) -> None:
+        """Raise Diverged where the run ends in what is recorded."""
+        if not self._is_live and step < self._at and self.state is not None:
+            raise Diverged(
+                f"{self.state.at(step)}: {self.state.reason}; the recording goes on there",
+                step=step,
+            )
+
+
+def _speakers(session: Session) -> list[Speaker]:
+    """Return one for each participant; who has no consumers publishes to nobody."""
+    specs = session.scenario.participants
+    sources = {item.source for spec in specs for item in spec.inputs.values()}
+    return [
+        Speaker(spec, session.announcer, is_read=spec.name in sources, remote=True)
+        for spec in specs
+    ]

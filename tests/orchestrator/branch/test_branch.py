@@ -1,0 +1,237 @@
+"""A branch: the steps of a recording, and from one on a run with a change."""
+
+import random
+import textwrap
+
+import pytest
+from support.runs.joints import fault, run_joints, write_scenario
+
+from stepbus_orchestrator import Options, Recording, load
+from stepbus_orchestrator.branch import branch
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_schemas import CallRecord, WiringError
+
+STEPS = 100
+"""Of the recorded run; the mission publishes at every fourth."""
+
+GAIN = """
+    import sys
+    from stepbus import Config, Description, JointCommand, JointState, Participant, main
+
+    class Controller(Participant):
+        def __init__(self, config: Config) -> None:
+            self.gain = config.param("gain", 1.0)
+
+        def describe(self):
+            return {"command": Description(like="joint_state")}
+
+        def update(self, step):
+            state = step.read("joint_state", JointState)
+            return {"command": JointCommand(mode="torque",
+                                            values=[-self.gain * q for q in state.position])}
+
+    raise SystemExit(main(Controller))
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """The recording of a run with two calls that change it."""
+    folder = tmp_path_factory.mktemp("recorded")
+    scenario = load(write_scenario(folder / "source"))
+    calls = [
+        CallRecord(step=step, participant="plant", method="put", args=[0, value])
+        for step, value in ((20, 0.5), (60, -0.5))
+    ]
+    return run(scenario, Options(out=folder / "out", calls=calls, in_process=True)).recording
+
+
+def below(recording, step):
+    """Return all messages of the steps below one: (topic, step, bytes)."""
+    opened = Recording(recording)
+    return [
+        (topic, entry.step, entry.data)
+        for topic, port in opened.ports.items()
+        if topic != "stepbus/chain"
+        for entry in port.entries()
+        if entry.step < step
+    ]
+
+
+@pytest.mark.parametrize("at", sorted({0, 1, STEPS, *random.Random(15).sample(range(STEPS), 5)}))
+def test_without_a_change_the_recording_is_the_same(recorded, tmp_path, at):
+    found = branch(recorded, at, tmp_path / "b", in_process=True)
+    assert found.result.exit_code == 0
+    assert found.result.recording.read_bytes() == recorded.read_bytes()
+
+
+def test_processes_of_their_own_make_the_same(recorded, tmp_path):
+    found = branch(recorded, 43, tmp_path / "b")
+    assert found.equal
+    assert found.way_s > 0
+
+
+def test_it_works_over_tcp_where_each_may_publish_on_its_own_keys_only(recorded, tmp_path):
+    assert branch(recorded, 43, tmp_path / "b", ["bus.transport=tcp"]).equal
+
+
+def test_a_changed_participant_counts_from_the_step_on(recorded, tmp_path):
+    other = "controller.exec=[python, joints.py, controller, gain, '0']"
+    found = branch(recorded, 43, tmp_path / "b", [other], in_process=True)
+    assert found.result.exit_code == 0
+    assert found.changed == ["controller"]
+    assert below(found.result.recording, 43) == below(recorded, 43)
+
+
+@pytest.fixture
+def gained(tmp_path):
+    """A run of a controller with a gain."""
+    path = write_scenario(tmp_path / "gain")
+    (tmp_path / "gain" / "gain.py").write_text(textwrap.dedent(GAIN))
+    program = [
+        "controller.exec=[python, gain.py]",
+        "controller.inputs={joint_state: plant.joint_state}",
+    ]
+    return run(load(path, program), Options(out=tmp_path / "a", in_process=True)).recording
+
+
+def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
+    found = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    now, before = Recording(found.result.recording), Recording(gained)
+    assert below(found.result.recording, 43) == below(gained, 43)
+    values = [part["controller.command"].values[43] for part in (now, before)]
+    assert values[0] == pytest.approx(5 * values[1])
+    assert any(values[0])
+
+
+def test_a_branch_is_run_again_from_its_recording_alone(gained, tmp_path):
+    found = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    assert Preparation(found.result.recording, tmp_path / "c").run().equal
+
+
+def test_a_branch_is_branched_again_but_not_before_its_own_step(gained, tmp_path):
+    first = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    again = branch(first.result.recording, 70, tmp_path / "c", in_process=True)
+    assert again.equal
+    with pytest.raises(RecordingFailed, match="is a branch from step 43: branch it there or later"):
+        branch(first.result.recording, 42, tmp_path / "d", in_process=True)
+
+
+def test_a_replay_compares_a_changed_participant_from_there_on(gained, tmp_path):
+    found = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    replayed = replay(found.result.recording, "controller", recorded=True)
+    assert replayed.equal
+    assert sum(port.equal for port in replayed.ports) == STEPS - 43
+
+
+def test_a_call_is_made_before_the_step(recorded, tmp_path):
+    found = branch(recorded, 43, tmp_path / "b", calls=["plant put 1 2.5"], in_process=True)
+    assert below(found.result.recording, 43) == below(recorded, 43)
+    assert Recording(found.result.recording)["plant.joint_state"].position[43][1] == 2.5
+    assert Preparation(found.result.recording, tmp_path / "c").run().equal
+
+
+@pytest.mark.parametrize(
+    ("call", "why"),
+    [
+        ("plant put 1 9.9", "9.9 is beyond the stop"),
+        ("plant set 1 2", "plant has no call 'set'"),
+        ("mission put 1 2", "mission offers no calls"),
+    ],
+)
+def test_a_call_that_fails_ends_the_branch(recorded, tmp_path, call, why):
+    found = branch(recorded, 43, tmp_path / "b", calls=[call], in_process=True)
+    assert found.result.exit_code == ExitCode.SCENARIO
+    assert why in found.result.reason
+
+
+def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
+    path = write_scenario(tmp_path / "s")
+    program = path.parent / "gain.py"
+    random_text = (
+        textwrap.dedent(GAIN)
+        .replace("import sys", "import os")
+        .replace("-self.gain * q", "(step.index > 30) * os.urandom(1)[0] - q")
+    )
+    program.write_text(random_text)
+    overrides = [
+        "controller.exec=[python, gain.py]",
+        "controller.inputs={joint_state: plant.joint_state}",
+    ]
+    first = run(load(path, overrides), Options(out=tmp_path / "a", in_process=True))
+    found = branch(first.recording, 90, tmp_path / "b", in_process=True)
+    assert found.result.exit_code == ExitCode.DIFFERENT
+    assert found.result.participant == "controller"
+    assert 30 < found.result.at_step < 90
+    assert (
+        "controller does not repeat the recording: controller/command: values["
+        in found.result.reason
+    )
+
+
+def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
+    crash = fault("controller", "controller", "raise", 10)
+    found = branch(recorded, 43, tmp_path / "b", [crash], in_process=True)
+    assert found.result.exit_code == ExitCode.FAULT
+    assert found.result.participant == "controller"
+
+
+def test_an_end_that_a_changed_participant_asks_for_on_the_way_is_not_its_to_ask(
+    recorded, tmp_path
+):
+    early = fault("controller", "controller", "end", 10)
+    found = branch(recorded, 43, tmp_path / "b", [early], in_process=True)
+    assert (found.result.exit_code, found.result.steps) == (0, STEPS)
+
+
+def test_it_ends_where_a_changed_participant_asks_for_it(recorded, tmp_path):
+    end = fault("controller", "controller", "end", 70)
+    assert branch(recorded, 43, tmp_path / "b", [end], in_process=True).result.steps == 71
+
+
+def test_a_fault_hits_behind_the_step(recorded, tmp_path):
+    found = branch(recorded, 43, tmp_path / "b", faults=["kill plant at 50"])
+    assert found.result.exit_code == ExitCode.DIED
+    assert (found.result.participant, found.result.at_step) == ("plant", 50)
+
+
+def test_a_fault_on_messages_reaches_who_reads_them(recorded, tmp_path):
+    found = branch(recorded, 43, tmp_path / "b", faults=["corrupt plant at 50"], in_process=True)
+    assert found.result.exit_code == ExitCode.STEP_TIMEOUT or found.result.drops["controller"] == 1
+
+
+def test_a_fault_before_the_step_is_refused(recorded, tmp_path):
+    with pytest.raises(WiringError, match="'kill plant at 10' is before step 43"):
+        branch(recorded, 43, tmp_path / "b", faults=["kill plant at 10"])
+
+
+def test_a_longer_run_continues_where_the_recording_ends(recorded, tmp_path):
+    found = branch(recorded, STEPS, tmp_path / "b", ["duration=1s"], in_process=True)
+    assert found.result.steps == 200
+    assert below(found.result.recording, STEPS) == below(recorded, STEPS)
+
+
+def test_a_step_behind_the_recording_is_refused(recorded, tmp_path):
+    with pytest.raises(RecordingFailed, match="has 100 complete steps; none is step 101"):
+        branch(recorded, 101, tmp_path / "b")
+
+
+@pytest.mark.parametrize("change", ["step=1ms", "seed=3", "mission.every=2"])
+def test_what_decides_who_reads_what_is_kept(recorded, tmp_path, change):
+    with pytest.raises(WiringError, match="a branch keeps step, seed, ports and rates"):
+        branch(recorded, 43, tmp_path / "b", [change])
+
+
+def test_a_time_stands_for_its_step(recorded, tmp_path):
+    assert branch(recorded, "215ms", tmp_path / "b", in_process=True).at == 43
+
+
+def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
+    failed = run_joints(tmp_path, fault("plant", "plant", "raise", 70), in_process=True)
+    repaired = "plant.exec=[python, joints.py, plant]"
+    found = branch(failed.recording, 60, tmp_path / "b", [repaired], in_process=True)
+    assert (found.result.exit_code, found.result.steps) == (0, STEPS)
+    assert below(found.result.recording, 60) == below(failed.recording, 60)
