@@ -138,9 +138,10 @@ class Harness(Session):
         repeating: whether the trigger is repeated meanwhile.
         """
         due = due_step(step, every=self.spec.every)
+        has_bulk = any(output.bulk for output in self.spec.outputs.values())
         self.until(
             lambda: self.transcript.newest >= due and not self.transcript.awaited,
-            f"step {due}, with all that it announces,",
+            f"step {due}, with all that it announces," if has_bulk else f"step {due}",
             self.spec.deadlines.step_s,
             self.repeat if repeating else None,
         )
