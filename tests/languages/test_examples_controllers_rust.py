@@ -13,6 +13,7 @@ from support.paths import CHECKOUT
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 
@@ -97,6 +98,44 @@ def test_the_crate_passes_its_own_tests():
     outcomes = re.findall(r"test result: (\w+)\. (\d+) passed", cargo(CRATE, "test", "--release"))
     assert {outcome for outcome, _ in outcomes} == {"ok"}
     assert sum(int(passed) for _, passed in outcomes) > 10
+
+
+@pytest.fixture(scope="module")
+def thruster(tmp_path_factory):
+    """Return a copy of examples/thruster with its controller in Rust."""
+    cargo(CRATE, "build", "--release", "--example", "thruster")
+    copy = tmp_path_factory.mktemp("thruster") / "thruster"
+    shutil.copytree(CHECKOUT / "examples/thruster", copy)
+    shutil.copy(EXAMPLE / "target/release/examples/thruster", copy / "controller")
+    text = (copy / "scenario.yaml").read_text()
+    bridge = "    bridge: {format: raw, describe: {thruster: {names: [left, right]}}}\n"
+    assert bridge in text
+    (copy / "scenario.yaml").write_text(text.replace(bridge, ""))
+    return copy
+
+
+@pytest.mark.slow
+def test_types_of_its_own_go_through_it(thruster, tmp_path):
+    result = run(load(thruster, ["duration=1s"]), Options(out=tmp_path / "out"))
+    assert (result.exit_code, result.steps) == (0, 50), result.reason
+    with Recording(result.recording) as recording:
+        assert recording["controller/thruster"].thrust.shape == (50, 2)
+
+
+@pytest.mark.slow
+def test_types_that_the_scenario_declares_otherwise_are_refused(thruster, tmp_path):
+    copy = shutil.copytree(thruster, tmp_path / "copy")
+    types = (copy / "types.yaml").read_text()
+    (copy / "types.yaml").write_text(types.replace("unit: N", "unit: kN"))
+    vehicle = (copy / "vehicle.py").read_text()
+    (copy / "old.yaml").write_text(types.replace("unit: N", "unit: kN"))
+    (copy / "vehicle.py").write_text(vehicle.replace("types.yaml", "old.yaml"))
+    result = run(load(copy, ["duration=1s"]), Options(out=tmp_path / "out"))
+    assert result.exit_code == ExitCode.START
+    assert (
+        "controller: Thruster/1 differs: thrust is float[n] [N] in the program, float[n] [kN] in "
+        "the scenario"
+    ) in result.reason
 
 
 @pytest.mark.parametrize("folder", [CRATE, EXAMPLE])

@@ -53,6 +53,41 @@ pub trait Field: Sized {
 pub trait Message: Field {
     /// Name and major version, as in the scenario: `JointState/1`.
     const TYPE: &'static str;
+
+    /// Declares the type as a scenario does; none unless each field says its form.
+    fn declaration() -> Option<Declaration> {
+        None
+    }
+}
+
+/// A message type as a scenario declares it: field → its row.
+pub type Declaration = BTreeMap<String, Value>;
+
+/// Returns a message type of a program's own with its declaration, for `Participant::TYPES`.
+///
+/// Panics where a field lacks its form.
+pub fn declared<T: Message>() -> (String, Declaration) {
+    let rows = T::declaration();
+    let rows = rows.unwrap_or_else(|| panic!("{}: give each field its form: `as \"float\"`", T::TYPE));
+    (T::TYPE.to_owned(), rows)
+}
+
+/// Returns the row of a field; none without a form, of which `|` separates words.
+#[doc(hidden)]
+pub fn row<T: Field>(form: Option<&str>, unit: Option<&str>, default: Option<T>) -> Option<Value> {
+    let words: Vec<&str> = form?.split('|').map(str::trim).collect();
+    let form = match words.len() {
+        1 => Value::from(words[0]),
+        _ => Value::Array(words.into_iter().map(Value::from).collect()),
+    };
+    let mut pairs = vec![("type".into(), form)];
+    pairs.extend(unit.map(|unit| ("unit".into(), unit.into())));
+    match default {
+        Some(value) => pairs.push(("default".into(), value.write())),
+        None if T::absent().is_some() => pairs.push(("optional".into(), true.into())),
+        None => {}
+    }
+    Some(Value::Map(pairs))
 }
 
 /// Reads a payload: one value, and nothing behind it.
@@ -182,10 +217,13 @@ impl<T: Field> Field for BTreeMap<String, T> {
 /// Declares a map with its fields: `message! { "Trigger/1", struct Trigger { step_limit: u64 } }`.
 ///
 /// `= default` behind a field gives its default. Fields that hold it are left out when writing.
+/// `as "float[n]" in "N"` is the form and unit of a field of a type of your own, as the scenario
+/// declares them (`as "off | on"`: words); with them, `Participant::TYPES` may name the type.
 #[macro_export]
 macro_rules! message {
     ($(#[$about:meta])* $type:literal, struct $name:ident {
-        $($(#[$doc:meta])* $field:ident: $of:ty $(= $default:expr)?),* $(,)?
+        $($(#[$doc:meta])* $field:ident: $of:ty
+            $(as $form:literal $(in $unit:literal)?)? $(= $default:expr)?),* $(,)?
     }) => {
         $(#[$about])*
         #[derive(Clone, Debug, PartialEq)]
@@ -216,6 +254,18 @@ macro_rules! message {
 
         impl $crate::codec::Message for $name {
             const TYPE: &'static str = $type;
+
+            fn declaration() -> Option<$crate::codec::Declaration> {
+                let mut rows = $crate::codec::Declaration::new();
+                $(
+                    let form: Option<&str> = [$($form)?].into_iter().next();
+                    let unit: Option<&str> = [$($($unit)?)?].into_iter().next();
+                    let default: Option<$of> = [$($default)?].into_iter().next();
+                    let name = stringify!($field).trim_start_matches("r#");
+                    rows.insert(name.to_owned(), $crate::codec::row(form, unit, default)?);
+                )*
+                Some(rows)
+            }
         }
     };
 }

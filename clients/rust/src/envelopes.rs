@@ -154,8 +154,13 @@ message! {
 impl Description {
     /// Describes an output whose names are those of an input.
     pub fn like(input: &str) -> Self {
+        Self { like: Some(input.to_owned()), ..Self::named(&[]) }
+    }
+
+    /// Describes an output by the names of its vectors.
+    pub fn named(names: &[&str]) -> Self {
         let nothing = Self::read(&Value::Map(Vec::new())).expect("all fields have defaults");
-        Self { like: Some(input.to_owned()), ..nothing }
+        Self { names: names.iter().map(ToString::to_string).collect(), ..nothing }
     }
 }
 

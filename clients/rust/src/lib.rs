@@ -17,9 +17,9 @@ mod session;
 mod source;
 mod ticket;
 
-pub use codec::{Field, Value};
+pub use codec::{declared, Field, Value};
 pub use envelopes::{Description, Welcome};
 pub use error::Error;
 pub use messages::{ControllerStatus, JointCommand, JointReference, JointState, Mode};
-pub use participant::{Answer, Inputs, Participant, Ports};
+pub use participant::{Answer, Inputs, Participant, Ports, Types};
 pub use run::run;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::codec::{Message, Value};
+use crate::codec::{Declaration, Message, Value};
 use crate::envelopes::{Description, InputConfig, OutputConfig, Welcome};
 use crate::error::Error;
 use crate::messages;
@@ -10,6 +10,9 @@ use crate::source::Source;
 
 /// Ports a program knows, with their types: `&[("joint_state", "JointState/1")]`.
 pub type Ports = Option<&'static [(&'static str, &'static str)]>;
+
+/// Message types of a program's own: `&[declared::<Thruster>]`.
+pub type Types = &'static [fn() -> (String, Declaration)];
 
 /// A plant, a controller, a mission, or anything else that takes part in a run.
 ///
@@ -20,6 +23,8 @@ pub trait Participant: Sized {
     const INPUTS: Ports = None;
     /// The outputs it works with, likewise.
     const OUTPUTS: Ports = None;
+    /// The types of its own that it knows; the run compares their declarations with the scenario's.
+    const TYPES: Types = &[];
 
     /// Loads the model; file names in `params` are relative to `welcome.folder`.
     fn load(welcome: &Welcome) -> Result<Self, Error>;

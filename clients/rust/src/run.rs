@@ -1,7 +1,6 @@
 //! From the ticket to the exit code.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -96,7 +95,7 @@ fn hello<P: Participant>(ticket: &Ticket) -> Hello {
         sdk: concat!("stepbus-client ", env!("CARGO_PKG_VERSION")).to_owned(),
         inputs: ports(P::INPUTS),
         outputs: ports(P::OUTPUTS),
-        types: BTreeMap::new(),
+        types: P::TYPES.iter().map(|declare| declare()).collect(),
     }
 }
 
