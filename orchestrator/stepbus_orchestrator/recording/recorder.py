@@ -173,14 +173,16 @@ class Recorder:
     def _write(self, published: Published) -> None:
         """Write one participant's outputs, up to the first broken one; the chain has the same."""
         name, step = published.participant, published.step
+        t_ns, silent = step * self._step_ns, self._silent
         valid: list[tuple[str, bytes]] = []
         try:
             for port, data in published.content:
                 message = self._decoded(name, port, step, data)
                 valid.append((port, data))
-                self._add(self._channels[name, port], step, data)
-                self._silent.discard((name, port))
-                if self._on_event is not None and isinstance(message, Event):
+                self._file.add(self._channels[name, port], t_ns, data, step)
+                if silent:
+                    silent.discard((name, port))
+                if isinstance(message, Event) and self._on_event is not None:
                     self._on_event(name, port, step, message)
             if published.fault is not None:
                 raise published.fault

@@ -36,7 +36,9 @@ class _Buffer:
     def lacks_bulk(self, step: int) -> bool:
         """Return whether bulk content of its next outputs is missing, and they are of a step."""
         head = self.waiting[0] if self.waiting else None
-        return head is not None and head.step == step and not self.has_bulk(head)
+        if head is None or not head.bulk:
+            return False
+        return head.step == step and not self.has_bulk(head)
 
     def take(self) -> Published:
         outputs = self.waiting.popleft()
@@ -52,7 +54,9 @@ class _Buffer:
 
     def _content(self, outputs: Outputs, port: str) -> bytes | None:
         raw = outputs.ports.get(port)
-        return bytes(raw) if raw is not None else self._bulk_content(outputs, port)
+        if raw is not None:
+            return bytes(raw)
+        return self._bulk_content(outputs, port) if self.bulk else None
 
     def _bulk_content(self, outputs: Outputs, port: str) -> bytes | None:
         content = self.bulk.pop((outputs.step, port), None)
@@ -91,9 +95,11 @@ class StepOrder:
 
     def complete_below(self, end: int) -> Iterator[int]:
         """Yield the next steps below `end`, up to the first that lacks bulk content."""
-        while self._next < end and not any(
-            buffer.lacks_bulk(self._next) for buffer in self._buffers.values()
-        ):
+        buffers = list(self._buffers.values())
+        while self._next < end:
+            for buffer in buffers:
+                if buffer.lacks_bulk(self._next):
+                    return
             yield self._next
             self._next += 1
 

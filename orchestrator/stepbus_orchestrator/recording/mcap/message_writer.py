@@ -18,6 +18,7 @@ from mcap.records import Chunk, ChunkIndex, MessageIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
 _MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_HEAD_BYTES = _MESSAGE.size
 _FIELDS_BYTES = 22  # of the fields that the length counts, before the content
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
 _ENTRY_BYTES = 16
@@ -95,6 +96,7 @@ class MessageWriter(Writer):
         self._output = output
         self._checked: _Checksummed = checked
         self._compression: CompressionType = own["_Writer__compression"]
+        self._compressor = zstandard.ZstdCompressor()
         self._chunk: Any = own["_Writer__chunk_builder"]
         self._chunk_bytes: int = own["_Writer__chunk_size"]
         self._statistics: Any = own["_Writer__statistics"]
@@ -111,6 +113,7 @@ class MessageWriter(Writer):
         """Append a message to the chunk; raises OSError when a full chunk cannot be written."""
         chunk = self._chunk
         stream = chunk.record_writer
+        count = stream.count
         if chunk.num_messages == 0:
             chunk.message_start_time = chunk.message_end_time = log_time
         elif log_time > chunk.message_end_time:
@@ -121,13 +124,13 @@ class MessageWriter(Writer):
         index = chunk.message_indices.get(channel_id)
         if index is None:
             index = chunk.message_indices[channel_id] = _Index(channel_id, [])
-        index.records.append((log_time, stream.count))
+        index.records.append((log_time, count))
         length = _FIELDS_BYTES + len(data)
         stream.write(
             _MESSAGE.pack(Opcode.MESSAGE, length, channel_id, sequence, log_time, publish_time)
             + data
         )
-        if stream.count > self._chunk_bytes:
+        if count + _HEAD_BYTES + len(data) > self._chunk_bytes:
             self._end_chunk()
 
     def add_attachment(self, *args: Any, **named: Any) -> None:
@@ -218,7 +221,7 @@ class MessageWriter(Writer):
         is_packed = self._compression == CompressionType.ZSTD
         return Chunk(
             compression="zstd" if is_packed else "",
-            data=zstandard.compress(data) if is_packed else data,
+            data=self._compressor.compress(data) if is_packed else data,
             message_start_time=chunk.message_start_time,
             message_end_time=chunk.message_end_time,
             uncompressed_crc=zlib.crc32(data),
