@@ -6,7 +6,7 @@ import re
 import pytest
 from support.paths import DOCS
 
-from stepbus_orchestrator.cli.commands import COMMANDS
+from stepbus_orchestrator.cli.commands import load_commands
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import builtin_names
 
@@ -23,16 +23,16 @@ def options(command):
 
 
 def test_every_command_has_its_section_in_the_order_of_the_help():
-    assert list(SECTIONS) == [command.name for command in COMMANDS]
+    assert list(SECTIONS) == [command.name for command in load_commands()]
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+@pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
 def test_the_table_of_a_command_has_all_of_its_options(command):
     first_cells = re.findall(r"^\| (.*?) \|", SECTIONS[command.name], re.MULTILINE)
     assert set(re.findall(r"`(--?\w[\w-]*)", " ".join(first_cells))) == options(command)
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+@pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
 def test_every_command_has_an_example(command):
     assert f"\n$ stepbus {command.name}" in SECTIONS[command.name]
 

@@ -5,7 +5,6 @@ import sys
 import pytest
 
 from stepbus_participant import ExtraMissing, extra_hint, import_error_hint, install_command, need
-from stepbus_participant.hints import extras
 
 
 @pytest.fixture
@@ -18,7 +17,7 @@ def source(monkeypatch):
         def read_text(self, _name):
             return self.text
 
-    monkeypatch.setattr(extras, "distribution", lambda _name: Distribution())
+    monkeypatch.setattr("importlib.metadata.distribution", lambda _name: Distribution())
 
     def set_source(text):
         Distribution.text = text

@@ -1,68 +1,61 @@
 """The commands of the command line."""
 
 import argparse
+import sys
 import textwrap
-from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Iterable, Sequence
+from importlib import import_module
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_schemas import StepbusError
 
 from .command import Command
-from .participants import bridge as bridge_command
-from .participants import conformance as conformance_command
-from .participants import selftest as selftest_command
-from .recordings import branch as branch_command
-from .recordings import diff as diff_command
-from .recordings import plot as plot_command
-from .recordings import recover as recover_command
-from .recordings import replay as replay_command
-from .recordings import rerun as rerun_command
-from .scenarios import call as call_command
-from .scenarios import describe as describe_command
-from .scenarios import run as run_command
-from .scenarios import types as types_command
-from .scenarios import validate as validate_command
-from .scenarios import verify as verify_command
-from .setup import doctor as doctor_command
-from .setup import new as new_command
 from .terminal.outlet import hurry
 from .terminal.output import print_error
 
 _COLUMNS = 79
 
-COMMANDS: tuple[Command, ...] = (
-    run_command.COMMAND,
-    validate_command.COMMAND,
-    describe_command.COMMAND,
-    types_command.COMMAND,
-    selftest_command.COMMAND,
-    call_command.COMMAND,
-    new_command.COMMAND,
-    doctor_command.COMMAND,
-    replay_command.COMMAND,
-    diff_command.COMMAND,
-    plot_command.COMMAND,
-    verify_command.COMMAND,
-    rerun_command.COMMAND,
-    branch_command.COMMAND,
-    recover_command.COMMAND,
-    conformance_command.COMMAND,
-    bridge_command.COMMAND,
-)
+_MODULES = {
+    "run": "scenarios.run",
+    "validate": "scenarios.validate",
+    "describe": "scenarios.describe",
+    "types": "scenarios.types",
+    "selftest": "participants.selftest",
+    "call": "scenarios.call",
+    "new": "setup.new",
+    "doctor": "setup.doctor",
+    "replay": "recordings.replay",
+    "diff": "recordings.diff",
+    "plot": "recordings.plot",
+    "verify": "scenarios.verify",
+    "rerun": "recordings.rerun",
+    "branch": "recordings.branch",
+    "recover": "recordings.recover",
+    "conformance": "participants.conformance",
+    "bridge": "participants.bridge",
+}
+"""Command → its module here. Only the one that is typed is loaded: all take half a second."""
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def load_commands(names: Iterable[str] = tuple(_MODULES)) -> tuple[Command, ...]:
+    """Load commands by name; default: all, in the order of the overview."""
+    modules = (import_module(f"{__package__}.{_MODULES[name]}") for name in names)
+    return tuple(module.COMMAND for module in modules)
+
+
+def make_parser(names: Iterable[str] = tuple(_MODULES)) -> argparse.ArgumentParser:
+    """Return the parser of commands by name; default: all."""
     parser = argparse.ArgumentParser(
         prog="stepbus",
         description="Co-simulation for robotics: plant, controller and mission as separate "
         "processes in lockstep over Zenoh, recorded to MCAP.",
         epilog="example: stepbus run two_link",
     )
-    parser.add_argument("--version", action="version", version=f"stepbus {_version()}")
+    parser.add_argument(
+        "--version", action=_ShowVersion, nargs=0, help="show program's version number and exit"
+    )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in COMMANDS:
+    for command in load_commands(names):
         sub = commands.add_parser(
             command.name,
             help=command.summary,
@@ -75,7 +68,17 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+class _ShowVersion(argparse.Action):
+    """Shows the version, which takes a search of what is installed."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        sys.stdout.write(f"stepbus {_version()}\n")
+        parser.exit()
+
+
 def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+
     try:
         return version("stepbus")
     except PackageNotFoundError:
@@ -84,7 +87,9 @@ def _version() -> str:
 
 def execute(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code."""
-    args = make_parser().parse_args(arguments)
+    # Without a command that exists, the overview or the error shows all of them.
+    names = arguments[:1] if arguments and arguments[0] in _MODULES else _MODULES
+    args = make_parser(names).parse_args(arguments)
     if args.command.is_run:
         hurry()
     try:

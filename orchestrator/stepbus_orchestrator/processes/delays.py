@@ -1,11 +1,10 @@
 """Delays participants at random, to bring races to light."""
 
 import contextlib
+import random
 import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-
-import numpy as np
 
 from .child import Child
 
@@ -47,7 +46,7 @@ class Delays:
                 thread.join(_JOIN_S)
 
     def _disturb(self, children: Mapping[str, Child], index: int, name: str) -> None:
-        generator = np.random.default_rng([*self._seed, index])
+        generator = random.Random(repr([*self._seed, index]))  # noqa: S311  (delays, no secret)
         while not self._over.wait(generator.uniform(0, _LONGEST_PAUSE_S)):
             child = children.get(name)
             if child is not None and child.exit_code() is None:

@@ -1,11 +1,18 @@
-"""Writes, reads and recovers the recording of a run."""
+"""Writes, reads and recovers the recording of a run.
+
+What reads is imported when it is first used: a run only writes, and needs no NumPy.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 from .mcap.file import McapFile
-from .reader import BATCH_BYTES, Batch, Entry, Port, Recording
 from .recorder import Recorder
 from .recover import Recovery, recover
 from .sink import Descriptions, Sink
 from .timing import TimingRecorder
+
+if TYPE_CHECKING:
+    from .reader import BATCH_BYTES, Batch, Entry, Port, Recording
 
 __all__ = [
     "BATCH_BYTES",
@@ -21,3 +28,11 @@ __all__ = [
     "TimingRecorder",
     "recover",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from . import reader  # noqa: PLC0415  (NumPy takes longer to load than the rest)
+
+    return getattr(reader, name)

@@ -3,7 +3,6 @@
 import json
 import re
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distribution
 from typing import Any
 from urllib.parse import unquote, urlparse
 
@@ -36,6 +35,9 @@ def _origin() -> tuple[str, bool]:
 
     The path is empty where that is no file of this machine.
     """
+    # It takes longer to load than all else here, and only a hint needs it.
+    from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
+
     try:
         text = distribution("stepbus").read_text("direct_url.json")
     except PackageNotFoundError:

@@ -10,18 +10,18 @@ import pytest
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import COMMANDS, make_parser
+from stepbus_orchestrator.cli.commands import load_commands, make_parser
 from stepbus_orchestrator.errors import ExitCode
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+@pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
 def test_every_example_of_every_command_can_be_parsed(command):
     assert command.examples
     for line in command.examples:
         make_parser().parse_args(shlex.split(line)[1:])
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+@pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
 def test_every_help_shows_its_examples(command, capsys):
     with pytest.raises(SystemExit):
         main([command.name, "--help"])

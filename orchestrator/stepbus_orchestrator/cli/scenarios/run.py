@@ -5,7 +5,6 @@ import threading
 from contextlib import nullcontext
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
 from stepbus_orchestrator.cli.entry import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
@@ -113,6 +112,9 @@ def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> l
     if interrupt.is_set() and not result.exit_code:
         return [_NO_REPORT]
     try:
+        # It loads NumPy, and for plots Matplotlib.
+        from stepbus_orchestrator.analysis.report import write_report  # noqa: PLC0415
+
         with abortable():
             return write_report(result.recording, has_plots=has_plots)
     except KeyboardInterrupt:

@@ -9,9 +9,10 @@ another one. Without credentials there is no link at all.
 import secrets
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import trustme
+if TYPE_CHECKING:
+    from trustme import CA
 
 ORCHESTRATOR = "orchestrator"
 CALLER = ".caller"
@@ -37,13 +38,15 @@ def certificates(members: Iterable[str], folder: Path) -> dict[str, dict[str, An
 
     folder: private; it gets the files, which are of no use once the run is over.
     """
+    import trustme  # noqa: PLC0415  (only TCP needs it, and it loads all of cryptography)
+
     authority = trustme.CA()
     root = folder / "authority.pem"
     authority.cert_pem.write_to_path(root)
     return {member: _certificate(authority, member, folder, root) for member in members}
 
 
-def _certificate(authority: trustme.CA, member: str, folder: Path, root: Path) -> dict[str, Any]:
+def _certificate(authority: "CA", member: str, folder: Path, root: Path) -> dict[str, Any]:
     issued = authority.issue_cert("127.0.0.1", common_name=member)
     chain, key = folder / f"{member}.crt", folder / f"{member}.key"
     issued.cert_chain_pems[0].write_to_path(chain)

@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
-from stepbus_orchestrator.recording import Recording, Sink, layout
+from stepbus_orchestrator.recording import Sink, layout
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.failures import deadline, seconds
 from stepbus_orchestrator.run.kernel.gates import FAR
@@ -26,6 +26,9 @@ from stepbus_schemas import (
     MessageError,
     encode,
 )
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.recording import Recording
 
 CALL_KEY = "call"
 _decode_request = Decoder(CallRequest)
@@ -249,7 +252,7 @@ def _methods(participant: ParticipantState) -> dict[str, CallDescription]:
     return dict(participant.ready.calls) if participant.ready is not None else {}
 
 
-def recorded_calls(recording: Recording, participant: str | None = None) -> list[CallRecord]:
+def recorded_calls(recording: "Recording", participant: str | None = None) -> list[CallRecord]:
     """Return the calls that changed a recorded run, of one participant or of all.
 
     Raises MessageError for one that cannot be read.
