@@ -25,6 +25,7 @@ from .participant import Participant, PortType
 from .process.hosting import HOST, Host
 from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
+from .steering import Steering
 from .step import InputAbsent, InvalidInput, Step
 
 __all__ = [
@@ -72,6 +73,7 @@ __all__ = [
     "Settings",
     "SettingsError",
     "Share",
+    "Steering",
     "Step",
     "Text",
     "Ticket",

@@ -37,6 +37,13 @@ class Law(Protocol):
         ...
 
 
+class Steered(Protocol):
+    """A law whose gains may change while it works."""
+
+    def set_gains(self, params: Params, /) -> None:
+        """Take the gains of parameters; what the law has integrated stays."""
+
+
 class PD:
     """τ = Kp (q_d − q) + Kd (v_d − v).
 
@@ -44,6 +51,12 @@ class PD:
     """
 
     def __init__(self, robot: Robot, params: Params) -> None:
+        self._robot = robot
+        self.set_gains(params)
+
+    def set_gains(self, params: Params) -> None:
+        """See `Steered`."""
+        robot = self._robot
         self._kp = _gain(params.kp, robot)
         self._kd = _gain(params.kd, robot)
 
@@ -53,24 +66,34 @@ class PD:
 
 
 class PID:
-    """PD with an integral term, Ki ∫ (q_d − q) dt.
+    """PD with an integral term, Ki ∫ (q_d − q) dt, and a feed-forward of acceleration, J a_d.
 
-    kp [N·m/rad], ki [N·m/(rad·s)], kd [N·m·s/rad]. anti_windup: `conditional_integration` (the
-    integral stands still while the torque exceeds its limit and the error would push it further;
-    Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5) or `none`.
+    kp [N·m/rad], ki [N·m/(rad·s)], kd [N·m·s/rad], feed_forward J [kg·m²]: the torque that the
+    reference takes is commanded before there is an error. anti_windup: `conditional_integration`
+    (the integral stands still while the torque exceeds its limit and the error would push it
+    further; Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5) or `none`.
     """
 
     def __init__(self, robot: Robot, params: Params) -> None:
+        self._robot = robot
         self._pd = PD(robot, params)
-        self._ki = _gain(params.ki, robot)
+        self.set_gains(params)
         anti_windup = params.anti_windup == "conditional_integration"
         self._integrate_within = robot.effort_limit if anti_windup else np.inf
         self._integral = np.zeros(len(robot.joints))
+
+    def set_gains(self, params: Params) -> None:
+        """See `Steered`."""
+        self._pd.set_gains(params)
+        self._ki = _gain(params.ki, self._robot)
+        self._inertia = _gain(params.feed_forward, self._robot)
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
         """See `Law`."""
         error = reference.position - q
         proportional = self._pd.torque(q, v, reference, dt)
+        if self._inertia.any():
+            proportional = proportional + self._inertia * reference.acceleration
         integral = self._integral + self._ki * error * dt
         total = proportional + integral
         winds_up = (np.abs(total) > self._integrate_within) & (total * error > 0)
@@ -88,6 +111,7 @@ class PDGravity:
 
     def __init__(self, robot: Robot, params: Params) -> None:
         self._pd = PD(robot, params)
+        self.set_gains = self._pd.set_gains
         self._model = robot.require_model()
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
@@ -104,6 +128,7 @@ class ComputedTorque:
 
     def __init__(self, robot: Robot, params: Params) -> None:
         self._pd = PD(robot, params)
+        self.set_gains = self._pd.set_gains
         self._model = robot.require_model()
 
     def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
@@ -125,17 +150,24 @@ def make_law(config: Config, params: Params, robot: Robot) -> Law:
     """Return the law that the parameters name; raises SettingsError with all that is wrong."""
     law: Law
     if params.law in LAWS:
-        _check_gains(config, params, robot)
+        check_gains(config, params, robot)
         law = LAWS[params.law](robot, params)
     else:
         law = make_plugin(config, "law", params.law, params.own, "torque", robot)
     return law
 
 
-def _check_gains(config: Config, params: Params, robot: Robot) -> None:
+def gains_of(params: Params) -> tuple[str, ...]:
+    """Return the gains of a law of this package; none of a law of one's own."""
+    if params.law not in LAWS:
+        return ()
+    return ("kp", "kd", "ki", "feed_forward") if params.law == "pid" else ("kp", "kd")
+
+
+def check_gains(config: Config, params: Params, robot: Robot) -> None:
     """Raise SettingsError that lists every gain that does not fit the joints."""
     problems = config.problems().below(("params",))
-    for key in ("kp", "kd", "ki") if params.law == "pid" else ("kp", "kd"):
+    for key in gains_of(params):
         value: PerName = getattr(params, key)
         for where, text in value.misfits(robot.joints):
             problems.add((key, *where), text)

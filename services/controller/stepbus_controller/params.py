@@ -13,6 +13,7 @@ from stepbus_participant import (
     Positive,
     PositivePerJoint,
     Vector3,
+    each,
     when,
 )
 from stepbus_participant.parameters import Keys
@@ -43,6 +44,9 @@ class Params(SmoothingParams):
     """Derivative gain [N·m·s/rad], of computed_torque [1/s]."""
     ki: Annotated[NonNegativePerJoint, when(law="pid")]
     """Integral gain [N·m/(rad·s)]."""
+    feed_forward: Annotated[NonNegativePerJoint, when(law="pid")] = each(0.0)
+    """Torque for each acceleration of the reference [N·m·s²/rad]: the inertia that the joint
+    moves."""
     anti_windup: Annotated[Literal["conditional_integration", "none"], when(law="pid")] = (
         "conditional_integration"
     )

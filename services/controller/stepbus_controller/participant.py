@@ -3,12 +3,12 @@
 import math
 from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from stepbus_kinematics import Smoother, Vector, delay_warning, joint_orders, make_smoother
-from stepbus_participant import Config, Participant, Ports, Step
+from stepbus_participant import Config, Method, Participant, Ports, Steering, Step
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -20,10 +20,18 @@ from stepbus_schemas import (
     due_step,
 )
 
-from .laws import Reference, make_law
+from .laws import Reference, Steered, check_gains, gains_of, make_law
 from .params import Params
 from .robot import make_robot
 from .velocity import VelocityEstimator, make_estimator
+
+TORQUE_UNITS = {
+    "kp": "N·m/rad",
+    "kd": "N·m·s/rad",
+    "ki": "N·m/(rad·s)",
+    "feed_forward": "N·m·s²/rad",
+}
+ACCELERATION_UNITS = {"kp": "1/s²", "kd": "1/s"}
 
 
 class ControllerParticipant(Participant):
@@ -31,8 +39,8 @@ class ControllerParticipant(Participant):
 
     Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, where the
     scenario wires it, one ControllerStatus/1. The scenario names the ports. Nothing is published
-    until both inputs have come once. The status reports the delay of `smoothing` once.
-    Parameters: see `Params`.
+    until both inputs have come once. Its gains can be read and set by calls. The status reports the
+    delay of `smoothing` once. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:
@@ -52,6 +60,7 @@ class ControllerParticipant(Participant):
         self._robot = make_robot(config, params)
         self._names = [params.prefix + joint for joint in self._robot.joints]
         self.law = make_law(config, params, self._robot)
+        self._steering = Steering(config, Params, self._gains(params), self._set_gains)
         self._limit: list[float] = self._robot.effort_limit.tolist()
         self._dt = config.every * config.step_ns * 1e-9
         self._motion: tuple[Vector, Vector] | None = None
@@ -67,6 +76,19 @@ class ControllerParticipant(Participant):
         if self._status_port is not None:
             described[self._status_port] = Description(names=self._names)
         return described
+
+    def calls(self) -> Mapping[str, Method]:
+        """Return the calls that read and set the gains; none of a law of one's own."""
+        return self._steering.methods()
+
+    def _gains(self, params: Params) -> Mapping[str, str]:
+        """Return the gains of the law, with their units."""
+        units = ACCELERATION_UNITS if params.law == "computed_torque" else TORQUE_UNITS
+        return {key: units[key] for key in gains_of(params)}
+
+    def _set_gains(self, params: Params) -> None:
+        check_gains(self.config, params, self._robot)
+        cast("Steered", self.law).set_gains(params)
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for those that are missing."""

@@ -66,11 +66,13 @@ COMMAND = Command(
     summary="ask a participant something while it runs",
     description="Asks a participant something while it runs, from a second terminal. It answers "
     "between two steps, and the question does not affect the result. A call that changes the run "
-    "is recorded with its step; rerun and replay repeat it there.",
+    "is recorded with its step; rerun, replay and branch repeat it there.",
     examples=(
         "stepbus call runs/two_link-20260101-120000",
         "stepbus call runs/two_link-20260101-120000 plant joint_position joint1",
         "stepbus call runs/two_link-20260101-120000 plant set_joint_position joint1 0.5",
+        "stepbus call runs/two_link-20260101-120000 mission set_target joint1 30deg 0.5",
+        "stepbus call runs/two_link-20260101-120000 controller set kp 90",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

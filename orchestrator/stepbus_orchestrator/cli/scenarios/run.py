@@ -15,7 +15,7 @@ from stepbus_orchestrator.processes.limits import check_open_files
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
@@ -51,6 +51,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="host all participants in one process: quicker, the same recording",
     )
+    parser.add_argument(
+        "--degrees",
+        action="store_true",
+        help="show the measured angles of all joints in degrees while it runs",
+    )
     parser.add_argument("--no-report", action="store_true", help="make no report.png, only figures")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
 
@@ -83,7 +88,13 @@ def _execute(args: argparse.Namespace) -> int:
         owns_descriptors=args.in_process and not args.debug,
     )
     with interruptible() as interrupt:
-        result = _run(scenario, options, pace, interrupt, quiet=args.json)
+        display = displayed(
+            scenario.name, quiet=args.json, plain=bool(args.debug), degrees=args.degrees
+        )
+        # A participant in a debugger reads the keys itself.
+        keys = nullcontext() if args.json or args.debug else controlled(pace, interrupt)
+        with display as shown, keys:
+            result = run(scenario, options, shown, interrupt)
         # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
         is_read = not (args.json and args.no_report)
         lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
@@ -93,16 +104,6 @@ def _execute(args: argparse.Namespace) -> int:
             _summarise(result, lines)
         settle()
     return result.exit_code
-
-
-def _run(
-    scenario: Scenario, options: Options, pace: Pace, interrupt: threading.Event, *, quiet: bool
-) -> Result:
-    """Run with a display; signals end the run cleanly, keys control it."""
-    # A participant in a debugger reads the keys itself.
-    keys = nullcontext() if quiet or options.debug else controlled(pace, interrupt)
-    with displayed(scenario.name, quiet=quiet, plain=bool(options.debug)) as display, keys:
-        return run(scenario, options, display, interrupt)
 
 
 def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> list[str]:

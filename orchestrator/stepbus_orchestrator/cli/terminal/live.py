@@ -1,6 +1,7 @@
 """Show the progress of a run: a live table, or plain lines without a terminal."""
 
 import contextlib
+import math
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -21,9 +22,10 @@ _LAST_S = 2.0
 class Display:
     """Shows sentences only: a debugger has the terminal."""
 
-    def __init__(self, title: str, console: Console) -> None:
+    def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
         self._title = title
         self._console = console
+        self._degrees = degrees
 
     def progress(self, progress: Progress) -> None:
         """Show the progress of the run."""
@@ -42,14 +44,15 @@ class Display:
 class LiveTable(Display):
     """Shows progress as a table, drawn again with each report."""
 
-    def __init__(self, title: str, console: Console) -> None:
-        super().__init__(title, console)
+    def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
+        super().__init__(title, console, degrees=degrees)
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._live.start()
 
     def progress(self, progress: Progress) -> None:
         """Draw the table again."""
-        self._live.update(_table(self._title, progress), refresh=True)
+        angles = f"\n{in_degrees(progress)}" if self._degrees else ""
+        self._live.update(_table(self._title, progress, angles), refresh=True)
 
     def close(self) -> None:
         """Remove the table."""
@@ -65,7 +68,8 @@ class PlainLines(Display):
         """Print a line if the last one is two seconds old."""
         if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
             self._shown_s = progress.elapsed_s
-            self._print(f"{self._title}: {_headline(progress)}")
+            angles = f"; {in_degrees(progress)}" if self._degrees and progress.angles else ""
+            self._print(f"{self._title}: {_headline(progress)}{angles}")
 
 
 class Aside:
@@ -102,15 +106,26 @@ class Aside:
 
 
 @contextlib.contextmanager
-def displayed(title: str, *, quiet: bool, plain: bool = False) -> Iterator[Aside | None]:
-    """Yield the display for where stdout goes; plain: a debugger has it; quiet: there is none."""
+def displayed(
+    title: str, *, quiet: bool, plain: bool = False, degrees: bool = False
+) -> Iterator[Aside | None]:
+    """Yield the display for where stdout goes.
+
+    plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
+    """
     if quiet:
         yield None
         return
     console = Console()
     shown = Display if plain else LiveTable if console.is_terminal else PlainLines
-    with contextlib.closing(Aside(shown(title, console))) as display:
+    with contextlib.closing(Aside(shown(title, console, degrees=degrees))) as display:
         yield display
+
+
+def in_degrees(progress: Progress) -> str:
+    """Return the measured angle of each joint [°]."""
+    rows = progress.angles.items()
+    return ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in rows)
 
 
 def _headline(progress: Progress) -> str:
@@ -125,9 +140,9 @@ def _headline(progress: Progress) -> str:
     return f"step {progress.step}{total}, t = {simulated_s:.2f} s, {factor:.1f} × real time"
 
 
-def _table(title: str, progress: Progress) -> Table:
+def _table(title: str, progress: Progress, angles: str = "") -> Table:
     table = Table(
-        title=f"{title}: {_headline(progress)}",
+        title=f"{title}: {_headline(progress)}{angles}",
         title_justify="left",
         caption=HELP,
         caption_justify="left",

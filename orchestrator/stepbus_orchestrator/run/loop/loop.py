@@ -20,6 +20,7 @@ from stepbus_orchestrator.run.kernel.gates import Gate, step_limit
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports.angles import measured_angles
 from stepbus_orchestrator.run.reports.progress import Observer, Progress, Silent
 from stepbus_schemas import CallRecord
 
@@ -243,4 +244,5 @@ class RunLoop:
                 participant.name: sum(participant.drops.values()) for participant in participants
             },
             holders=tuple(state.barrier.holders()) if is_moving else (),
+            angles=measured_angles(state.scenario, self.descriptions, state.newest),
         )

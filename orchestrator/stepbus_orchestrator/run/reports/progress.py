@@ -1,7 +1,7 @@
 """What a run reports to its observer, which has no effect on it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 
@@ -11,7 +11,8 @@ class Progress:
 
     phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed and in all (None:
     open end). phases: of each participant. compute_us: mean computing time of each
-    participant's step [µs]. drops: messages each participant has dropped.
+    participant's step [µs]. drops: messages each participant has dropped. angles: newest measured
+    angle of each joint [rad].
     """
 
     phase: str
@@ -23,6 +24,7 @@ class Progress:
     compute_us: Mapping[str, float]
     drops: Mapping[str, int]
     holders: tuple[str, ...]
+    angles: Mapping[str, float] = field(default_factory=dict)
 
 
 class Observer(Protocol):

@@ -1,5 +1,7 @@
 """The interface of reference generators, and those given by a formula."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -32,6 +34,7 @@ class Sine:
     """q(t) = offset + amplitude · sin(omega t + phase), per joint."""
 
     def __init__(self, joints: Sequence[str], params: Params) -> None:
+        self._shift = (0.0,) * len(joints)
         self._rows = tuple(
             zip(
                 params.amplitude.of(joints),
@@ -41,6 +44,22 @@ class Sine:
                 strict=True,
             )
         )
+
+    def changed(self, joints: Sequence[str], params: Params, t: float) -> Sine:
+        """Return the sine of other parameters from a time on [s]; another omega keeps the angle."""
+        found = Sine(joints, params)
+        omegas = [(row[1], new[1]) for row, new in zip(self._rows, found._rows, strict=True)]
+        found._shift = tuple(
+            shift + (before - now) * t
+            for shift, (before, now) in zip(self._shift, omegas, strict=True)
+        )
+        found._rows = tuple(
+            (amplitude, omega, phase + shift, offset)
+            for (amplitude, omega, phase, offset), shift in zip(
+                found._rows, found._shift, strict=True
+            )
+        )
+        return found
 
     def at(self, t: float) -> JointReference:
         """See `Generator`."""

@@ -4,11 +4,12 @@ import math
 from collections.abc import Mapping
 from itertools import chain
 
-from stepbus_participant import Config, Participant, Ports, Step, make_plugin
+from stepbus_participant import Config, Method, Participant, Ports, Steering, Step, make_plugin
 from stepbus_schemas import Description, Event, JointReference, Message, RunError
 
 from .generators import Generator, Sine, StepChange
 from .params import Params
+from .steering import Targets
 from .trajectories import CsvTrajectory, Waypoints
 
 TASKS: dict[str, type[Generator]] = {
@@ -20,11 +21,19 @@ TASKS: dict[str, type[Generator]] = {
 """Value of `task` in the scenario → its class."""
 
 
+STEERED: Mapping[str, Mapping[str, str]] = {
+    "sine": {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"},
+    "step": {"target": "rad", "initial": "rad", "time": "s"},
+}
+"""Task → its parameters that calls can set, with their units."""
+
+
 class MissionParticipant(Participant):
     """Publishes a reference at every step.
 
     Outputs: one JointReference/1 and, if the scenario wires it, one Event/1 that reports the start
-    and the end. The scenario names the ports. There are no inputs.
+    and the end. The scenario names the ports. There are no inputs. Calls send a joint to a position
+    and set parameters of the task; another `omega` keeps the angle that the sine has come to.
     """
 
     def __init__(self, config: Config) -> None:
@@ -39,6 +48,9 @@ class MissionParticipant(Participant):
         self._end_when_done = params.end_when_done
         self._task = params.task
         self.generator = make_generator(config, params)
+        self._changed: Params | None = None
+        self._targets = Targets(self._joints)
+        self._steering = Steering(config, Params, STEERED.get(params.task, {}), self._change)
         duration = duration_of(self.generator)
         self._done_ns = math.inf if math.isinf(duration) else round(duration * 1e9)
         self._is_done = False
@@ -53,7 +65,7 @@ class MissionParticipant(Participant):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the reference of this step."""
         messages: dict[str, Message] = {
-            self._reference_port: self._checked(self.generator.at(step.t), step)
+            self._reference_port: self._checked(self._reference(step.t), step)
         }
         if step.index == 0:
             self._report(messages, f"{self._task} of {', '.join(self._joints)} starts")
@@ -64,6 +76,38 @@ class MissionParticipant(Participant):
             if self._end_when_done:
                 step.end(f"{self.config.name}: {text}")
         return messages
+
+    def _reference(self, t: float) -> JointReference:
+        """Return the reference of a time [s]; calls take effect here."""
+        if self._changed is not None:
+            params, self._changed = self._changed, None
+            if isinstance(self.generator, Sine):
+                self.generator = self.generator.changed(params.joints, params, t)
+            else:
+                self.generator = make_generator(self.config, params)
+        return self._targets.apply(t, self.generator.at(t))
+
+    def _change(self, params: Params) -> None:
+        make_generator(self.config, params)
+        self._changed = params
+
+    def calls(self) -> Mapping[str, Method]:
+        """Return the calls that send a joint somewhere, and that set what the task has."""
+        return {
+            "set_target": Method(
+                self._targets.set_target,
+                "JOINT POSITION [SECONDS]: sends a joint to a position [rad], or degrees such as "
+                "30deg, with minimum jerk over a time "
+                "(default: at once); it stays there",
+                changes=True,
+            ),
+            "follow_task": Method(
+                self._targets.follow_task,
+                "[JOINT]: lets a joint, or all, follow the task again, at once",
+                changes=True,
+            ),
+            **self._steering.methods(),
+        }
 
     def _report(self, messages: dict[str, Message], text: str) -> None:
         if self._event_port is not None:
