@@ -7,7 +7,6 @@ the current folder or the recording's.
 
 import contextlib
 import os
-import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from stepbus_orchestrator.recording.known_programs import is_known_folder
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
 from stepbus_orchestrator.scenario import builtin_folders
 from stepbus_orchestrator.scenario import read_data as read_scenario
+from stepbus_orchestrator.scenario.files.paths import BUILT, is_scenario
 from stepbus_participant import SettingsError
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
@@ -28,8 +28,6 @@ from stepbus_schemas import WiringError
 _MOST_FOLDERS = 2000
 _DEEPEST = 5
 _REPOSITORY = (".git", ".hg", ".jj", "pyproject.toml")
-_SKIPPED = frozenset({"__pycache__", "build", "node_modules", "runs", "site-packages", "target"})
-_IS_SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
 
 
 class _Origin(msgspec.Struct, frozen=True):
@@ -259,7 +257,7 @@ def _is_searched(entry: os.DirEntry[str]) -> bool:
         is_folder = entry.is_dir(follow_symlinks=False)
     except OSError:
         return False
-    return is_folder and not entry.name.startswith(".") and entry.name not in _SKIPPED
+    return is_folder and not entry.name.startswith(".") and entry.name not in BUILT
 
 
 def _in_folder(folder: Path, recorded: Mapping[str, Any], participant: str) -> Path | None:
@@ -275,7 +273,7 @@ def _in_folder(folder: Path, recorded: Mapping[str, Any], participant: str) -> P
 def _fits(path: Path, recorded: Mapping[str, Any], participant: str) -> bool:
     """Return whether a file is a scenario of the recorded name that has a participant."""
     try:
-        if not path.is_file() or not _IS_SCENARIO.search(path.read_text(encoding="utf-8")):
+        if not is_scenario(path):
             return False
         data = read_scenario(path)
     except (OSError, UnicodeDecodeError, SettingsError):

@@ -6,7 +6,6 @@ A run whose programs read what the recording does not hold cannot be repeated fr
 import contextlib
 import ctypes
 import os
-import re
 import select
 import struct
 import threading
@@ -14,6 +13,8 @@ from collections.abc import Callable, Collection, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Self
+
+from stepbus_orchestrator.scenario.files.paths import INSTALLED, is_scenario
 
 _OPENED = 0x00000020
 _READ = 0x00000010
@@ -32,8 +33,6 @@ _HERE = -100
 _TICK_S = 0.2
 _END_S = 2.0
 _MOST_FOLDERS = 500
-_SCENARIO = re.compile(rb"^(participants|extends)[ \t]*:", re.MULTILINE)
-_SKIPPED = frozenset({"__pycache__", "node_modules", "runs", "site-packages"})
 
 
 class OpenedFiles:
@@ -211,7 +210,7 @@ def _folders(top: Path, without: Path) -> Iterator[Path]:
         folders[:] = sorted(
             name
             for name in folders
-            if name not in _SKIPPED
+            if name not in INSTALLED
             and not name.startswith(".")
             and Path(found, name).resolve() != without
         )
@@ -224,14 +223,8 @@ def _files_of(folder: Path) -> Iterator[Path]:
             found = [Path(entry.path) for entry in entries if entry.is_file()]
     except OSError:
         return
-    yield from (path for path in found if not (path.name.startswith(".") or _is_scenario(path)))
-
-
-def _is_scenario(path: Path) -> bool:
-    """Return whether a file is a scenario: that of another run in this folder, or a part of one."""
-    if path.suffix not in {".yaml", ".yml"}:
-        return False
-    try:
-        return _SCENARIO.search(path.read_bytes()) is not None
-    except OSError:
-        return False
+    for path in found:
+        # A scenario is that of another run in this folder, or a part of one.
+        of_a_run = path.suffix in {".yaml", ".yml"} and is_scenario(path)
+        if not (path.name.startswith(".") or of_a_run):
+            yield path

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from .paths import is_file, is_folder
+from .paths import BUILT, is_file, is_folder
 
 _BY_LANGUAGE = {
     "awk": ("*.awk",),
@@ -27,7 +27,6 @@ _BY_LANGUAGE = {
 _ALSO = {"gawk": "awk", "luajit": "lua", "octave-cli": "octave", "nodejs": "node", "pypy": "python"}
 _VERSION = re.compile(r"[-.\d]+$")
 _CLASS_PATHS = ("-cp", "-classpath", "--class-path", "-p", "--module-path")
-_SKIPPED = frozenset({"__pycache__", "build", "node_modules", "runs", "site-packages", "target"})
 _MOST = 500
 """A folder with more of them is no program's own: they have to be declared."""
 
@@ -117,5 +116,5 @@ def _all_below(folder: Path) -> list[Path]:
 def _below(folder: Path) -> Iterator[Path]:
     """Yield the files below a folder, but for those that are made or hidden."""
     for top, folders, names in os.walk(folder):
-        folders[:] = sorted(n for n in folders if n not in _SKIPPED and not n.startswith("."))
+        folders[:] = sorted(n for n in folders if n not in BUILT and not n.startswith("."))
         yield from (Path(top, name) for name in sorted(names))

@@ -1,16 +1,14 @@
 """Where a scenario is: a file, a folder, or one of those that ship with stepbus."""
 
 import importlib.util
-import re
 from pathlib import Path
 
 from stepbus_participant import suggest
 from stepbus_participant.parameters import fatal
 
-from ..files.paths import is_file, is_folder
+from ..files.paths import is_file, is_folder, is_scenario
 
 MAIN_FILE = "scenario.yaml"
-_IS_SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
 
 
 def locate(name: str | Path) -> Path:
@@ -72,13 +70,9 @@ def builtin_folders() -> tuple[Path, ...]:
 def _builtin_files() -> dict[str, Path]:
     """Return the built-in scenarios by name, sorted."""
     files = [file for folder in builtin_folders() for file in folder.glob("*/*.yaml")]
-    return {_name(file): file.resolve() for file in sorted(files, key=_name) if _is_scenario(file)}
+    return {_name(file): file.resolve() for file in sorted(files, key=_name) if is_scenario(file)}
 
 
 def _name(file: Path) -> str:
     folder = file.parent.name
     return folder if file.name == MAIN_FILE else f"{folder}/{file.stem}"
-
-
-def _is_scenario(file: Path) -> bool:
-    return _IS_SCENARIO.search(file.read_text(encoding="utf-8")) is not None
