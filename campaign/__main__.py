@@ -96,7 +96,7 @@ def _sell(options: argparse.Namespace, give_up: float) -> SaleTable:
         table.add(case, outcome)
         state = "BROKEN" if outcome.broken else "ok"
         _say(f"{number}/{len(rows)} {state} {case}: {outcome.code} after {outcome.seconds:.0f} s")
-        _say(f"      {outcome.force:.1f} N; {outcome.said}")
+        _say(f"      {outcome.force:.1f} N; {outcome.reason}")
         for line in outcome.excused:
             _say(f"      could not be avoided: {line}")
         for line in outcome.broken:

@@ -1,4 +1,4 @@
-"""Judges a sale by its recording: forces, rest, and whether what was said is so."""
+"""Judges a sale by its recording: forces, rest, and whether what is reported is so."""
 
 from __future__ import annotations
 
@@ -129,14 +129,14 @@ def _sale(log: SaleLog, result: Mapping[str, Any]) -> Iterator[str]:
 
 def _touches(log: SaleLog, result: Mapping[str, Any], excused: Excuses) -> Iterator[str]:
     """Check that touches which are reported were there, and that those which were are reported."""
-    said = [*log.texts(), result["reason"]]
+    reports = [*log.texts(), result["reason"]]
     longest, most = defaultdict[frozenset[str], int](int), defaultdict[frozenset[str], float](float)
     for step, pair, force in _robot_contacts(log):
         key = frozenset(pair)
         most[key] = max(most[key], force)
         thrown = excused.overlaps is not None and step >= excused.overlaps
         longest[key] += force > _WORTH_A_WORD and not thrown
-    for text in dict.fromkeys(said):
+    for text in dict.fromkeys(reports):
         for one, other, force in _TOUCH.findall(text):
             if most[frozenset((one, other))] < 0.5 * float(force):
                 yield f"it says {one} touches {other} with {force} N; the log has no such touch"
@@ -148,7 +148,7 @@ def _touches(log: SaleLog, result: Mapping[str, Any], excused: Excuses) -> Itera
     for key, steps in longest.items():
         others = [link for link in key if link not in ours]
         is_grip = any(link in _PADS for link in key) and set(others) <= {*items, "outlet_top"}
-        if steps > _FOR_STEPS and not is_grip and not _is_said(key, said):
+        if steps > _FOR_STEPS and not is_grip and not _is_reported(key, reports):
             links = " and ".join(sorted(key))
             yield f"{links} touched with {most[key]:.0f} N for {steps} steps, and nothing says so"
 
@@ -167,8 +167,8 @@ def _afterwards(log: SaleLog, text: str) -> Iterator[str]:
             yield f"it says {one} is {gap} mm from {other}; it is {now[0] * 1e3:.1f} mm"
 
 
-def _is_said(links: frozenset[str], said: Sequence[str]) -> bool:
-    return any(all(link in text for link in links) for text in said)
+def _is_reported(links: frozenset[str], reports: Sequence[str]) -> bool:
+    return any(all(link in text for link in links) for text in reports)
 
 
 def _items(log: SaleLog) -> set[str]:

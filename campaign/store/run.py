@@ -31,7 +31,7 @@ class Outcome:
 
     code: int | None
     seconds: float
-    said: str = ""
+    reason: str = ""
     force: float = 0.0
     broken: list[str] = field(default_factory=list)
     excused: list[str] = field(default_factory=list)
@@ -67,7 +67,7 @@ def _sell(case: Case, out: Path) -> Outcome:
         outcome.broken = [f"no recording: {(done.stderr + done.stdout)[-300:]!r}"]
         return outcome
     log = read(recording)
-    outcome.said, outcome.force = result["reason"], largest_force(log)
+    outcome.reason, outcome.force = result["reason"], largest_force(log)
     excused = excuses(log, case.script)
     outcome.broken, outcome.excused = judge(log, result, case.killed, excused), excused.texts
     if "Traceback (most recent call last)" in done.stderr + done.stdout:

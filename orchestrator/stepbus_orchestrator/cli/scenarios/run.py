@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
-from stepbus_orchestrator.cli.entry import settle
+from stepbus_orchestrator.cli.signals import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed

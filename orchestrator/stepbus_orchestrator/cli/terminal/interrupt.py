@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from types import FrameType
 from typing import Any
 
-from stepbus_orchestrator.cli.entry import forget_swallowed, on_signals
+from stepbus_orchestrator.cli.signals import forget_swallowed, on_signals
 
 
 @contextlib.contextmanager

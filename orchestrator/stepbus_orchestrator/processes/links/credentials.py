@@ -1,6 +1,6 @@
-"""Who a member of a run is, how it proves it, and on which keys it may speak (P2.4, P2.8).
+"""Who each process of a run is, how it proves that, and on which keys it may speak (P2.4, P2.8).
 
-Credentials are made for one run and gone with it. Each member proves its name: by a password of
+Credentials are made for one run and gone with it. Each process proves its name: by a password of
 its own on Unix sockets, by a certificate of the run's own authority on TCP. A guarded Zenoh session
 then takes from a link only what that name may publish, so that no participant can speak for
 another one. Without credentials there is no link at all.
@@ -28,13 +28,13 @@ _DECLARATIONS = (
 _ALL = (*_DECLARATIONS, "put", "delete", "query", "reply", "liveliness_token")
 
 
-def passwords(members: Iterable[str]) -> dict[str, str]:
-    """Return a random password for each member."""
-    return {member: secrets.token_hex(16) for member in members}
+def passwords(names: Iterable[str]) -> dict[str, str]:
+    """Return a random password for each name."""
+    return {name: secrets.token_hex(16) for name in names}
 
 
-def certificates(members: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
-    """Write a certificate for each member, and return the Zenoh settings that use it.
+def certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
+    """Write a certificate for each name, and return the Zenoh settings that use it.
 
     folder: private; it gets the files, which are of no use once the run is over.
     """
@@ -43,20 +43,20 @@ def certificates(members: Iterable[str], folder: Path) -> dict[str, dict[str, An
     authority = trustme.CA()
     root = folder / "authority.pem"
     authority.cert_pem.write_to_path(root)
-    return {member: _certificate(authority, member, folder, root) for member in members}
+    return {name: _certificate(authority, name, folder, root) for name in names}
 
 
-def _certificate(authority: "CA", member: str, folder: Path, root: Path) -> dict[str, Any]:
-    issued = authority.issue_cert("127.0.0.1", common_name=member)
-    chain, key = folder / f"{member}.crt", folder / f"{member}.key"
+def _certificate(authority: "CA", name: str, folder: Path, root: Path) -> dict[str, Any]:
+    issued = authority.issue_cert("127.0.0.1", common_name=name)
+    chain, key = folder / f"{name}.crt", folder / f"{name}.key"
     issued.cert_chain_pems[0].write_to_path(chain)
     key.touch(mode=0o600)
     issued.private_key_pem.write_to_path(key)
     files = {"certificate": str(chain), "private_key": str(key)}
     return {
         "transport/link/tls/root_ca_certificate": str(root),
-        **{f"transport/link/tls/{end}_{name}": path
-           for end in ("listen", "connect") for name, path in files.items()},
+        **{f"transport/link/tls/{end}_{file}": path
+           for end in ("listen", "connect") for file, path in files.items()},
         "transport/link/tls/enable_mtls": True,
         # All are on 127.0.0.1: only the common name distinguishes them.
         "transport/link/tls/verify_name_on_connect": False,

@@ -42,8 +42,8 @@ class Mesh:
             sockets = [address for endpoint in up for address in endpoint.listen]
             needed += [Path(a[len(_UNIX) :]) for a in sockets if a.startswith(_UNIX)]
             # Zenoh reads certificates anew for each link.
-            members = [self.orchestrator, *self.participants.values()]
-            values = [str(value) for member in members for value in member.settings.values()]
+            endpoints = [self.orchestrator, *self.participants.values()]
+            values = [str(value) for endpoint in endpoints for value in endpoint.settings.values()]
             needed += [Path(value) for value in values if value.startswith(str(self.folder))]
         return next((path for path in needed if not path.exists()), None)
 
@@ -68,7 +68,7 @@ def gone(path: Path) -> str:
 
 
 def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: bool = False) -> Mesh:
-    """Return the endpoints of all members of a run, with their credentials.
+    """Return the endpoints of all processes of a run, with their credentials.
 
     folder: private, for sockets and certificates. run: names the key space, in which each
     participant may publish on its own keys only; None: on any key, as the conformance kit does,
@@ -76,14 +76,14 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
 
     Raises BusFailed when there is no room for a socket, no free port or no space in the folder.
     """
-    members = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
+    names = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
     is_unix = scenario.bus.transport == "unix"
     if is_unix:
-        addresses = [_unix(folder, index) for index in range(len(members))]
+        addresses = [_unix(folder, index) for index in range(len(names))]
     else:
-        addresses = [f"tls/127.0.0.1:{port}" for port in _ports(scenario.bus.port, len(members))]
-    users = passwords([*members, CALLER])
-    settings = _settings(folder, run, members, is_unix=is_unix)
+        addresses = [f"tls/127.0.0.1:{port}" for port in _ports(scenario.bus.port, len(names))]
+    users = passwords([*names, CALLER])
+    settings = _settings(folder, run, names, is_unix=is_unix)
     endpoints = {
         name: Endpoint(
             listen=addresses[index : index + 1],
@@ -94,7 +94,7 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
             users=users if name != CALLER else {},
             settings=settings[name],
         )
-        for index, name in enumerate([*members, CALLER])
+        for index, name in enumerate([*names, CALLER])
     }
     return Mesh(
         folder=folder,
@@ -105,10 +105,10 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
 
 
 def _settings(
-    folder: Path, run: str | None, members: list[str], *, is_unix: bool
+    folder: Path, run: str | None, names: list[str], *, is_unix: bool
 ) -> dict[str, dict[str, Any]]:
-    """Return the further Zenoh settings of each member."""
-    everybody = [*members, CALLER]
+    """Return the further Zenoh settings of each process."""
+    everybody = [*names, CALLER]
     if is_unix:
         # A password names the one who opens a link to the one who accepts it, not the other way
         # round; so only the orchestrator, which opens none, can hold everybody to its own keys.
@@ -117,14 +117,14 @@ def _settings(
     else:
         own, guarded, proof = _certificates(everybody, folder), everybody, "cert_common_names"
     if run is not None:
-        access = access_control(run, members[1:], proof)
+        access = access_control(run, names[1:], proof)
         own |= {name: {**own[name], "access_control": access} for name in guarded}
     return own
 
 
-def _certificates(members: list[str], folder: Path) -> dict[str, dict[str, Any]]:
+def _certificates(names: list[str], folder: Path) -> dict[str, dict[str, Any]]:
     try:
-        return certificates(members, folder)
+        return certificates(names, folder)
     except OSError as exc:
         hint = "set TMPDIR to a folder with room" if folder.is_dir() else gone(folder)
         raise BusFailed(
