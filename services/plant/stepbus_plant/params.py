@@ -15,6 +15,7 @@ from stepbus_participant import (
     Settings,
     Share,
     Text,
+    Vector3,
 )
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
@@ -67,6 +68,15 @@ class ProximityErrors(Settings):
     """Standard deviation of a range, relative to it [-]."""
 
 
+class FixedPoint(Settings):
+    """A point of a link that has a pose of its own, such as the tip of a tool."""
+
+    link: Text
+    """The link it is fixed to."""
+    position: Vector3
+    """In the frame of the link [m]; it has the link's orientation."""
+
+
 class CameraErrors(Settings):
     """What all cameras disturb."""
 
@@ -112,8 +122,10 @@ class Params(Settings):
     effort: dict[str, NonNegative] = {}
     """Torque limit of a motor [N·m]; overrides the world file and the URDF."""
     poses: tuple[Text, ...] | None = None
-    """Links of a `Poses/1`, in this order; named as in the URDF, or `body/link` if bodies share a
-    name. Default: all."""
+    """Links and `points` of a `Poses/1`, in this order; links are named as in the URDF, or
+    `body/link` if bodies share a name. Default: all."""
+    points: dict[str, FixedPoint] = {}
+    """Points that are fixed to links, by a name of their own."""
     poses_period_ns: Duration | None = None
     """Between two `Poses/1`, a multiple of the plant's step; measuring 54 links takes a quarter of
     a millisecond. Default: each step."""

@@ -63,7 +63,8 @@ class PlantParticipant(Participant):
         """Find what each output measures; raises WiringError that lists all mistakes."""
         plant, period_ns = self.plant, self.config.step_ns * self.config.every
         problems = Problems()
-        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses))
+        points = {name: (point.link, point.position) for name, point in params.points.items()}
+        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses, points))
         poses_period = problems.attempt((), lambda: _period(params.poses_period_ns, period_ns))
         views = problems.attempt(
             (), lambda: plant.cameras.views(self._outputs(camera.IMAGE, camera.CLOUD))

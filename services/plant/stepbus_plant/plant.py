@@ -1,13 +1,13 @@
 """The plant: a world that can be sensed, commanded and advanced, independent of the bus."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
 
 from stepbus_participant import Problems, suggest
-from stepbus_schemas import Description, JointState, Poses, WiringError
+from stepbus_schemas import Description, JointState, Point, Poses, WiringError
 
 from .devices.camera import Cameras
 from .devices.lens import Lens
@@ -221,12 +221,16 @@ class Plant:
         for gripper in self.devices.grippers:
             gripper.after_substep(self._step_ns * 1e-9)
 
-    def pose_sensor(self, links: Sequence[str] | None) -> PoseSensor:
-        """Return a sensor of the true poses of links; None: of all links.
+    def pose_sensor(
+        self,
+        links: Sequence[str] | None,
+        points: Mapping[str, tuple[str, Point]] = {},
+    ) -> PoseSensor:
+        """Return a sensor of the true poses of links; None: of all links and points.
 
-        Raises WiringError for unknown links.
+        points: as of `PoseSensor`. Raises WiringError for unknown links.
         """
-        return PoseSensor(self.physics.client, self._bodies, links)
+        return PoseSensor(self.physics.client, self._bodies, links, points)
 
     def describe_poses(self, sensor: PoseSensor) -> Description:
         """Return the links of a pose sensor with body, shapes and colour of each.

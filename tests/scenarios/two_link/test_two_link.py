@@ -83,3 +83,22 @@ def test_every_message_is_valid_under_its_recorded_schema(results):
 def test_nothing_in_the_recording_tells_when_or_where_it_was_made(results):
     data = results["two_link"].recording.read_bytes()
     assert str(results["two_link"].folder).encode() not in data
+
+
+def test_the_tip_is_where_the_joints_put_it(tmp_path):
+    scenario = load("two_link/tip", ["duration=500ms"])
+    found = Recording(run(scenario, Options(out=tmp_path / "out", in_process=True)).recording)
+    first, second = found["plant.joint_state"].position.T
+    elbow = np.stack([np.cos(first), np.zeros_like(first), -np.sin(first)], axis=1)
+    forearm = np.stack([np.cos(first + second), 0 * first, -np.sin(first + second)], axis=1)
+    assert found["plant.tip"].names == ["tip"]
+    assert np.allclose(found["plant.tip"].position[:, 0], elbow + forearm, atol=1e-6)
+
+
+def test_the_joints_are_those_without_a_tip(results, tmp_path):
+    scenario = load("two_link/tip", ["duration=500ms"])
+    found = Recording(run(scenario, Options(out=tmp_path / "out", in_process=True)).recording)
+    known = Recording(results["two_link"].recording)
+    count = len(found["plant.joint_state"])
+    now, before = (r["plant.joint_state"].position[:count] for r in (found, known))
+    assert np.array_equal(now, before)

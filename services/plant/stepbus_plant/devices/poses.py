@@ -21,18 +21,36 @@ class PoseSensor:
     """Reads poses of links in the world frame, without noise.
 
     client: of PyBullet. bodies: names of its bodies, in its order. links: those to read; None:
-    all. A link is named as in its URDF, or `body/link` if bodies share the name.
+    all. A link is named as in its URDF, or `body/link` if bodies share the name. points: name →
+    link and position in its frame [m]; they are read as links are.
     Raises WiringError for unknown links.
     """
 
-    def __init__(self, client: int, bodies: Sequence[str], links: Sequence[str] | None) -> None:
+    def __init__(
+        self,
+        client: int,
+        bodies: Sequence[str],
+        links: Sequence[str] | None,
+        points: Mapping[str, tuple[str, Point]] = {},
+    ) -> None:
         self._client = client
         self._bodies = bodies
         known = link_indices(client, bodies)
+        self._offsets = {name: offset for name, (_, offset) in points.items()}
+        taken = [name for name in points if name in known]
+        astray = [(name, link) for name, (link, _) in points.items() if link not in known]
+        lines = [f"params.points: {name!r} is the name of a link" for name in taken]
+        lines += [
+            f"params.points.{name}: link {link!r} is unknown{suggest(link, known)}"
+            for name, link in astray
+        ]
+        if lines:
+            raise WiringError("\n".join(lines))
+        known |= {name: known[link] for name, (link, _) in points.items()}
         self.names = list(known if links is None else links)
         unknown = [name for name in self.names if name not in known]
         if unknown:
-            lines = (f"params.poses: link {n!r} is unknown{suggest(n, known)}" for n in unknown)
+            lines = [f"params.poses: link {n!r} is unknown{suggest(n, known)}" for n in unknown]
             raise WiringError("\n".join(lines))
         self._indices = [known[name] for name in self.names]
         self._bases = {body: self._to_urdf(body) for body, link in self._indices if link == _BASE}
@@ -60,11 +78,22 @@ class PoseSensor:
             )
             for link, state in zip(links, states, strict=True):
                 found[body, link] = state[4:6]
-        poses = [found[index] for index in self._indices]
+        poses = [
+            self._moved(name, found[index])
+            for name, index in zip(self.names, self._indices, strict=True)
+        ]
         return Poses(
             position=[position for position, _ in poses],
             orientation=[orientation for _, orientation in poses],
         )
+
+    def _moved(self, name: str, pose: tuple[Point, Quaternion]) -> tuple[Point, Quaternion]:
+        """Return the pose of a point of a link; that of the link where it is none."""
+        offset = self._offsets.get(name)
+        if offset is None:
+            return pose
+        position, _ = bullet.multiplyTransforms(*pose, offset, (0.0, 0.0, 0.0, 1.0))
+        return position, pose[1]
 
     def describe(self, world: World, urdfs: Sequence[bytes]) -> Description:
         """Return the names of the links and their constant properties.
@@ -94,7 +123,10 @@ class PoseSensor:
             by_name = _read_appearances(self._bodies[body], urdfs[body])
             links = _links_of(self._client, body)
             found |= {(body, n): by_name.get(name, Appearance()) for name, n in links}
-        return [found[index] for index in self._indices]
+        return [
+            Appearance() if name in self._offsets else found[index]
+            for name, index in zip(self.names, self._indices, strict=True)
+        ]
 
 
 def link_indices(client: int, bodies: Sequence[str]) -> dict[str, LinkIndex]:

@@ -1,0 +1,24 @@
+"""Points of links have poses of their own."""
+
+import pytest
+
+from stepbus_orchestrator import Options, ScenarioError, load
+from stepbus_orchestrator.run.run_scenario import run
+
+
+@pytest.mark.parametrize(
+    ("point", "why"),
+    [
+        ("{tip: {link: link3, position: [1, 0, 0]}}", "link 'link3' is unknown"),
+        ("{link2: {link: link2, position: [1, 0, 0]}}", "'link2' is the name of a link"),
+    ],
+)
+def test_a_point_that_cannot_be_is_refused_with_its_name(tmp_path, point, why):
+    scenario = load("two_link/tip", ["duration=10ms", f"plant.params.points={point}"])
+    result = run(scenario, Options(out=tmp_path / "out", in_process=True))
+    assert why in result.reason
+
+
+def test_a_point_needs_a_link():
+    with pytest.raises(ScenarioError, match="link"):
+        load("two_link/tip", ["plant.params.points={tip: {position: [1, 0, 0]}}"])
