@@ -1,8 +1,6 @@
 """Replays one participant: the function behind `stepbus replay`, free of printing."""
 
 import contextlib
-import shutil
-import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +23,7 @@ from stepbus_orchestrator.run.kernel.participants import Process
 from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports.progress import Observer, Silent
+from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,
@@ -77,7 +76,7 @@ def replay(
     interrupt: as of `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
-    RunFailure when the participant fails; then its log is kept.
+    RunFailure when the participant fails; it quotes its log.
     """
     opened, tolerance = Recording(recording), tolerance or Tolerance()
     tolerance.check(
@@ -86,14 +85,12 @@ def replay(
     check_open_files(1)
     is_copy = recorded or program is not None
     tree = None if is_copy else find_work_tree(opened, participant, source)
-    folder = Path(tempfile.mkdtemp(prefix="replay-stepbus-"))
-    run = _Replay(opened, participant, program, bridge, folder)
     controls = Controls(
         observer=observer or Silent(),
         interrupt=interrupt or threading.Event(),
         calls=recorded_calls(opened, participant),
     )
-    try:
+    with scratch_folder("replay") as folder:
         prepared = prepare(
             opened,
             participant,
@@ -112,10 +109,8 @@ def replay(
                 step_ns=scenario.step_ns,
                 reference=reference,
             )
+            run = _Replay(opened, participant, program, bridge, folder)
             wall_s, steps = run.execute(scenario, check, reference, controls)
-    finally:
-        if not run.keeps_log:
-            shutil.rmtree(folder)
     found = check.divergence
     copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
     return ReplayResult(
@@ -147,17 +142,13 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
 
 @dataclass
 class _Replay:
-    """One replay. folder: gets the unpacked scenario and the participant's log.
-
-    keeps_log: whether the participant was started and has not ended well.
-    """
+    """One replay. folder: gets the unpacked scenario and the participant's log."""
 
     recording: Recording
     participant: str
     program: Sequence[str] | None
     bridge: BridgeFormat | None
     folder: Path
-    keeps_log: bool = False
     token: str = field(default_factory=new_token)
 
     def execute(
@@ -180,9 +171,7 @@ class _Replay:
             start = partial(self._start, launcher, mesh, spec, scenario.folder)
             strategy = self._strategy(session, spec, start, reference, mesh)
             loop = RunLoop(session, strategy, Records(recorder=check, timing=timing), controls)
-            self.keeps_log = True
             run_phases(loop)
-            self.keeps_log = False
         # From here on, nothing is expected of the participant.
         end = scenario.steps or 0
         check.miss_below(end + Schedule.of(scenario).closing(spec.name, end))

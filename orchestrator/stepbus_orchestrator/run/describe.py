@@ -1,15 +1,13 @@
 """How the participants of a scenario describe their ports, before any step."""
 
 import dataclasses
-import shutil
-import tempfile
 import threading
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_schemas import Description
@@ -20,6 +18,7 @@ from .kernel.state import RunState
 from .loop.strategy import Strategy
 from .run_scenario import run_with
 from .setup.options import Options
+from .setup.scratch import scratch_folder
 
 _JOINT_STATE = "JointState/1"
 _WITHOUT_MOTOR = ("passive", "teleport")
@@ -84,9 +83,8 @@ def describe(
     describes its outputs and is ended. interrupt: as of `run`. An output that is `like` an input
     has the names of that input.
 
-    Raises RunFailure when that fails; it names the logs, which are kept then.
+    Raises RunFailure when that fails; it quotes the log of the culprit.
     """
-    folder = Path(tempfile.mkdtemp(prefix="describe-stepbus-"))
     found: list[_Describe] = []
 
     def adapt(live: Strategy) -> Strategy:
@@ -94,12 +92,10 @@ def describe(
         return found[0]
 
     without_steps = dataclasses.replace(scenario, steps=0)
-    result = run_with(adapt, without_steps, Options(out=folder / "run"), interrupt=interrupt)
-    if result.exit_code not in {ExitCode.FINISHED, ExitCode.INTERRUPTED}:
-        raise RunFailure(result.reason, code=result.exit_code)
-    shutil.rmtree(folder, ignore_errors=True)
-    if result.exit_code:
-        raise RunFailure(result.reason, code=result.exit_code)
+    with scratch_folder("describe") as folder:
+        result = run_with(adapt, without_steps, Options(out=folder / "run"), interrupt=interrupt)
+        if result.exit_code:
+            raise RunFailure(result.reason, code=result.exit_code)
     return _described(scenario, found[0].outputs)
 
 

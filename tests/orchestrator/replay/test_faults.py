@@ -35,7 +35,7 @@ def nothing_is_left(monkeypatch):
         monkeypatch.setattr(tempfile, "tempdir", folder)
         yield
         assert psutil.Process().children(recursive=True) == []
-        assert list(Path(folder).glob("stepbus-*")) == []
+        assert list(Path(folder).iterdir()) == []
 
 
 def failure_of(recording, *overrides, **options):
@@ -104,10 +104,9 @@ def test_a_recording_without_a_step_is_no_test_that_passes(tmp_path):
         replay(recording, "plant")
 
 
-def test_the_log_of_one_that_failed_is_kept(joints_recording):
+def test_the_log_of_one_that_failed_is_quoted(joints_recording):
     failure = failure_of(joints_recording, fault("controller", "controller", "raise", 7))
-    log = Path(re.search(r"its log: (\S+)", str(failure))[1])
-    assert "ValueError: the knee" in log.read_text()
+    assert "ValueError: the knee" in str(failure).partition("its log ends below\n")[2]
 
 
 def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):

@@ -1,11 +1,8 @@
 """`stepbus selftest`: a known angle on every joint of a plant in turn, and what comes of it."""
 
 import dataclasses
-import shutil
-import tempfile
 import threading
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import msgspec
 
@@ -16,6 +13,7 @@ from stepbus_orchestrator.run.describe import describe
 from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import Description, WiringError
 from stepbus_selftest import make_plan, modes_of, read_joints
@@ -53,22 +51,19 @@ def selftest(
     angle: to send rotary joints to [rad], or as near as their stops allow. A joint that gets
     there on neither side is sent half as far: the robot may have been in its own path.
     Raises WiringError where the scenario has no plant that is commanded by joint, RunFailure
-    when its run fails; its files are then kept.
+    when its run fails; it quotes the log of the culprit.
     """
     plant, port = _plant_of(scenario)
     description = _described(scenario, plant.name, port, interrupt)
 
     def attempt(angle: float, only: list[str]) -> SelfTest:
-        folder = Path(tempfile.mkdtemp(prefix="selftest-stepbus-"))
         aim = {"angle": angle, "only": only}
         tested = _test_scenario(scenario, plant, port, description, aim)
-        result = run(tested, Options(out=folder / "run"), observer, interrupt)
-        if result.exit_code:
-            raise RunFailure(result.reason, code=result.exit_code)
-        try:
+        with scratch_folder("selftest") as folder:
+            result = run(tested, Options(out=folder / "run"), observer, interrupt)
+            if result.exit_code:
+                raise RunFailure(result.reason, code=result.exit_code)
             return _judged(result, plant, port, angle, only)
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
 
     found = attempt(angle, list(description.names))
     missed = [verdict.joint for verdict in found.joints if not verdict.ok]
