@@ -1,7 +1,15 @@
 """What a process imports to take part in a run."""
 
 from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, LoopbackBus, Queue, Request, ZenohBus
-from .bus.ticket import TICKET_VARIABLE, Endpoint, MessageFault, Ticket, load_ticket, scratch_folder
+from .bus.ticket import (
+    TICKET_VARIABLE,
+    Endpoint,
+    MessageFault,
+    ProfileOrder,
+    Ticket,
+    load_ticket,
+    scratch_folder,
+)
 from .config import Config, Ports
 from .config.plugins import make_plugin
 from .files import (
@@ -68,6 +76,7 @@ __all__ = [
     "Positive",
     "PositivePerJoint",
     "Problems",
+    "ProfileOrder",
     "Queue",
     "Request",
     "Settings",

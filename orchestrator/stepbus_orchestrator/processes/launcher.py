@@ -6,7 +6,14 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import ParticipantSpec
-from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, Endpoint, MessageFault, Ticket
+from stepbus_participant import (
+    ONE_THREAD,
+    TICKET_VARIABLE,
+    Endpoint,
+    MessageFault,
+    ProfileOrder,
+    Ticket,
+)
 
 from .child import Child
 from .environment import PYTHON
@@ -38,10 +45,12 @@ class Launcher:
         *,
         faults: Sequence[MessageFault] = (),
         has_terminal: bool = False,
+        profile: ProfileOrder | None = None,
     ) -> Child:
         """Start one participant.
 
         faults: on its messages. has_terminal: it gets our terminal, to be debugged.
+        profile: what to measure of its steps.
 
         Raises StartFailed when its program cannot be executed.
         """
@@ -52,6 +61,7 @@ class Launcher:
             endpoint=endpoint,
             join_timeout_s=spec.deadlines.join_s,
             faults=list(faults),
+            profile=profile,
         )
         path = self._folder / f"{spec.name}.ticket"
         try:

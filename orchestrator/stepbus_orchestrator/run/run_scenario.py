@@ -42,7 +42,7 @@ from .reports.result import Result, file_sha256, own_versions
 from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
 from .setup.live_run import LiveRun
 from .setup.opened_files import OpenedFiles
-from .setup.options import Options, without_deadlines
+from .setup.options import PROFILE_FOLDER, Options, without_deadlines
 
 __all__ = ["Options", "default_folder", "run", "run_with", "without_deadlines"]
 
@@ -102,6 +102,8 @@ class _Run:
         if options.in_process:
             check_scenario(scenario)
         claim(options.out)
+        if options.profile:
+            (options.out / PROFILE_FOLDER).mkdir()
         # A run in one process works in the scenario's folder.
         out = options.out.resolve()
         self._file = McapFile(out / layout.RUN_FILE)

@@ -41,6 +41,16 @@ class MessageFault(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float = 0.0
 
 
+class ProfileOrder(msgspec.Struct, frozen=True, kw_only=True):
+    """What to measure of each step (`stepbus run --profile`).
+
+    folder: of the profiles. sampled: names of participants whose stack is sampled too.
+    """
+
+    folder: str
+    sampled: list[str] = []
+
+
 class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     """The identity of a process, and its run."""
 
@@ -50,6 +60,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     endpoint: Endpoint
     join_timeout_s: float = 10.0
     faults: list[MessageFault] = []
+    profile: ProfileOrder | None = None
 
     def save(self, path: Path) -> None:
         """Write the ticket as JSON, readable by its owner only."""

@@ -4,8 +4,10 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from contextlib import nullcontext
 
 from stepbus_participant.bus import Bus
+from stepbus_participant.bus.ticket import ProfileOrder
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
 from stepbus_participant.step import InvalidInput
@@ -26,6 +28,7 @@ from .control import Control, OrchestratorLost, Stopped
 from .handshake import await_start
 from .inputs import PeerFault, make_inputs
 from .outbox import Outbox, OutputError
+from .profile import Profiler
 from .sources import make_sources
 from .step_loop import StepLoop
 
@@ -40,7 +43,8 @@ class Terminated(RunError):
 class Session:
     """Runs one participant from its `Welcome` on.
 
-    factory: makes the participant from its configuration. types: of its own classes.
+    factory: makes the participant from its configuration. types: of its own classes. profile:
+    what to measure.
     """
 
     def __init__(
@@ -49,6 +53,7 @@ class Session:
         welcome: Welcome,
         bus: Bus,
         types: Types = SHIPPED,
+        profile: ProfileOrder | None = None,
     ) -> None:
         self._factory = factory
         self._welcome = welcome
@@ -59,7 +64,9 @@ class Session:
         self._subscribe()
         wake = [queue for s in self._sources for queue in (s.queue, *s.bulk_queues.values())]
         self._control = Control(bus, welcome.token, wake, welcome.name)
-        self._outbox = Outbox(welcome, bus, self._drops, self._types)
+        self._profiler = Profiler(profile, welcome.name) if profile is not None else None
+        make_outbox = Outbox if self._profiler is None else self._profiler.outbox
+        self._outbox = make_outbox(welcome, bus, self._drops, self._types)
         self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
         self._step = -1
 
@@ -101,8 +108,9 @@ class Session:
             self._bus, self._ready(participant), self._sources, self._outbox, self._control
         )
         participant.start(descriptions)
+        profiler = self._profiler
         loop = StepLoop(
-            participant=participant,
+            participant=participant if profiler is None else profiler.participant(participant),
             welcome=self._welcome,
             bus=self._bus,
             inputs=self._inputs,
@@ -112,7 +120,8 @@ class Session:
             answers=Answers(participant.calls(), self._welcome, self._bus),
         )
         try:
-            loop.run()
+            with nullcontext() if profiler is None else profiler.writing(sys._getframe()):
+                loop.run()
         finally:
             self._step = loop.step.index
 

@@ -17,6 +17,7 @@ from .panels.devices import Panel, device_panels
 from .panels.fields import field_panels
 from .panels.joints import draw_panels, panel_rows
 from .panels.tracking import draw_tracking
+from .profile import profile_lines, profile_panels, read_profiles
 from .summary import Summary
 
 REPORT_FILE = "report.png"
@@ -43,13 +44,15 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             problems = [f"attention {line}" for line in findings(recording)]
             if tracking.measured:
                 lines = summary.lines(tracking_pieces(recording, has_commands=False))
-            lines = [*lines, *problems]
+            profiles = read_profiles(path.parent)
+            lines = [*lines, *problems, *profile_lines(profiles)]
             if _lacks_dynamics(recording):
                 lines.append(f"dynamics  off: {_NO_DYNAMICS}")
             if not has_plots:
                 return lines
             target = path.with_name(REPORT_FILE)
             panels = [*device_panels(recording), *field_panels(recording)]
+            panels += profile_panels(profiles)
             if not tracking.measured and not panels:
                 return lines
             errors = pose_errors(recording)

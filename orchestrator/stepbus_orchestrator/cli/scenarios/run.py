@@ -15,6 +15,7 @@ from stepbus_orchestrator.processes.limits import check_open_files
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
+from stepbus_orchestrator.run.setup.options import check_names
 from stepbus_orchestrator.scenario import load
 from stepbus_schemas import WiringError
 
@@ -56,6 +57,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="show the measured angles of all joints in degrees while it runs",
     )
+    parser.add_argument(
+        "--profile",
+        action="store_true",
+        help="measure where the time of each step goes: compute, wait, transport, record",
+    )
+    parser.add_argument(
+        "--speedscope",
+        action="append",
+        default=[],
+        metavar="PARTICIPANT",
+        help="with --profile, sample the stack of a participant too, for speedscope.app",
+    )
     parser.add_argument("--no-report", action="store_true", help="make no report.png, only figures")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
 
@@ -77,6 +90,9 @@ def _execute(args: argparse.Namespace) -> int:
             "--pause-at needs a terminal whose keys let the run continue; it excludes --json "
             "and --debug"
         )
+    if args.speedscope and not args.profile:
+        raise WiringError("--speedscope needs --profile")
+    check_names(scenario, args.speedscope, "sample")
     check_open_files(len(scenario.participants))
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
@@ -86,6 +102,8 @@ def _execute(args: argparse.Namespace) -> int:
         debug=args.debug,
         in_process=args.in_process,
         owns_descriptors=args.in_process and not args.debug,
+        profile=args.profile,
+        speedscope=args.speedscope,
     )
     with interruptible() as interrupt:
         display = displayed(

@@ -132,6 +132,7 @@ class LocalRun:
             endpoint=Endpoint(listen=[], connect=["this process"]),
             join_timeout_s=spec.deadlines.join_s,
             faults=message_faults(scenario, spec.name),
+            profile=self._options.profile_order(),
         )
         command = start_command(spec, scenario.folder)[1:]
         try:

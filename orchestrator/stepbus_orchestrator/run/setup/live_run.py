@@ -39,6 +39,7 @@ class LiveRun:
                 scenario.folder,
                 faults=message_faults(scenario, name),
                 has_terminal=name in self._options.debug,
+                profile=self._options.profile_order(),
             )
             state.participants = {**state.participants, name: ParticipantState(spec, child)}
             self._timing.event("spawn", name, f"pid {child.pid}")

@@ -10,8 +10,11 @@ from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.loop.strategy import Prefix
 from stepbus_orchestrator.scenario import Deadlines, Scenario
-from stepbus_participant import suggest
+from stepbus_participant import ProfileOrder, suggest
 from stepbus_schemas import CallRecord, WiringError
+
+PROFILE_FOLDER = "profile"
+"""In the folder of a run: a CSV for each participant, and what was sampled."""
 
 # Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
 _SUSPENDED_S = 1e6
@@ -36,7 +39,8 @@ class Options:
     time; one that fails ends the run. debug: names of participants that have the terminal and no
     deadline, to run in a debugger. in_process: host all participants in this process, over a bus
     in memory. owns_descriptors: then descriptors 1 and 2 are nobody else's, and what libraries in
-    C print goes to a log.
+    C print goes to a log. profile: measure where the time of each step goes. speedscope: names of
+    participants whose stack is sampled too.
     """
 
     out: Path
@@ -49,6 +53,23 @@ class Options:
     debug: Sequence[str] = ()
     in_process: bool = False
     owns_descriptors: bool = False
+    profile: bool = False
+    speedscope: Sequence[str] = ()
+
+    def profile_order(self) -> ProfileOrder | None:
+        """Return what participants should measure of their steps."""
+        if not self.profile:
+            return None
+        folder = self.out.resolve() / PROFILE_FOLDER
+        return ProfileOrder(folder=str(folder), sampled=list(self.speedscope))
+
+
+def check_names(scenario: Scenario, names: Sequence[str], what: str) -> None:
+    """Raise WiringError for a name that no participant has; what: should be done to it."""
+    known = [spec.name for spec in scenario.participants]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no participant {name!r} to {what}{suggest(name, known)}")
 
 
 def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
@@ -56,10 +77,7 @@ def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
 
     Raises WiringError for a name that no participant has.
     """
-    known = [spec.name for spec in scenario.participants]
-    for name in names:
-        if name not in known:
-            raise WiringError(f"no participant {name!r} to debug{suggest(name, known)}")
+    check_names(scenario, names, "debug")
     specs = (
         dataclasses.replace(s, deadlines=_NO_DEADLINES) if s.name in names else s
         for s in scenario.participants

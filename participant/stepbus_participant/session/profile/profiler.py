@@ -1,0 +1,143 @@
+"""Measures each step of a participant: compute, wait, transport, record."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import FrameType
+from typing import TextIO
+
+from stepbus_participant.bus import Bus
+from stepbus_participant.bus.ticket import ProfileOrder
+from stepbus_participant.participant import Participant
+from stepbus_participant.session.outbox import Outbox
+from stepbus_participant.step import Step
+from stepbus_schemas import Message, Types, Waiting, Welcome
+
+from .sampler import Sampler
+
+COLUMNS = ("step", "compute_ns", "wait_ns", "transport_ns", "record_ns")
+_ROWS = 4096
+"""How many wait in memory at most."""
+_now_ns = time.perf_counter_ns
+
+
+class Profiler:
+    """Writes a line for each step of one participant, as CSV.
+
+    compute: in the participant's own `output` and `update`. wait: for the trigger and for inputs.
+    record: to send log batches. transport: the rest, to receive, decode, check, encode and
+    publish.
+
+    order: where to, and whether to sample the stack too. It changes no message.
+    """
+
+    def __init__(self, order: ProfileOrder, name: str) -> None:
+        self._order = order
+        self._name = name
+        self._path = Path(order.folder) / f"{name}.csv"
+        self._rows: list[str] = []
+        self._compute_ns = 0
+        self._record_ns = 0
+
+    def participant(self, inner: Participant) -> Participant:
+        """Return a participant that does the same and is timed."""
+        return _Timed(inner, self._add_compute)
+
+    def outbox(
+        self, welcome: Welcome, bus: Bus, drops: Callable[[], dict[str, int]], types: Types
+    ) -> Outbox:
+        """Return an outbox that is timed, and finishes the row of each step."""
+        return _TimedOutbox(self, welcome, bus, drops, types)
+
+    def _add_compute(self, duration_ns: int) -> None:
+        self._compute_ns += duration_ns
+
+    def add_record(self, duration_ns: int) -> None:
+        """Count time that it took to send a batch [ns]."""
+        self._record_ns += duration_ns
+
+    @property
+    def recorded_ns(self) -> int:
+        """Return how long the batches of this step have taken so far [ns]."""
+        return self._record_ns
+
+    def finish(self, step: int, waited_ns: int, transport_ns: int) -> None:
+        """Finish the row of a step. transport_ns: with compute, which is subtracted."""
+        compute_ns = self._compute_ns
+        row = (step, compute_ns, waited_ns, transport_ns - compute_ns, self._record_ns)
+        self._rows.append(",".join(map(str, row)))
+        self._compute_ns = self._record_ns = 0
+
+    @contextlib.contextmanager
+    def writing(self, frame: FrameType) -> Iterator[None]:
+        """Write the rows; frame: of the function whose calls are sampled."""
+        with self._path.open("w") as file, self._sampled(frame):
+            file.write(",".join(COLUMNS) + "\n")
+            self._file: TextIO = file
+            # Until here, empty batches have proven the link.
+            self._record_ns = 0
+            try:
+                yield
+            finally:
+                self.write_rows()
+
+    def _sampled(self, frame: FrameType) -> contextlib.AbstractContextManager[object]:
+        if self._name not in self._order.sampled:
+            return contextlib.nullcontext()
+        return Sampler(self._name, frame, self._path.with_suffix(".speedscope.json"))
+
+    def write_rows(self, least: int = 1) -> None:
+        """Write the rows that there are, once they are so many."""
+        if len(self._rows) >= least:
+            self._file.write("\n".join(self._rows) + "\n")
+            self._rows.clear()
+
+
+class _Timed(Participant):
+    """Times what a participant computes in a step; the step loop calls nothing else of it."""
+
+    def __init__(self, inner: Participant, add: Callable[[int], None]) -> None:
+        super().__init__(inner.config)
+        self._inner = inner
+        self._add = add
+
+    def output(self, step: Step) -> Mapping[str, Message]:
+        start_ns = _now_ns()
+        try:
+            return self._inner.output(step)
+        finally:
+            self._add(_now_ns() - start_ns)
+
+    def update(self, step: Step) -> Mapping[str, Message] | None:
+        start_ns = _now_ns()
+        try:
+            return self._inner.update(step)
+        finally:
+            self._add(_now_ns() - start_ns)
+
+
+class _TimedOutbox(Outbox):
+    def __init__(
+        self,
+        profiler: Profiler,
+        welcome: Welcome,
+        bus: Bus,
+        drops: Callable[[], dict[str, int]],
+        types: Types,
+    ) -> None:
+        super().__init__(welcome, bus, drops, types)
+        self._profiler = profiler
+
+    def finish(self, step: int, waited_ns: int, computed_ns: int) -> None:
+        transport_ns = computed_ns - self._profiler.recorded_ns
+        super().finish(step, waited_ns, computed_ns)
+        self._profiler.finish(step, waited_ns, transport_ns)
+        self._profiler.write_rows(_ROWS)
+
+    def flush(self, waiting: Waiting | None = None) -> None:
+        start_ns = _now_ns()
+        super().flush(waiting)
+        if waiting is None:
+            # A batch that is sent during a wait is part of the wait.
+            self._profiler.add_record(_now_ns() - start_ns)

@@ -1,0 +1,76 @@
+"""`stepbus run --profile`: where the time of a step goes, without a change of the recording."""
+
+import csv
+import json
+
+import pytest
+
+from stepbus_orchestrator import Options, load, run_scenario
+from stepbus_orchestrator.analysis.report import write_report
+from stepbus_orchestrator.cli import main
+
+STEPS = 40
+PARTICIPANTS = ("controller", "mission", "plant")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Return the results of two runs, the second one profiled."""
+    folder = tmp_path_factory.mktemp("profile")
+    scenario = load("two_link", [f"duration={STEPS * 5}ms"])
+    plain = run_scenario(scenario, Options(out=folder / "plain", in_process=True))
+    options = Options(
+        out=folder / "profiled", in_process=True, profile=True, speedscope=["controller"]
+    )
+    return plain, run_scenario(scenario, options)
+
+
+def rows_of(result, name):
+    with (result.recording.parent / "profile" / f"{name}.csv").open(newline="") as file:
+        return [{key: int(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+
+def test_a_profile_does_not_change_the_recording(runs):
+    plain, profiled = runs
+    assert profiled.recording.read_bytes() == plain.recording.read_bytes()
+
+
+@pytest.mark.parametrize("name", PARTICIPANTS)
+def test_each_step_of_each_participant_has_a_row(runs, name):
+    rows = rows_of(runs[1], name)
+    assert [row["step"] for row in rows] == list(range(STEPS))
+    assert all(row["compute_ns"] > 0 and row["transport_ns"] > 0 for row in rows)
+    assert all(row["wait_ns"] >= 0 and row["record_ns"] >= 0 for row in rows)
+
+
+def test_batches_are_the_share_of_the_recording(runs):
+    rows = rows_of(runs[1], "controller")
+    assert sum(row["record_ns"] for row in rows) > 0
+
+
+def test_the_summary_has_each_participant_and_who_limits_the_run(runs):
+    lines = write_report(runs[1].recording, has_plots=False)
+    profiles = [line for line in lines if line.startswith("profile ")]
+    assert sorted(line.split()[1].rstrip(":") for line in profiles) == list(PARTICIPANTS)
+    assert any(line.startswith("limit ") for line in lines)
+
+
+def test_samples_are_a_file_of_speedscope(runs):
+    folder = runs[1].recording.parent / "profile"
+    found = json.loads((folder / "controller.speedscope.json").read_text())
+    (profile,) = found["profiles"]
+    assert profile["type"] == "sampled"
+    assert len(profile["samples"]) == len(profile["weights"])
+    frames = len(found["shared"]["frames"])
+    assert all(0 <= index < frames for stack in profile["samples"] for index in stack)
+    assert not (folder / "plant.speedscope.json").exists()
+
+
+def test_a_participant_to_sample_must_exist(capsys):
+    assert main(["run", "two_link", "--profile", "--speedscope", "contoller"]) == 2
+    assert "no participant 'contoller' to sample; did you mean" in capsys.readouterr().err
+
+
+def test_samples_need_a_profile(capsys):
+    assert main(["run", "two_link", "--speedscope", "controller"]) == 2
+    assert "--speedscope needs --profile" in capsys.readouterr().err
