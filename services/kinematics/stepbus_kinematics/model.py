@@ -1,7 +1,8 @@
 """A robot's model: forward kinematics, Jacobians and torques of joints in an order you choose."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,7 @@ class RobotModel:
         self.model: Any = self._reduced()
         self.model.gravity.linear = np.array(gravity, dtype=np.float64)
         self.data: Any = self.model.createData()
+        self._numbers: dict[str, int] = {}
         self.load = 0.0
         self._unloaded: tuple[int, Any] | None = None
         self._index_joints()
@@ -155,9 +157,9 @@ class RobotModel:
         name: str = self.full.joints[self.full.getJointId(joint)].shortname()
         return name.startswith("JointModelP") and "Planar" not in name
 
-    @property
+    @cached_property
     def links(self) -> tuple[str, ...]:
-        """Return the names of all links."""
+        """The names of all links."""
         return link_names(self.model)
 
     def in_model(self, q: Vector) -> Vector:
@@ -189,13 +191,14 @@ class RobotModel:
 
         Raises RunError for a name that the model lacks.
         """
-        model, link = self.model, pin.FrameType.BODY
-        if not model.existFrame(name):
-            known = [frame.name for frame in model.frames]
-            raise RunError(f"frame {name!r} is not in {self.path.name}{suggest(name, known)}")
-        sort = (link,) if model.existFrame(name, link) else ()
-        number: int = model.getFrameId(name, *sort)
-        return number
+        if name not in self._numbers:
+            model, link = self.model, pin.FrameType.BODY
+            if not model.existFrame(name):
+                known = [frame.name for frame in model.frames]
+                raise RunError(f"frame {name!r} is not in {self.path.name}{suggest(name, known)}")
+            sort = (link,) if model.existFrame(name, link) else ()
+            self._numbers[name] = model.getFrameId(name, *sort)
+        return self._numbers[name]
 
     def frame_pose(self, q: Vector, frame: str) -> Any:
         """Return the pose of a frame in the robot's base, as a `pinocchio.SE3`.
@@ -228,9 +231,32 @@ class RobotModel:
         # computeFrameJacobian would do both in one, but it leaves the placements as they were.
         pin.computeJointJacobians(self.model, self.data, self.in_model(q))
         pin.updateFramePlacement(self.model, self.data, number)
+        return self.data.oMf[number], self._frame_jacobian(self.data, number)
+
+    def _frame_jacobian(self, data: Any, number: int) -> Vector:
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        matrix = pin.getFrameJacobian(self.model, self.data, number, axes)
-        return self.data.oMf[number], self._of_joints(matrix)
+        return self._of_joints(pin.getFrameJacobian(self.model, data, number, axes))
+
+    @cached_property
+    def _aside(self) -> Any:
+        """Pinocchio's data for what has to outlast calls of other methods."""
+        return self.model.createData()
+
+    def twists(self, q: Vector, v: Vector) -> Callable[[str], Vector]:
+        """Return a function: frame → its twist, shape (6,), in the axes of the base [m/s, rad/s].
+
+        q, v: shape (n,) [rad, rad/s]. What all frames share is computed once. The function holds
+        until the next call of this method, and raises RunError for an unknown frame.
+        """
+        data = self._aside
+        pin.computeJointJacobians(self.model, data, self.in_model(q))
+
+        def twist(frame: str) -> Vector:
+            number = self.frame_id(frame)
+            pin.updateFramePlacement(self.model, data, number)
+            return self._frame_jacobian(data, number) @ v
+
+        return twist
 
     def inverse_dynamics(self, q: Vector, v: Vector, a: Vector) -> Vector:
         """Return the torques M(q) a + C(q, v) v + g(q), shape (n,) [N·m].

@@ -160,23 +160,19 @@ class Manipulator:
         What is no link of the robot moves as the tip. A turning link counts as wide as 0.1 m.
         """
         now, rate = self._player.nominal(), self._player.clock.rate
+        if not now.velocity.any():
+            return lambda _: (0.0, 0.0)
+        twist_of = self._robot.twists(now.position, now.velocity)
         known: dict[str, tuple[float, float]] = {}
 
         def speeds(link: str) -> tuple[float, float]:
-            if link not in known:
-                frame = link if link in self._robot.links else self._options.tip
-                full = self._speed_of(frame, now)
-                known[link] = (full * rate, full)
-            return known[link]
+            frame = link if link in self._robot.links else self._options.tip
+            if frame not in known:
+                full = _speed(twist_of(frame))
+                known[frame] = (full * rate, full)
+            return known[frame]
 
         return speeds
-
-    def _speed_of(self, frame: str, now: JointMotion) -> float:
-        if not now.velocity.any():
-            return 0.0
-        _, jacobian = self._robot.jacobian(now.position, self._robot.frame_id(frame))
-        twist = jacobian @ now.velocity
-        return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))
 
     def start(
         self,
@@ -424,6 +420,10 @@ def _about_as_near(candidates: Iterator[Candidate], rest: Vector) -> Iterator[Ca
         if away > nearest + _FARTHER:
             return
         yield candidate
+
+
+def _speed(twist: Vector) -> float:
+    return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))
 
 
 def _is_there(rest: Vector, candidate: Candidate) -> bool:

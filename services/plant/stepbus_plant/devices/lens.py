@@ -78,12 +78,20 @@ class Lens:
         return np.where(known, noisy, np.inf).astype("<f4")
 
     def _blurred(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-        reach = len(self._weights) // 2
-        for axis in (0, 1):
-            sides = [(reach, reach) if a == axis else (0, 0) for a in range(3)]
-            padded = np.moveaxis(np.pad(pixels, sides, mode="edge"), axis, 0)
-            blurred = np.zeros_like(np.moveaxis(pixels, axis, 0))
-            for n, weight in enumerate(self._weights):
-                blurred += weight * padded[n : n + len(blurred)]
-            pixels = np.moveaxis(blurred, 0, axis)
-        return pixels
+        height, width, channels = pixels.shape
+        down = self._weighted(pixels.reshape(height, width * channels))
+        # Neighbours in a row are as many values apart as a pixel has.
+        across = self._weighted(down.reshape(height, width, channels).swapaxes(0, 1))
+        return across.swapaxes(0, 1)
+
+    def _weighted(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return weighted sums of neighbours along the first axis; beyond the rim it goes on."""
+        reach, count = len(self._weights) // 2, len(pixels)
+        rows = np.clip(np.arange(-reach, count + reach), 0, count - 1)
+        padded = pixels[rows]
+        part = self._weights[0] * padded[:count]
+        total = part.copy()
+        for n, weight in enumerate(self._weights[1:], 1):
+            np.multiply(weight, padded[n : n + count], out=part)
+            total += part
+        return total

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 import pybullet as bullet
@@ -128,17 +128,13 @@ class RangeSkin:
         around: links → what is near them at all; rays that cannot meet that are not cast.
         """
         self._readings += 1
-        owners: list[LinkIndex] = []
-        segments = [np.zeros((0, 2, 3))]
-        for link, others in around.items():
-            rays = self._segments(link, others)
-            owners += [link] * len(rays)
-            segments.append(rays)
+        if not around:
+            return
+        owners, rays = self._segments(around)
         if not owners:
             return
-        rays = np.concatenate(segments)
         hits = bullet.rayTestBatch(
-            rays[:, 0].tolist(), rays[:, 1].tolist(), numThreads=1, physicsClientId=self._client
+            rays[0].tolist(), rays[1].tolist(), numThreads=1, physicsClientId=self._client
         )
         noise = self._random.at(self._readings).normal(1.0, self._noise, len(owners)).tolist()
         nearest: dict[tuple[LinkIndex, LinkIndex], Reading] = {}
@@ -153,17 +149,43 @@ class RangeSkin:
         for (link, _), reading in nearest.items():
             yield link, reading
 
-    def _segments(self, link: LinkIndex, others: Sequence[LinkIndex]) -> Array:
-        """Return starts and ends of a link's rays that may meet other links, shape (n, 2, 3)."""
-        position, turn = self._frame(link)
-        points, along = self._rays[link]
-        directions = along @ turn.T
-        starts = position + points @ turn.T + _START * directions
-        rays = np.stack([starts, starts + (self._reach - _START) * directions], axis=1)
-        boxes = np.array([bullet.getAABB(*other, self._client) for other in others])
-        low, high = rays.min(axis=1)[:, None], rays.max(axis=1)[:, None]
-        meets = ((low <= boxes[:, 1]) & (high >= boxes[:, 0])).all(axis=2).any(axis=1)
-        found: Array = rays[meets]
+    def _segments(
+        self, around: Mapping[LinkIndex, Sequence[LinkIndex]]
+    ) -> tuple[list[LinkIndex], Array]:
+        """Return rays that may meet what is near their link: the links, starts and ends [m].
+
+        The array has shape (2, n, 3).
+        """
+        links = list(around)
+        rows = [self._rays[link] for link in links]
+        owner = np.repeat(np.arange(len(links)), [len(starts) for starts, _ in rows])
+        positions, turns = map(np.array, zip(*map(self._frame, links), strict=True))
+        turned = turns[owner]
+        along = np.einsum("nij,nj->ni", turned, np.concatenate([row for _, row in rows]))
+        starts = np.einsum("nij,nj->ni", turned, np.concatenate([row for row, _ in rows]))
+        starts += positions[owner] + _START * along
+        rays = np.array([starts, starts + (self._reach - _START) * along])
+        cast = np.flatnonzero(self._may_meet(rays, owner, list(around.values())))
+        return [links[n] for n in owner[cast].tolist()], rays[:, cast]
+
+    def _may_meet(
+        self, rays: Array, owner: NDArray[np.intp], near: Sequence[Sequence[LinkIndex]]
+    ) -> NDArray[np.bool_]:
+        """Return of each ray whether its bounding box meets one of a thing near its owner.
+
+        near: for each owner.
+        """
+        things = {thing: n for n, thing in enumerate(dict.fromkeys(chain.from_iterable(near)))}
+        is_near = np.zeros((len(near), len(things)), dtype=bool)
+        for n, row in enumerate(near):
+            is_near[n, [things[thing] for thing in row]] = True
+        boxes = np.array([bullet.getAABB(*thing, self._client) for thing in things])
+        low, high = rays.min(axis=0), rays.max(axis=0)
+        meets = is_near[owner]
+        for axis in range(3):
+            meets &= low[:, axis, None] <= boxes[:, 1, axis]
+            meets &= high[:, axis, None] >= boxes[:, 0, axis]
+        found: NDArray[np.bool_] = meets.any(axis=1)
         return found
 
 
