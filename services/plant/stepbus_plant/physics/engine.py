@@ -30,6 +30,8 @@ _GEAR_ERP = 0.2
 """Share of a follower's error that a substep corrects."""
 _GEAR_FORCE = 1e4
 """Largest force between a joint and its follower [N or N·m]."""
+_STANDS = 1e-3
+"""Gap below which a thing stands on what is beneath it [m]."""
 
 
 class Physics:
@@ -54,6 +56,7 @@ class Physics:
         self.urdfs: list[bytes] = []
         self.notes: list[str] = []
         self._followers: dict[tuple[int, int], list[Joint]] = {}
+        self._goods: list[int] = []
         try:
             self._set_up(world, step_ns)
             found = [
@@ -81,6 +84,23 @@ class Physics:
         for leader, followers in self._followers.items():
             for follower in followers:
                 self._couple(leader, follower)
+        self._put_goods_to_sleep()
+
+    def _put_goods_to_sleep(self) -> None:
+        """Let goods that stand on something sleep from the start; others fall first."""
+        if not self._goods:
+            return
+        bullet.performCollisionDetection(self.client)
+        for number in self._goods:
+            touches = bullet.getContactPoints(number, physicsClientId=self.client)
+            if any(point[8] < _STANDS for point in touches):
+                bullet.changeDynamics(
+                    number,
+                    -1,
+                    activationState=bullet.ACTIVATION_STATE_ENABLE_SLEEPING
+                    | bullet.ACTIVATION_STATE_SLEEP,
+                    physicsClientId=self.client,
+                )
 
     def _set_up(self, world: World, step_ns: int) -> None:
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
@@ -117,6 +137,7 @@ class Physics:
             return []
         if world.sleeping:
             self._allow_sleep(number)
+            self._goods += [] if item is None else [number]
         self._set_dynamics(number, body)
         self._disable_collisions(number, name, body)
         return self._joints_of(number, name, body, mimics(root))

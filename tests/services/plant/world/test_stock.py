@@ -103,6 +103,29 @@ def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
     assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
 
 
+def test_goods_on_a_shelf_sleep_from_the_start(tmp_path):
+    early, late = (_carton(tmp_path, 0.5, steps) for steps in (5, 100))
+    assert early == late
+    assert early[0][2] == pytest.approx(0.56, abs=1e-4)
+
+
+def test_goods_in_the_air_fall_first(tmp_path):
+    assert _carton(tmp_path, 0.6, 100)[0][2] == pytest.approx(0.56, abs=1e-3)
+
+
+def _carton(folder, height, steps):
+    """Return the pose of a carton on a board whose top is at 0.5 m, after some steps."""
+    text = STOCK.replace("    can: {urdf: can.urdf, mass: 0.35}\n", "")
+    text = text.replace("position: [0.0, 0, 0.5], yaw", f"position: [0.0, 0, {height}], yaw")
+    plant = Plant(load(folder, text=text), Params(world="world.yaml"), 4_000_000, 0)
+    for _ in range(steps):
+        plant.advance()
+    number = list(plant.world.bodies).index("carton_a_1")
+    pose = pybullet.getBasePositionAndOrientation(number, plant.physics.client)
+    plant.close()
+    return pose
+
+
 def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):
     given = Params.of({"world": "w", "stock": {"types": {"cann": {"mass": 1}}, "missing": ["a_7"]}})
     assert refusal(tmp_path, given.stock).splitlines() == [
