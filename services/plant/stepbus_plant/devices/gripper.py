@@ -25,6 +25,12 @@ _GAIN = 10.0
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
 
+# Least cosine between the opening directions now and when the contacts were made: 3°.
+_FRESH_COSINE = math.cos(math.radians(3.0))
+
+# What the engine gives a moving link: collision group, and groups that it collides with.
+_GROUP, _ALL_GROUPS = 1, -1
+
 FORCE_WITHOUT_DYNAMICS = 15.0
 """Reported of a gripper that holds something while dynamics are off [N]."""
 
@@ -55,6 +61,8 @@ class Gripper:
         self._physics = physics
         self._slide = bullet.getJointInfo(left.body, left.index, physics.client)[13]
         self._grip: Grip | None = None
+        self._pressed_along: Sequence[float] = ()
+        self._is_stale = False
         self._force = 0.0
         self._couple()
 
@@ -88,8 +96,22 @@ class Gripper:
 
     def before_substep(self) -> None:
         """Prepare a substep; call it before the engine's."""
+        if self._is_stale:
+            self._renew_contacts()
         if self._grip is not None:
             self._grip.before_substep()
+
+    def _renew_contacts(self) -> None:
+        """Let the engine forget the contacts of the pads, and find them in the next substep.
+
+        Where pads and object turn together, it would keep the normals that the points had when they
+        were made, and press along them.
+        """
+        self._is_stale = False
+        for finger in self.fingers:
+            bullet.setCollisionFilterGroupMask(
+                self._body, finger, _GROUP, _ALL_GROUPS, physicsClientId=self._physics.client
+            )
 
     def after_substep(self, dt: float) -> None:
         """Let what is held follow the arc of the pads; dt: length of the substep [s]."""
@@ -118,6 +140,9 @@ class Gripper:
                 for thing, points in held.items()
             )
             self._grip = next(grips, None)
+            self._pressed_along = axis
+        elif sum(map(operator.mul, axis, self._pressed_along)) < _FRESH_COSINE:
+            self._pressed_along, self._is_stale = axis, True
 
     def sense(self) -> GripperState:
         """Return the current width and force, whether the gripper holds an object, and its slip."""
@@ -157,8 +182,7 @@ def _sum(points: Sequence[Sequence[Any]]) -> _Contact:
 def _is_along(axis: Sequence[float], contact: _Contact) -> bool:
     """Return whether a finger squeezes the object instead of resting on it.
 
-    One point is enough: PyBullet keeps the normals of older points while gripper and object rotate
-    together. The sign of a normal is arbitrary.
+    One point is enough: others may be at its rim. The sign of a normal is arbitrary.
     """
     cosines = (sum(map(operator.mul, axis, normal)) for normal in contact.normals)
     return any(abs(cosine) > _LEAST_COSINE for cosine in cosines)
