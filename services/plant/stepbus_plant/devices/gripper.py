@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,8 +25,11 @@ _GAIN = 10.0
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
 
-# Least cosine between the opening directions now and when the contacts were made: 3°.
-_FRESH_COSINE = math.cos(math.radians(3.0))
+# Least cosine between the normals of what presses and the opening direction: 25°. Beyond it, contacts
+# are renewed. What presses is then found without knowing how hard, and slides by about 0.2 mm, so
+# that this is not done again until the gripper has turned by 10°.
+_FRESH_COSINE = math.cos(math.radians(25.0))
+_TURNED_COSINE = math.cos(math.radians(10.0))
 
 # What the engine gives a moving link: collision group, and groups that it collides with.
 _GROUP, _ALL_GROUPS = 1, -1
@@ -62,7 +65,8 @@ class Gripper:
         self._slide = bullet.getJointInfo(left.body, left.index, physics.client)[13]
         self._grip: Grip | None = None
         self._pressed_along: Sequence[float] = ()
-        self._is_stale = False
+        self._stale: list[int] = []
+        self._renewed = False
         self._force = 0.0
         self._couple()
 
@@ -96,22 +100,22 @@ class Gripper:
 
     def before_substep(self) -> None:
         """Prepare a substep; call it before the engine's."""
-        if self._is_stale:
+        if self._stale:
             self._renew_contacts()
         if self._grip is not None:
             self._grip.before_substep()
 
     def _renew_contacts(self) -> None:
-        """Let the engine forget the contacts of the pads, and find them in the next substep.
+        """Let the engine forget the contacts of fingers, and find them in the next substep.
 
-        Where pads and object turn together, it would keep the normals that the points had when they
-        were made, and press along them.
+        Where pads and object turn together, it may keep the normals that points had when they were
+        made, and press along them.
         """
-        self._is_stale = False
-        for finger in self.fingers:
+        for finger in self._stale:
             bullet.setCollisionFilterGroupMask(
                 self._body, finger, _GROUP, _ALL_GROUPS, physicsClientId=self._physics.client
             )
+        self._stale, self._renewed = [], True
 
     def after_substep(self, dt: float) -> None:
         """Let what is held follow the arc of the pads; dt: length of the substep [s]."""
@@ -122,7 +126,7 @@ class Gripper:
         """Find out what is held; call it after every communication step.
 
         The force is that of the weaker finger: the difference between the two does not squeeze the
-        object, it pushes it aside until it is centred.
+        object, it pushes it aside until it is centred. Renewed contacts need a moment.
         """
         left, right = (self._contacts(finger) for finger in self.fingers)
         self._force = min(sum(contact.force for contact in side.values()) for side in (left, right))
@@ -133,6 +137,9 @@ class Gripper:
             for thing, one, other in both
             if _is_along(axis, one) and _is_along(axis, other)
         }
+        renewed, self._renewed = self._renewed, False
+        if renewed and not held:
+            return
         if self._grip is None or self._grip.thing not in held:
             pads = (self._body, self.fingers[0])
             grips = (
@@ -141,8 +148,10 @@ class Gripper:
             )
             self._grip = next(grips, None)
             self._pressed_along = axis
-        elif sum(map(operator.mul, axis, self._pressed_along)) < _FRESH_COSINE:
-            self._pressed_along, self._is_stale = axis, True
+        elif _cosine(axis, self._pressed_along) < _TURNED_COSINE:
+            sides = zip(self.fingers, (left, right), strict=True)
+            self._stale = [finger for finger, side in sides if _is_stale(axis, side.values())]
+            self._pressed_along = axis
 
     def sense(self) -> GripperState:
         """Return the current width and force, whether the gripper holds an object, and its slip."""
@@ -184,8 +193,17 @@ def _is_along(axis: Sequence[float], contact: _Contact) -> bool:
 
     One point is enough: others may be at its rim. The sign of a normal is arbitrary.
     """
-    cosines = (sum(map(operator.mul, axis, normal)) for normal in contact.normals)
-    return any(abs(cosine) > _LEAST_COSINE for cosine in cosines)
+    return any(abs(_cosine(axis, normal)) > _LEAST_COSINE for normal in contact.normals)
+
+
+def _is_stale(axis: Sequence[float], contacts: Iterable[_Contact]) -> bool:
+    """Return whether a finger presses on something in a direction that is not its own."""
+    normals = (normal for contact in contacts for normal in contact.normals)
+    return any(abs(_cosine(axis, normal)) < _FRESH_COSINE for normal in normals)
+
+
+def _cosine(one: Sequence[float], other: Sequence[float]) -> float:
+    return sum(map(operator.mul, one, other))
 
 
 class GripperDriver:

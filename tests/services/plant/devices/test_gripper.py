@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from support.services.devices import make_stand, write_gripper
+from support.services.devices import box, link, make_stand, write_gripper, write_urdf
 
 from stepbus_plant.errors import CommandError
 from stepbus_schemas import GripperCommand, JointCommand, WiringError
@@ -29,9 +29,11 @@ bodies:
 WIDTH_OF_CAN = 0.066
 
 
-def make_gripper(folder, *, can=True, mu=0.8, boom=0.0):
+def make_gripper(folder, *, can=True, mu=0.8, boom=0.0, carton=None):
     write_gripper(folder, boom=boom)
     world = (WORLD + CAN if can else WORLD).replace("MU", str(mu))
+    if carton is not None:
+        world = world.replace("can.urdf", f"carton.urdf, orientation_rpy: [0, 0, {carton}]")
     inputs = {"gripper": "GripperCommand/1", "lift": "JointCommand/1"}
     names = {"lift": ["lift"]}
     if boom:
@@ -210,3 +212,19 @@ def test_fingers_that_turn_are_refused(tmp_path):
     urdf.write_text(urdf.read_text().replace('"left" type="prismatic"', '"left" type="revolute"'))
     with pytest.raises(WiringError, match="joint 'left' is revolute, not prismatic"):
         make_stand(tmp_path, WORLD.replace("MU", "1"), {"gripper": "GripperState/1"}, {})
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.01, 0.05])
+def test_a_carton_is_held_while_the_gripper_turns(tmp_path, yaw):
+    """The engine kept the normals of the pads' contacts, and pressed along them."""
+    write_urdf(tmp_path, "carton", link("can", 0.4, box("0.06 0.06 0.115")))
+    stand = make_gripper(tmp_path, boom=0.5, carton=yaw)
+    run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))
+    lift(stand)
+    held = []
+    for step in range(500):
+        turn = JointCommand(mode="velocity", values=[0.6])
+        stand.update(step, **({"swing": turn} if step == 0 else {}))
+        held.append(stand.participant.output(None)["gripper"])
+    assert all(state.holding for state in held)
+    assert max(state.slip for state in held) < 2e-3
