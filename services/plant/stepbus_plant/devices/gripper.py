@@ -25,9 +25,9 @@ _GAIN = 10.0
 # Least cosine between a contact normal and the opening direction of the fingers: 45°.
 _LEAST_COSINE = math.sqrt(0.5)
 
-# Least cosine between the normals of what presses and the opening direction: 25°. Beyond it, contacts
-# are renewed. What presses is then found without knowing how hard, and slides by about 0.2 mm, so
-# that this is not done again until the gripper has turned by 10°.
+# Least cosine between the normals of what presses and the opening direction: 25°. Beyond it,
+# contacts are renewed. What presses is then found without knowing how hard, and slides by about
+# 0.2 mm, so that this is not done again until the gripper has turned by 10°.
 _FRESH_COSINE = math.cos(math.radians(25.0))
 _TURNED_COSINE = math.cos(math.radians(10.0))
 
@@ -203,7 +203,7 @@ def _is_stale(axis: Sequence[float], contacts: Iterable[_Contact]) -> bool:
 
 
 def _cosine(one: Sequence[float], other: Sequence[float]) -> float:
-    return sum(map(operator.mul, one, other))
+    return sum(map(operator.mul, one, other), 0.0)
 
 
 class GripperDriver:

@@ -89,7 +89,7 @@ class Lens:
         reach, count = len(self._weights) // 2, len(pixels)
         rows = np.clip(np.arange(-reach, count + reach), 0, count - 1)
         padded = pixels[rows]
-        part = self._weights[0] * padded[:count]
+        part: NDArray[np.float32] = self._weights[0] * padded[:count]
         total = part.copy()
         for n, weight in enumerate(self._weights[1:], 1):
             np.multiply(weight, padded[n : n + count], out=part)

@@ -185,8 +185,7 @@ class RangeSkin:
         for axis in range(3):
             meets &= low[:, axis, None] <= boxes[:, 1, axis]
             meets &= high[:, axis, None] >= boxes[:, 0, axis]
-        found: NDArray[np.bool_] = meets.any(axis=1)
-        return found
+        return np.asarray(meets.any(axis=1))
 
 
 def _grid(low: Array, high: Array, axis: int, spacing: float) -> Iterator[tuple[Array, bool]]:
