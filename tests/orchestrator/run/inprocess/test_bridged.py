@@ -1,0 +1,30 @@
+"""A bridged program keeps its process beside a run in one process."""
+
+import re
+
+import pytest
+from support.runs.bridge import processes_in, run_bridged
+
+from stepbus_orchestrator.errors import ExitCode
+
+
+@pytest.mark.parametrize("form", ["json", "raw"])
+def test_a_bridged_program_keeps_its_process(tmp_path, separate, form):
+    result = run_bridged(tmp_path, form, in_process=True)
+    assert result.exit_code == 0
+    assert result.steps == 100
+    with_processes = run_bridged(tmp_path / "separate", form)
+    assert result.sha256 == with_processes.sha256
+
+
+def test_a_bridged_program_that_does_not_answer_is_ended(tmp_path):
+    result = run_bridged(tmp_path, "json", "hang", in_process=True)
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert re.search(r"step 7 .* has waited 1\.\d s for its program; deadline", result.reason)
+
+
+def test_a_bridged_program_that_is_stopped_is_named_as_such(tmp_path):
+    result = run_bridged(tmp_path, "json", "stop", in_process=True)
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "for its program, which has been stopped by a signal or a debugger" in result.reason
+    assert processes_in(tmp_path) == []

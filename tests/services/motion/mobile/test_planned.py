@@ -1,0 +1,209 @@
+"""A mobile manipulator with a planner: its plans, its routes, and what blocks them."""
+
+import numpy as np
+import pytest
+from support.services.mobile import READY, Robot, config
+
+from stepbus_schemas import Plan
+
+
+def test_with_a_planner_the_arm_moves_by_its_plan(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.3], touches=["can"])
+    request = robot.requests[0]
+    assert (request.start, request.touches) == (pytest.approx(READY), ["can"])
+    robot.step(plan=answered(request))
+    robot.run(2.0)
+    assert robot.states(0) == ["accepted", "running", "succeeded"]
+    assert robot.q[0] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_what_is_held_is_weighed_and_the_planner_hears_of_it(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.thing, robot.mass = 0.066, 0.8
+    robot.go(0, "grip", width=0.0, force=30.0)
+    robot.run(1.0)
+    robot.start(1, "move_joints", joints=["pan"], values=[0.3])
+    assert robot.requests[0].load == pytest.approx(0.8, abs=0.02)
+    # 1.5 times what a friction of 0.4 needs.
+    assert robot.commands[-1]["gripper"].force == pytest.approx(14.7, abs=0.4)
+    robot.go(2, "grip", width=0.09, force=30.0)
+    robot.start(3, "move_joints", joints=["pan"], values=[0.3])
+    assert robot.requests[-1].load == 0.0
+
+
+def test_a_plan_that_is_none_fails_the_goal_with_its_cause(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.3])
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="no_path", text="all paths are blocked"))
+    robot.run(0.1)
+    assert (robot.news[-1].cause, robot.news[-1].text) == ("no_path", "all paths are blocked")
+
+
+def answered(request):
+    """Return a plan that goes straight to what is asked for in a second."""
+    times = np.linspace(0.0, 1.0, 51)
+    share = 10 * times**3 - 15 * times**4 + 6 * times**5
+    speed = 30 * times**2 - 60 * times**3 + 30 * times**4
+    way = np.array(request.goal) - np.array(request.start)
+    return Plan(
+        id=request.id, times=times.tolist(),
+        position=(np.array(request.start) + np.outer(share, way)).tolist(),
+        velocity=np.outer(speed, way).tolist(),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def planned(tmp_path):
+    """Return a robot on the way that a planner has found, 0.4 s after its start."""
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    robot.step(plan=answered(robot.requests[0]))
+    robot.run(0.4)
+    assert abs(robot.v[0]) > 0.5
+    return robot
+
+
+def finish(robot):
+    """Answer the second request, and return the states of the goal until it has ended."""
+    robot.run(0.5)
+    assert np.abs(robot.v).max() < 1e-9
+    assert robot.requests[1].start == pytest.approx(robot.q, abs=1e-6)
+    assert robot.requests[1].goal == robot.requests[0].goal
+    robot.step(plan=answered(robot.requests[1]))
+    robot.run(9.0)
+    return robot.states(0)
+
+
+def test_when_its_way_is_blocked_the_arm_stops_and_goes_on_by_another_one(planned):
+    robot = planned
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
+    robot.step()
+    assert robot.news[-1].text == "crate is in the way; stopped, asked for another path (1 of 3)"
+    assert finish(robot) == ["accepted", "running", "running", "succeeded"]
+    assert robot.q[0] == pytest.approx(0.8, abs=1e-3)
+
+
+def test_what_comes_too_close_on_a_planned_way_is_gone_around(planned):
+    robot = planned
+    robot.touching = [("hand", "crate", 0.0, 0.003)]
+    robot.step()
+    assert robot.news[-1].text.startswith("hand is 3.0 mm from crate; stopped, asked for another")
+    assert finish(robot)[-1] == "succeeded"
+    assert len(robot.requests) == 2
+
+
+def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind_them_count(
+    planned,
+):
+    robot = planned
+    robot.touching = [("hand", "upper", 0.0, 0.002)]
+    robot.run(0.2)
+    assert len(robot.requests) == 1
+    robot.touching += [("crate", "hand", 0.0, 0.003)]
+    robot.step()
+    assert robot.news[-1].text.startswith("hand is 3.0 mm from crate; stopped, asked for another")
+
+
+def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(planned):
+    robot = planned
+    robot.touching = [("hand", "crate", 7.5, -0.001)]
+    robot.step()
+    touched = robot.place("grasp").translation.copy()
+    robot.touching = []
+    while len(robot.requests) < 2:
+        robot.step()
+    assert np.linalg.norm(robot.place("grasp").translation - touched) > 0.02
+    assert "hand touches crate with 7.5 N; stopped, backed off 50 mm; " in robot.news[-1].text
+    assert finish(robot)[-1] == "succeeded"
+
+
+def test_a_goal_is_given_other_ways_so_many_times_and_no_more(tmp_path):
+    robot = Robot(config(tmp_path, plans=True, replans=1))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    for number in range(2):
+        robot.step(plan=answered(robot.requests[-1]))
+        robot.run(0.3)
+        robot.step(plan=Plan(id=robot.requests[-1].id, cause="blocked", text="a cat"))
+        robot.run(0.5)
+        assert len(robot.requests) == 2, number
+    end = robot.news[-1]
+    assert (end.state, end.cause, end.text) == (
+        "failed",
+        "no_path",
+        "a cat; stopped, after 1 other path",
+    )
+    assert np.abs(robot.v).max() < 1e-9
+
+
+def test_when_the_planner_has_failed_everything_stops_and_nothing_begins_again(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "drive", by=1.0)
+    robot.run(1.0)
+    robot.step(plan=Plan(id=0, cause="planner_failed", text="the planner has failed"))
+    assert (robot.news[-1].state, robot.news[-1].cause) == ("failed", "no_plan")
+    robot.run(2.0)
+    assert abs(robot.vx) < 1e-3
+    assert robot.go(1, "drive", by=-1.0).text == "the planner has failed"
+    assert robot.go(2, "stop").state == "succeeded"
+
+
+def go_and_meet_a_post(robot):
+    """Drive along a planned route until a post is 5 mm ahead; return where it stood then."""
+    robot.start(0, "go_to", base=(2.0, 0.0, 0.0))
+    robot.step(plan=Plan(id=robot.requests[-1].id, route=[(2.0, 0.0, 0.0)]))
+    robot.run(1.5)
+    post = robot.x + 0.4
+    while len(robot.requests) < 2 and robot.k < 2000:
+        gap = post - robot.x
+        robot.touching = [("chassis", "post", 0.0, gap)] if gap < 0.08 else []
+        robot.step()
+    return robot.x
+
+
+def test_a_pose_is_gone_to_along_the_planners_route(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "go_to", base=(1.0, 0.0, 0.0), touches=["can"])
+    request = robot.requests[-1]
+    assert (request.base, request.touches) == (((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), ["can"])
+    assert robot.x == 0.0
+    robot.step(plan=Plan(id=request.id, route=[(0.5, 0.3, 0.0), (1.0, 0.0, 0.0)]))
+    ys = []
+    for _ in range(2000):
+        robot.step()
+        ys.append(robot.y)
+    assert robot.news[-1].state == "succeeded"
+    assert max(ys) == pytest.approx(0.3, abs=5e-3)
+    assert (robot.x, robot.y) == pytest.approx((1.0, 0.0), abs=3e-3)
+
+
+def test_where_there_is_no_route_the_base_stays_and_says_why(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.start(0, "go_to", base=(1.0, 0.0, 0.0))
+    robot.step(plan=Plan(id=robot.requests[-1].id, cause="no_path", text="a wall"))
+    robot.run(0.1)
+    end = robot.news[-1]
+    assert (end.state, end.cause, end.text, robot.x) == ("failed", "no_path", "a wall", 0.0)
+
+
+def test_before_something_on_its_route_the_base_stops_and_asks_for_another(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    stood = go_and_meet_a_post(robot)
+    assert [news.state for news in robot.news] == ["accepted", "running", "running"]
+    assert "stopped before it touches; asked for another route (1 of 3)" in robot.news[-1].text
+    assert robot.requests[-1].base[0][0] == pytest.approx(stood, abs=1e-3)
+    robot.touching = []
+    robot.step(plan=Plan(id=robot.requests[-1].id, route=[(stood, 0.5, 0.0), (2.0, 0.0, 0.0)]))
+    robot.run(20.0)
+    assert robot.news[-1].state == "succeeded"
+    assert robot.x == pytest.approx(2.0, abs=3e-3)
+
+
+def test_a_stop_ends_a_route_and_what_waits_for_one(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    go_and_meet_a_post(robot)
+    assert robot.go(1, "stop").state == "succeeded"
+    stood = robot.x
+    robot.step(plan=Plan(id=robot.requests[-1].id, route=[(2.0, 0.0, 0.0)]))
+    robot.run(1.0)
+    assert robot.x == pytest.approx(stood, abs=1e-3)

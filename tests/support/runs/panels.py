@@ -1,0 +1,79 @@
+"""Signals and recordings to plot."""
+
+import math
+import subprocess
+import sys
+import tracemalloc
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from support.messages.recordings import write
+from stepbus_orchestrator.analysis.report import write_report
+from stepbus_orchestrator.analysis.report.curves.curve import Curve
+from stepbus_orchestrator.analysis.report.curves.devices import Devices
+from stepbus_orchestrator.analysis.report.curves.pose_errors import draw_pose_errors, pose_errors
+from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
+from stepbus_orchestrator.analysis.report.panels.devices import device_panels, holding_spans
+from stepbus_orchestrator.analysis.report.panels.joints import draw_panels
+from stepbus_orchestrator.analysis.report.panels.tracking import (
+    draw_error,
+    draw_torque,
+    draw_tracking,
+)
+from stepbus_orchestrator.analysis.report.report import draw_report
+from stepbus_orchestrator.analysis.report.summary import Summary
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_pieces
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording.reader import source
+from stepbus_participant import extra_hint
+from stepbus_schemas import (
+    BaseState,
+    Goal,
+    GoalStatus,
+    GripperState,
+    JointCommand,
+    JointReference,
+    JointState,
+    Poses,
+)
+
+
+
+
+def arm(mode="position", **state):
+    states = [JointState(position=[0.1 * n], velocity=[0.0], **state) for n in range(4)]
+    commands = [JointCommand(mode=mode, values=[7.0]) for _ in range(4)]
+    return {
+        "arm": ("JointState/1", ["j"], states),
+        "command": ("JointCommand/1", ["j"], commands),
+    }
+
+
+def curves(*pieces):
+    found = TrackingCurves()
+    for piece in pieces:
+        found.take(piece)
+    return found
+
+
+def reference(n):
+    return JointReference(position=[0.1 * n], velocity=[1.0 * n], acceleration=[0.0])
+
+
+def lines(found, quantity):
+    return found.reference_of("j").of(quantity, "j")
+
+
+def sliding():
+    """Return a recording of an arm whose joint `slide` follows 0.1 m · sin t, and `turn` 0.1 rad."""
+    steps = np.arange(2000)
+    t = steps * 0.005
+    wave = 0.1 * np.sin(t)[:, None] * np.ones((1, 2))
+    names, types = ["turn", "slide"], {"turn": "revolute", "slide": "prismatic"}
+    state = Signal(names=names, steps=steps, t=t, fields={"position": wave}, joint_types=types)
+    wanted = {"position": wave, "velocity": wave, "acceleration": -wave}
+    reference = Signal(names=names, steps=steps, t=t, fields=wanted)
+    command = Signal(
+        names=names, steps=steps, t=t, fields={"values": wave}, modes=frozenset({"torque"})
+    )
+    return Tracking(states={"a": state}, references={"b": reference}, commands={"c": command})
