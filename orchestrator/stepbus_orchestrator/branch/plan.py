@@ -67,6 +67,8 @@ def plan(
     _check_wiring(recorded, scenario)
     step = _step(at, scenario.step_ns)
     _check_step(recording, origin, recorded, step)
+    if scenario.steps is not None and step > scenario.steps:
+        raise WiringError(f"duration: the branch would end at step {scenario.steps}, before {step}")
     _check_faults(recorded, scenario, step)
     changed = [
         spec.name

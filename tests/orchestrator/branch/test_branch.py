@@ -7,7 +7,7 @@ import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator import Options, Recording, load
-from stepbus_orchestrator.branch import branch
+from stepbus_orchestrator.branch import BranchPlan, branch
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
@@ -214,6 +214,11 @@ def test_a_longer_run_continues_where_the_recording_ends(recorded, tmp_path):
     assert below(found.result.recording, STEPS) == below(recorded, STEPS)
 
 
+def test_a_duration_that_ends_before_the_step_is_refused(recorded, tmp_path):
+    with pytest.raises(WiringError, match="would end at step 20, before 43"):
+        branch(recorded, 43, tmp_path / "b", ["duration=100ms"])
+
+
 def test_a_step_behind_the_recording_is_refused(recorded, tmp_path):
     with pytest.raises(RecordingFailed, match="has 100 complete steps; none is step 101"):
         branch(recorded, 101, tmp_path / "b")
@@ -235,3 +240,37 @@ def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
     found = branch(failed.recording, 60, tmp_path / "b", [repaired], in_process=True)
     assert (found.result.exit_code, found.result.steps) == (0, STEPS)
     assert below(found.result.recording, 60) == below(failed.recording, 60)
+
+
+def test_a_debugged_participant_has_no_deadline(recorded, tmp_path):
+    slow = [fault("controller", "controller", "nap", 50), "controller.step_timeout=500ms"]
+    prepared = BranchPlan(recorded, 43, tmp_path / "b", slow)
+    found = prepared.run(debug=["controller"])
+    assert found.result.exit_code == 0
+    assert "--debug" in (tmp_path / "b/logs/controller.log").read_text()
+
+
+def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):
+    held = ["controller.on_fault=hold"]
+    found = branch(recorded, 43, tmp_path / "b", held, faults=["kill controller at 60"])
+    assert found.result.exit_code == ExitCode.DIED
+    assert "its commands were held from step 60" in found.result.reason
+    assert found.result.steps > 60
+
+
+def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
+    changes = ["controller.on_fault=hold", fault("controller", "controller", "kill", 10)]
+    found = branch(recorded, 43, tmp_path / "b", changes)
+    assert found.result.exit_code == ExitCode.DIED
+    assert "held" not in found.result.reason
+
+
+def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
+    held = run_joints(
+        tmp_path, "controller.on_fault=hold", fault("controller", "controller", "raise", 60)
+    )
+    assert branch(held.recording, 50, tmp_path / "b").result.exit_code == ExitCode.FAULT
+    with pytest.raises(
+        RecordingFailed, match="controller had failed and was replaced from step 60"
+    ):
+        branch(held.recording, 62, tmp_path / "c")
