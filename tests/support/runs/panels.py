@@ -1,5 +1,6 @@
 """Signals and recordings to plot."""
 
+from stepbus_orchestrator.analysis.signals import read_tracking
 import math
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from stepbus_orchestrator.analysis.report.panels.tracking import (
 )
 from stepbus_orchestrator.analysis.report.report import draw_report
 from stepbus_orchestrator.analysis.report.summary import Summary
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_pieces
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, tracking_pieces
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader import source
 from stepbus_participant import extra_hint

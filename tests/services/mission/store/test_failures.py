@@ -6,7 +6,8 @@ import re
 
 import msgspec
 import pytest
-from support.services.mission_store import FakeStore, sell, shelf_a
+from support.services.mission_sale import sell
+from support.services.mission_store import FakeStore, shelf_a
 
 from stepbus_schemas import GripperState
 

@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from support.services.mission_store import FakeStore, sell, shelf_a
+from support.services.mission_sale import sell
+from support.services.mission_store import FakeStore, shelf_a
 
 from stepbus_schemas import BaseState, Detections
 

@@ -2,7 +2,8 @@
 
 import pytest
 from support.paths import DOCS
-from support.services.mission_store import FakeStore, sell, shelf_a
+from support.services.mission_sale import sell
+from support.services.mission_store import FakeStore, shelf_a
 
 from stepbus_mission.store.states.checks import CHECKS
 from stepbus_mission.store.states.goals import GOALS

@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from support.services.mission_store import FakeStore, Thing, config, sell, shelf_a
+from support.services.mission_sale import sell
+from support.services.mission_store import FakeStore, Thing, config, shelf_a
 
 from stepbus_mission.store.participant import StoreMission
 from stepbus_mission.store.states.approaches import APPROACHES
