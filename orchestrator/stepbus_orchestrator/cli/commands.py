@@ -28,6 +28,7 @@ _MODULES = {
     "diff": "recordings.diff",
     "plot": "recordings.plot",
     "verify": "scenarios.verify",
+    "sweep": "sweeps.sweep",
     "rerun": "recordings.rerun",
     "branch": "recordings.branch",
     "recover": "recordings.recover",

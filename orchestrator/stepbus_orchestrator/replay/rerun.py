@@ -141,27 +141,35 @@ def refuse_others(origin: Origin, trusted: str | None) -> None:
 def unpack(origin: Origin, folder: Path) -> Path:
     """Write the scenario and its files to a new folder and return the scenario's path.
 
+    Raises RecordingFailed when they cannot be written.
+    """
+    return unpack_files(origin.scenario, origin.files, folder)
+
+
+def unpack_files(scenario: bytes, files: Mapping[str, bytes], folder: Path) -> Path:
+    """Write a scenario and its files to a new folder and return the scenario's path.
+
     Where files are in folders above the scenario's (`../models/arm.urdf`), the scenario is as many
     levels below the new folder. Raises RecordingFailed when they cannot be written.
     """
-    levels = max(map(_levels, origin.files), default=0)
+    levels = max(map(_levels, files), default=0)
     home = folder.joinpath(*[_LEVEL] * levels)
-    scenario = home / SCENARIO_ATTACHMENT
+    path = home / SCENARIO_ATTACHMENT
     try:
         folder.mkdir(parents=True)
         home.mkdir(parents=True, exist_ok=True)
-        for name, content in origin.files.items():
-            path = Path(os.path.normpath(home / name))
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
+        for name, content in files.items():
+            file = Path(os.path.normpath(home / name))
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content)
             if content.startswith(_PROGRAMS):
-                path.chmod(0o755)
-        scenario.write_bytes(origin.scenario)
+                file.chmod(0o755)
+        path.write_bytes(scenario)
     except OSError as exc:
         raise RecordingFailed(
             f"{exc.filename or folder} cannot be written: {exc.strerror}; choose another --out"
         ) from exc
-    return scenario
+    return path
 
 
 @dataclass(frozen=True, kw_only=True)

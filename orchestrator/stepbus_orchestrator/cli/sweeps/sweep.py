@@ -1,0 +1,232 @@
+"""`stepbus sweep`: many runs of one scenario, and one table of them."""
+
+import argparse
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from stepbus_orchestrator.cli.command import Command, add_overrides, number
+from stepbus_orchestrator.cli.entry import settle
+from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.sweep import (
+    KEEP,
+    TABLE_FILE,
+    Spec,
+    SweepProgress,
+    SweepResult,
+    Terms,
+    make_spec,
+    read_spec,
+    sweep,
+)
+
+_PLAIN_EVERY = 0.1
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "scenario",
+        help="a scenario, as of `stepbus run`, or the YAML file of a sweep (docs/guide/sweeps.md)",
+    )
+    add_overrides(parser, "what is the same in all runs, e.g. duration=2s; may be repeated")
+    _add_design(parser)
+    _add_optimizer(parser)
+    _add_terms(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _add_design(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--vary",
+        action="append",
+        metavar="AXIS",
+        help="PATH=50:200:7, PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', "
+        "'PATH=1,2 & PATH=3,4' (together), 'faults=none,kill plant at 100'; may be repeated",
+    )
+    parser.add_argument("--samples", type=number("a number of draws", 1), help="draws of each ~")
+    parser.add_argument(
+        "--sampling", choices=("random", "latin", "sobol", "halton"), help="how they are drawn"
+    )
+    parser.add_argument("--seed", type=number("a seed, from 0 on", 0), help="of the draws")
+    parser.add_argument(
+        "--repeats", type=number("a number of runs", 1), help="runs of each point, other seeds"
+    )
+    parser.add_argument(
+        "--metric",
+        action="append",
+        metavar="FILE.py:FUNCTION",
+        help="measure each run by your function of its recording; may be repeated",
+    )
+
+
+def _add_optimizer(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--optimize", metavar="METRIC", help="let Optuna choose the points; axes: PATH=50:200[:log]"
+    )
+    parser.add_argument("--maximize", action="store_true", default=None, help="make it large")
+    parser.add_argument("--trials", type=number("a number of runs", 1), help="runs of --optimize")
+    parser.add_argument(
+        "--batch", type=number("a number of runs", 1), help="runs asked for at once (default: 4)"
+    )
+
+
+def _add_terms(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, help="folder of the sweep (default: sweeps/<name>)")
+    parser.add_argument(
+        "--jobs", type=number("a number of processes", 1), default=0, help="default: all cores"
+    )
+    parser.add_argument("--keep", choices=KEEP, default="failed", help="recordings that stay")
+    parser.add_argument("--timeout", type=float, default=0.0, metavar="S", help="limit of a run")
+    parser.add_argument(
+        "--retry",
+        type=number("a number of times", 0),
+        default=0,
+        metavar="N",
+        help="repeat a run that failed to start, died or was late",
+    )
+    parser.add_argument("--address", default="", help="of a Ray cluster, e.g. auto or HOST:6379")
+
+
+def _execute(args: argparse.Namespace) -> int:
+    spec = _spec(args)
+    home = args.out or Path("sweeps") / Path(spec.scenario).name.removesuffix(".yaml")
+    terms = Terms(
+        home=home,
+        jobs=args.jobs,
+        keep=args.keep,
+        timeout_s=args.timeout,
+        retries=args.retry,
+        address=args.address,
+    )
+    with interruptible() as interrupt, _shown(quiet=args.json) as show:
+        result = _run(spec, terms, show, interrupt)
+        settle()
+    if args.json:
+        say_json(result)
+    else:
+        _summarise(result)
+    return 0
+
+
+def _run(
+    spec: Spec,
+    terms: Terms,
+    show: Callable[[SweepProgress], None],
+    interrupt: threading.Event,
+) -> SweepResult:
+    return sweep(spec, terms, show, interrupt)
+
+
+def _spec(args: argparse.Namespace) -> Spec:
+    given = {
+        "set": args.set,
+        "vary": args.vary,
+        "samples": args.samples,
+        "sampling": args.sampling,
+        "seed": args.seed,
+        "repeats": args.repeats,
+        "metrics": args.metric,
+        "optimize": args.optimize,
+        "maximize": args.maximize,
+        "trials": args.trials,
+        "batch": args.batch,
+    }
+    options: dict[str, Any] = {key: value for key, value in given.items() if value}
+    if args.seed == 0:
+        options["seed"] = 0
+    path = Path(args.scenario)
+    if path.is_file() and _is_sweep(path):
+        return read_spec(path, options)
+    return make_spec({"scenario": args.scenario, **options})
+
+
+def _is_sweep(path: Path) -> bool:
+    """Return whether a file is that of a sweep: it names a scenario."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return any(line.startswith(("scenario:", "vary:")) for line in text.splitlines())
+
+
+@contextmanager
+def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
+    """Yield what shows the progress: a bar, or a line every tenth of it."""
+    console = Console()
+    if quiet:
+        yield lambda _progress: None
+        return
+    if not console.is_terminal:
+        yield _Lines().show
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]:.1f} runs/s"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[failed]} failed"),
+    )
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("sweep", total=None, rate=0.0, failed=0)
+
+        def show(progress: SweepProgress) -> None:
+            bar.update(
+                task,
+                total=progress.total,
+                completed=progress.done,
+                rate=progress.rate,
+                failed=progress.failed,
+            )
+
+        yield show
+
+
+class _Lines:
+    """Prints a line for each tenth of a sweep."""
+
+    def __init__(self) -> None:
+        self._shown = 0.0
+
+    def show(self, progress: SweepProgress) -> None:
+        share = progress.done / progress.total
+        if share - self._shown < _PLAIN_EVERY and progress.done < progress.total:
+            return
+        self._shown = share
+        say(
+            f"{progress.done} of {progress.total} runs, {progress.failed} failed, "
+            f"{progress.rate:.1f} runs/s, {progress.remaining_s:.0f} s left"
+        )
+
+
+def _summarise(result: SweepResult) -> None:
+    made = result.done - result.resumed
+    before = f", {result.resumed} were there before" if result.resumed else ""
+    say(f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed")
+    for cause, count in result.causes.items():
+        say(f"  {count} {cause}")
+    if result.metric_errors:
+        say(f"{result.metric_errors} runs without your metrics: see the column metric_error")
+    say(f"table  {result.folder / TABLE_FILE}")
+
+
+COMMAND = Command(
+    name="sweep",
+    summary="run a scenario many times with other values, and make one table",
+    description="Runs a scenario once for each combination of the values that you vary, on all "
+    "cores or on a Ray cluster, and writes one row a run to results.parquet: the values, how the "
+    "run ended, metrics, and the SHA-256 of its recording. The same command goes on with a sweep "
+    "that was cut off. A run that fails is a row; the exit code is 0 once every run has its row.",
+    examples=(
+        "stepbus sweep two_link --vary controller.params.kp=50:200:7",
+        "stepbus sweep two_link --vary 'controller.params.kp~uniform(50, 150)' --samples 100",
+        "stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse --trials 40",
+        "stepbus sweep my_sweep.yaml --out sweeps/friction --keep all",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+    is_run=True,
+)

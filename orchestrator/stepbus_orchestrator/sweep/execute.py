@@ -1,0 +1,221 @@
+"""Runs a sweep: every point that has no row yet."""
+
+import fcntl
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from stepbus_orchestrator.errors import Interrupted, RecordingFailed
+from stepbus_orchestrator.processes import check_open_files
+from stepbus_schemas import WiringError
+
+from .check import Checked, check
+from .content import Content, collect
+from .design import Point
+from .journal import Journal
+from .optimize import Optimizer
+from .pool import Pool, Terms
+from .spec import SPEC_FILE, Spec, differences, load_spec, save_spec
+from .table import write_table
+from .trial import Row, write_run
+
+_TABLE_EVERY_S = 30.0
+_LOCK = ".lock"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepProgress:
+    """How far a sweep is: rows of all, of which failed; rate of this time [runs/s]."""
+
+    done: int
+    total: int
+    failed: int
+    rate: float
+
+    @property
+    def remaining_s(self) -> float:
+        """Return how long the rest takes [s]."""
+        return (self.total - self.done) / self.rate if self.rate else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepResult:
+    """What became of a sweep. resumed: rows that were there before. causes: outcome → runs."""
+
+    folder: Path
+    total: int
+    done: int
+    resumed: int
+    failed: int
+    metric_errors: int
+    causes: Mapping[str, int]
+    wall_s: float
+
+
+def sweep(
+    spec: Spec,
+    terms: Terms,
+    on_progress: Callable[[SweepProgress], None] = lambda _progress: None,
+    interrupt: threading.Event | None = None,
+) -> SweepResult:
+    """Run what is missing of a sweep, and write its tables.
+
+    interrupt: ends it once it is set; what is done stays, and the same call goes on from there.
+
+    Raises ScenarioError or WiringError with every problem of the sweep, RecordingFailed where its
+    folder holds another one or cannot be written, StartFailed where Ray does not start, and
+    Interrupted.
+    """
+    checked = check(spec)
+    content = collect(checked.variants, spec.metrics)
+    check_open_files(len(checked.scenario.participants))
+    with _claimed(terms.home):
+        _claim(spec, content, terms.home)
+        return _Sweep(spec, checked, content, terms, on_progress).run(
+            interrupt or threading.Event()
+        )
+
+
+@contextmanager
+def _claimed(home: Path) -> Iterator[None]:
+    """Hold a sweep's folder; raises RecordingFailed where another process does."""
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        lock = (home / _LOCK).open("w")
+    except OSError as exc:
+        raise RecordingFailed(f"cannot make the folder {home}: {exc.strerror}") from exc
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as exc:
+            raise RecordingFailed(f"{home}: another process runs this sweep") from exc
+        yield
+
+
+def _claim(spec: Spec, content: Content, home: Path) -> None:
+    """Make a folder this sweep's; raises RecordingFailed where it is another one's."""
+    fingerprint = content.fingerprint()
+    if not (home / SPEC_FILE).exists():
+        save_spec(home, spec, fingerprint)
+        return
+    old, before = load_spec(home)
+    found = differences(old, spec)
+    if not found and before != fingerprint:
+        found = ["a file of the scenario, or a metric, has changed"]
+    if found:
+        raise RecordingFailed(f"{home} holds another sweep: {'; '.join(found)}; give another --out")
+
+
+class _Sweep:
+    """One execution."""
+
+    def __init__(
+        self,
+        spec: Spec,
+        checked: Checked,
+        content: Content,
+        terms: Terms,
+        on_progress: Callable[[SweepProgress], None],
+    ) -> None:
+        self._spec = spec
+        self._design = checked.design
+        self._optimizer = None if spec.optimize is None else Optimizer(spec)
+        self._terms = terms
+        self._pool = Pool(content, terms)
+        self._on_progress = on_progress
+        self._total = len(self._optimizer or self._design)
+        self._paths: Sequence[str] = (self._optimizer or self._design).paths
+        self._causes: dict[str, int] = {}
+        self._metric_errors = 0
+        self._began = time.monotonic()
+        self._tabled = self._began
+
+    def run(self, interrupt: threading.Event) -> SweepResult:
+        journal = Journal(self._terms.home)
+        try:
+            resumed = len(journal)
+            for row in journal.rows():
+                self._count(row)
+            if resumed < self._total:
+                self._run_missing(journal, resumed, interrupt)
+            write_table(journal, self._paths, self._terms.home)
+            if interrupt.is_set():
+                raise Interrupted(
+                    f"interrupted after {len(journal)} of {self._total} runs; the same command "
+                    "goes on from there"
+                )
+            return self._result(len(journal), resumed)
+        finally:
+            journal.close()
+
+    def _run_missing(self, journal: Journal, resumed: int, interrupt: threading.Event) -> None:
+        with self._pool:
+            if self._optimizer is None:
+                missing = (p for p in self._design if p.number not in journal)
+                self._run_points(missing, journal, resumed, interrupt)
+                return
+            for batch in self._optimizer.batches():
+                missing = (p for p in batch if p.number not in journal)
+                self._run_points(missing, journal, resumed, interrupt)
+                if interrupt.is_set():
+                    return
+                self._optimizer.tell([_checked(journal.row(p.number), p) for p in batch])
+
+    def _run_points(
+        self, points: Iterator[Point], journal: Journal, resumed: int, interrupt: threading.Event
+    ) -> None:
+        for row, files in self._pool.run(points, interrupt.is_set):
+            if files:
+                write_run(files, self._terms.home, row.run)
+            journal.add(row)
+            self._count(row)
+            self._report(len(journal), resumed)
+            if time.monotonic() - self._tabled > _TABLE_EVERY_S:
+                write_table(journal, self._paths, self._terms.home)
+                self._tabled = time.monotonic()
+
+    def _count(self, row: Row) -> None:
+        if row.exit_code:
+            self._causes[_cause(row)] = self._causes.get(_cause(row), 0) + 1
+        self._metric_errors += bool(row.metric_error)
+
+    def _report(self, done: int, resumed: int) -> None:
+        elapsed = time.monotonic() - self._began
+        rate = (done - resumed) / elapsed if elapsed else 0.0
+        failed = sum(self._causes.values())
+        self._on_progress(
+            SweepProgress(done=done, total=self._total, failed=failed, rate=rate)
+        )
+
+    def _result(self, done: int, resumed: int) -> SweepResult:
+        return SweepResult(
+            folder=self._terms.home,
+            total=self._total,
+            done=done,
+            resumed=resumed,
+            failed=sum(self._causes.values()),
+            metric_errors=self._metric_errors,
+            causes=dict(sorted(self._causes.items())),
+            wall_s=time.monotonic() - self._began,
+        )
+
+
+def _cause(row: Row) -> str:
+    who = f" ({row.participant})" if row.participant else ""
+    return f"{row.outcome}{who}, exit code {row.exit_code}"
+
+
+def _checked(row: Row, point: Point) -> Row:
+    """Return the row of a point; raises WiringError where it is another point's.
+
+    The optimizer would not have asked for it: another version of Optuna chooses otherwise.
+    """
+    if row.values != dict(point.values):
+        raise WiringError(
+            f"run {row.run} was made with other values than the optimizer asks for now: resume "
+            "with the versions of Optuna and SciPy that began the sweep"
+        )
+    return row

@@ -1,0 +1,89 @@
+"""The rows of a sweep on disk: appended as they come, and made into one table.
+
+`rows.jsonl` has one line a row, in the order in which they came, wall-clock times included. It is
+what a sweep that was cut off resumes from; a last line that is half written is dropped.
+`results.parquet` is made of it: sorted, without what differs from one time to the next.
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from stepbus_orchestrator.errors import RecordingFailed
+
+from .trial import Row
+
+ROWS_FILE = "rows.jsonl"
+_decode = msgspec.json.Decoder(Row).decode
+
+
+class Journal:
+    """Rows in a file; kept in memory is only where each of them starts.
+
+    Raises RecordingFailed where the file cannot be opened, or a row cannot be written: a full disk
+    costs that row only.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / ROWS_FILE
+        self._starts: dict[int, int] = {}
+        try:
+            self._file = self._path.open("ab+")
+            self._end = self._read()
+            self._file.truncate(self._end)
+        except OSError as exc:
+            raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
+
+    def _read(self) -> int:
+        """Find all rows; return where the last whole one ends."""
+        end = 0
+        self._file.seek(0)
+        for line in self._file:
+            try:
+                if not line.endswith(b"\n"):
+                    break
+                row = _decode(line)
+            except msgspec.MsgspecError as exc:
+                raise RecordingFailed(f"{self._path}: byte {end} begins no row: {exc}") from exc
+            self._starts[row.run] = end
+            end += len(line)
+        return end
+
+    def __contains__(self, number: object) -> bool:
+        """Return whether there is a row of a run."""
+        return number in self._starts
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._starts)
+
+    def add(self, row: Row) -> None:
+        """Append a row; the file has all of it, or nothing."""
+        line = memoryview(msgspec.json.encode(row) + b"\n")
+        written = 0
+        try:
+            while written < len(line):
+                written += os.write(self._file.fileno(), line[written:])
+        except OSError as exc:
+            self._file.truncate(self._end)
+            raise RecordingFailed(
+                f"{self._path} cannot be written: {exc.strerror}; all {len(self)} rows before are "
+                "there, and the same command goes on from them"
+            ) from exc
+        self._starts[row.run] = self._end
+        self._end += len(line)
+
+    def row(self, number: int) -> Row:
+        """Return the row of a run."""
+        self._file.seek(self._starts[number])
+        return _decode(self._file.readline())
+
+    def rows(self) -> Iterator[Row]:
+        """Yield all rows by number."""
+        return (self.row(number) for number in sorted(self._starts))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
