@@ -4,6 +4,7 @@ Ray gives the processes, on this machine or on a cluster, and tells which of the
 was in one that has died goes to another; nothing else is lost.
 """
 
+import logging
 import os
 import shutil
 import tempfile
@@ -108,9 +109,8 @@ class Pool:
 
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-        os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
         (self._terms.home / _MARK).write_text(self._mark)
+        self._set_environment()
         options: dict[str, Any] = {"address": self._terms.address}
         if not self._terms.address:
             # Sockets lie in it, whose names may have 107 bytes.
@@ -141,6 +141,14 @@ class Pool:
     def __exit__(self, *_: object) -> None:
         """End all workers, and the Ray that was started here."""
         self._end()
+
+    def _set_environment(self) -> None:
+        """Tell Ray, which reads it when it starts, to call nobody and to let nobody in."""
+        logging.getLogger("ray").setLevel(logging.ERROR)
+        os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
+        if not self._terms.address:
+            # Otherwise Ray leaves a token in the user's home.
+            os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": self._mark}
 
     def _end(self) -> None:
         for worker in self._workers:
