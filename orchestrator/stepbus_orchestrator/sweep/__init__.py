@@ -1,15 +1,17 @@
 """Sweeps: many runs of one scenario, on all cores or a cluster, and one table of them."""
 
+from .again import Again, rerun_row
 from .execute import SweepProgress, SweepResult, sweep
-from .pool import Terms
+from .results import PAGE_FILE, TABLE_FILE
 from .spec import SPEC_FILE, Spec, load_spec, make_spec, read_spec
-from .table import TABLE_FILE
-from .trial import KEEP
+from .work import KEEP, Terms
 
 __all__ = [
     "KEEP",
+    "PAGE_FILE",
     "SPEC_FILE",
     "TABLE_FILE",
+    "Again",
     "Spec",
     "SweepProgress",
     "SweepResult",
@@ -17,5 +19,6 @@ __all__ = [
     "load_spec",
     "make_spec",
     "read_spec",
+    "rerun_row",
     "sweep",
 ]

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
 from stepbus_participant.parameters import Problem
 
-from .axes import FAULTS, Axis
-from .design import Design, Point
+from .space import FAULTS, Axis, Design, Point
 from .spec import Spec
-from .trial import overrides_of
+from .work import overrides_of
 
 _MOST_CHECKED = 200
 
@@ -63,5 +62,3 @@ def _some(axis: Axis) -> Sequence[tuple[object, ...]]:
     if texts or axis.paths == (FAULTS,):
         return axis.values[:_MOST_CHECKED]
     return [axis.values[0], axis.values[-1]]
-
-

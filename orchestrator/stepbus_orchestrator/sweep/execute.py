@@ -1,6 +1,7 @@
 """Runs a sweep: every point that has no row yet."""
 
 import fcntl
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,15 +14,13 @@ from stepbus_orchestrator.processes import check_open_files
 from stepbus_schemas import WiringError
 
 from .check import Checked, check
-from .content import Content, collect
-from .design import Point
-from .journal import Journal
 from .optimize import Optimizer
-from .pool import Pool, Terms
+from .results import Journal, extremes, write_page, write_table
+from .space import Point
 from .spec import SPEC_FILE, Spec, differences, load_spec, save_spec
-from .table import write_table
-from .trial import Row, write_run
+from .work import Content, Pool, Row, Terms, collect, write_run
 
+SOURCE_FOLDER = "source"
 _TABLE_EVERY_S = 30.0
 _LOCK = ".lock"
 
@@ -99,6 +98,8 @@ def _claim(spec: Spec, content: Content, home: Path) -> None:
     """Make a folder this sweep's; raises RecordingFailed where it is another one's."""
     fingerprint = content.fingerprint()
     if not (home / SPEC_FILE).exists():
+        shutil.rmtree(home / SOURCE_FOLDER, ignore_errors=True)
+        content.unpack(home / SOURCE_FOLDER)
         save_spec(home, spec, fingerprint)
         return
     old, before = load_spec(home)
@@ -141,7 +142,7 @@ class _Sweep:
                 self._count(row)
             if resumed < self._total:
                 self._run_missing(journal, resumed, interrupt)
-            write_table(journal, self._paths, self._terms.home)
+            self._conclude(journal)
             if interrupt.is_set():
                 raise Interrupted(
                     f"interrupted after {len(journal)} of {self._total} runs; the same command "
@@ -156,6 +157,7 @@ class _Sweep:
             if self._optimizer is None:
                 missing = (p for p in self._design if p.number not in journal)
                 self._run_points(missing, journal, resumed, interrupt)
+                self._draw_extremes(journal, interrupt)
                 return
             for batch in self._optimizer.batches():
                 missing = (p for p in batch if p.number not in journal)
@@ -163,6 +165,27 @@ class _Sweep:
                 if interrupt.is_set():
                     return
                 self._optimizer.tell([_checked(journal.row(p.number), p) for p in batch])
+            self._draw_extremes(journal, interrupt)
+
+    def _draw_extremes(self, journal: Journal, interrupt: threading.Event) -> None:
+        """Plot the best and the worst run; both are made again, since they may not have stayed."""
+        chosen = extremes(journal, self._spec)
+        if interrupt.is_set() or not chosen:
+            return
+        points = [Point(row.run, row.values) for row in chosen.values()]
+        for name, content in zip(chosen, self._pool.pictures(points), strict=True):
+            if content:
+                (self._terms.home / f"{name}.png").write_bytes(content)
+
+    def _conclude(self, journal: Journal) -> None:
+        """Write the tables and the page."""
+        write_table(journal, self._paths, self._terms.home)
+        pictures = {
+            f"{name} run: {row.run}": path
+            for name, row in extremes(journal, self._spec).items()
+            if (path := self._terms.home / f"{name}.png").exists()
+        }
+        write_page(journal, self._spec, self._paths, self._terms.home, pictures)
 
     def _run_points(
         self, points: Iterator[Point], journal: Journal, resumed: int, interrupt: threading.Event
@@ -186,9 +209,7 @@ class _Sweep:
         elapsed = time.monotonic() - self._began
         rate = (done - resumed) / elapsed if elapsed else 0.0
         failed = sum(self._causes.values())
-        self._on_progress(
-            SweepProgress(done=done, total=self._total, failed=failed, rate=rate)
-        )
+        self._on_progress(SweepProgress(done=done, total=self._total, failed=failed, rate=rate))
 
     def _result(self, done: int, resumed: int) -> SweepResult:
         return SweepResult(

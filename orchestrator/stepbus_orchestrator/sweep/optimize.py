@@ -9,10 +9,9 @@ from typing import Any
 
 from stepbus_participant import need
 
-from .axes import Axis
-from .design import Point
+from .space import Axis, Point
 from .spec import Spec
-from .trial import Row
+from .work import Row
 
 
 class Optimizer:

@@ -1,10 +1,10 @@
 """What a sweep is: declared once, for the command line and for a file.
 
-    scenario: two_link
-    vary:
-      - controller.params.kp=50:200:7
-      - plant.params.gravity~uniform(9.7, 0.2)
-    samples: 500
+scenario: two_link
+vary:
+  - controller.params.kp=50:200:7
+  - plant.params.gravity~uniform(9.7, 0.2)
+samples: 500
 """
 
 import json
@@ -19,8 +19,7 @@ from stepbus_participant import Count, Settings, Whole
 from stepbus_participant.parameters import Keys, read, read_yaml
 from stepbus_schemas import WiringError
 
-from .axes import Axis, parse_axis
-from .design import Design
+from .space import Axis, Design, parse_axis
 
 SPEC_FILE = "sweep.json"
 _LIKE = "a sweep is a map with `scenario` and `vary`"
@@ -166,5 +165,3 @@ def differences(old: Spec, new: Spec) -> list[str]:
         for key in now
         if before[key] != now[key]
     ]
-
-

@@ -5,19 +5,26 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import Diff
-from stepbus_orchestrator.cli.command import Command, add_overrides
+from stepbus_orchestrator.cli.command import Command, add_overrides, number
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
+from stepbus_orchestrator.sweep import SPEC_FILE, rerun_row
+from stepbus_schemas import WiringError
 
 from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    parser.add_argument(
+        "recording", type=Path, help="the run.mcap of a run, its folder, or that of a sweep"
+    )
+    parser.add_argument(
+        "row", type=number("the number of a run", 0), nargs="?", help="which run of a sweep"
+    )
     add_overrides(parser, "override one value, e.g. window=1; may be repeated")
     parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
@@ -25,6 +32,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
+    if (args.recording / SPEC_FILE).is_file():
+        return _execute_row(args)
+    if args.row is not None:
+        raise WiringError(f"{args.recording} holds no sweep, so it has no run {args.row}")
     trusted = trusted_programs(args)
     out = args.out or _default(args.recording)
     preparation = Preparation(args.recording, out, args.set, trusted=trusted)
@@ -44,6 +55,26 @@ def _execute(args: argparse.Namespace) -> int:
     if not rerun.equal and not rerun.compares:
         return ExitCode.RECORDING
     return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
+
+
+def _execute_row(args: argparse.Namespace) -> int:
+    """Do one run of a sweep again, and compare."""
+    if args.row is None or args.set:
+        raise WiringError(f"{args.recording} is a sweep: give the number of a run, and no --set")
+    out = args.out or _default(args.recording / f"{args.recording.resolve().name}-{args.row}")
+    title = f"run {args.row}"
+    with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
+        again = rerun_row(args.recording, args.row, out, display, interrupt)
+    result = again.result
+    if args.json:
+        say_json({"equal": again.equal, "row": again.row, "result": result})
+    elif again.equal:
+        say(f"{result.steps} steps, byte for byte as in the sweep\nsha256    {result.sha256}")
+    else:
+        say(f"sha256    {result.sha256}, in the sweep {again.row.sha256 or 'none'}")
+    if not args.json:
+        say(f"recording {result.recording}")
+    return ExitCode.FINISHED if again.equal else result.exit_code or ExitCode.DIFFERENT
 
 
 def _default(recording: Path) -> Path:
@@ -108,6 +139,7 @@ COMMAND = Command(
     examples=(
         "stepbus rerun runs/two_link-20250101-120000/run.mcap",
         "stepbus rerun run.mcap --set window=1 --out /tmp/again",
+        "stepbus rerun sweeps/two_link 17",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

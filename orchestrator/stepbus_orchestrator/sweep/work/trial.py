@@ -11,21 +11,22 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.inprocess import check_scenario
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.sweep.space import FAULTS, Point
 from stepbus_schemas import StepbusError, WiringError
 
-from .axes import FAULTS
 from .content import Content
-from .design import Point
 from .metrics import MetricFailed, Metrics, Value, builtin_metrics
 
 KEEP = ("all", "failed", "none")
 NO_FAULT = "none"
+REPORT_FILE = "report.png"
 _MACHINE = re.compile(r" \(pid \d+\)|; its log: \S+")
 """What an error has of the machine that it came from."""
 
@@ -57,18 +58,18 @@ class Trials:
     """Runs points of one sweep, one after the other, in a folder of its own.
 
     keep: which runs' folders stay. home: the sweep's folder, where it is within reach; else what
-    stays is returned by content.
+    stays is returned by content. temporary: where the folder is; None: where temporary ones are.
     """
 
-    def __init__(self, content: Content, *, keep: str, home: Path | None) -> None:
+    def __init__(
+        self, content: Content, *, keep: str, home: Path | None, temporary: str | None = None
+    ) -> None:
         self._content = content
         self._keep = keep
         self._home = home
-        self._folder = Path(tempfile.mkdtemp(prefix="stepbus-sweep-"))
+        self._folder = Path(tempfile.mkdtemp(prefix="stepbus-sweep-", dir=temporary))
         self._scenario = content.unpack(self._folder / "source")
-        self._metrics = Metrics(
-            content.metrics, Content.metrics_folder(self._folder / "source")
-        )
+        self._metrics = Metrics(content.metrics, Content.metrics_folder(self._folder / "source"))
 
     def close(self) -> None:
         """Remove the folder."""
@@ -85,6 +86,17 @@ class Trials:
         except (RunFailure, StepbusError) as exc:
             code = exc.code if isinstance(exc, RunFailure) else ExitCode.SCENARIO
             return failed_row(point, "failed", str(exc), code), {}
+        finally:
+            shutil.rmtree(out, ignore_errors=True)
+
+    def picture(self, point: Point) -> bytes:
+        """Run a point once more, and return the plots of its report as PNG; empty: it has none."""
+        out = self._folder / "picture"
+        try:
+            result = self._run(self.load(point), out)
+            if result.steps and result.recording.exists():
+                write_report(result.recording)
+            return (out / REPORT_FILE).read_bytes() if (out / REPORT_FILE).exists() else b""
         finally:
             shutil.rmtree(out, ignore_errors=True)
 

@@ -14,7 +14,9 @@ function layout(more) {
 }
 
 const draw = (place, traces, more) =>
-  Plotly.react(place, traces, layout(more), { responsive: true, displaylogo: false });
+  Plotly.react(place, traces, layout(more), { responsive: true, displaylogo: false, displayModeBar: false });
+
+const chart = () => Object.assign(document.createElement("div"), { className: "chart" });
 
 function fill(select, names, chosen) {
   select.replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
@@ -27,12 +29,11 @@ function rows(...names) {
 }
 
 function drawAxes(metric) {
-  at("axes").replaceChildren();
+  const places = sweep.axes.map(() => chart());
+  at("axes").replaceChildren(...places);
   const values = sweep.columns[metric];
-  for (const name of sweep.axes) {
-    const place = document.createElement("div");
-    place.className = "chart";
-    at("axes").append(place);
+  for (const [index, name] of sweep.axes.entries()) {
+    const place = places[index];
     const kept = rows(metric);
     const trace = { x: kept.map((i) => sweep.columns[name][i]), y: kept.map((i) => values[i]),
       text: kept.map((i) => `run ${sweep.run[i]}`), mode: "markers", type: "scatter",
@@ -47,8 +48,7 @@ function drawAxes(metric) {
 function drawPair(metric) {
   at("pair").replaceChildren();
   if (sweep.axes.length !== 2) return;
-  const place = document.createElement("div");
-  place.className = "chart";
+  const place = chart();
   at("pair").append(place);
   const [x, y] = sweep.axes, kept = rows(metric);
   const many = new Set(sweep.columns[x]).size * new Set(sweep.columns[y]).size > 2 * sweep.run.length;
@@ -58,7 +58,8 @@ function drawPair(metric) {
         y: kept.map((i) => sweep.columns[y][i]), text: kept.map((i) => `run ${sweep.run[i]}`),
         marker: { ...color, size: 9, color: kept.map((i) => sweep.columns[metric][i]) } }]
     : [grid(x, y, metric, kept, color)];
-  draw(place, traces, { xaxis: { title: { text: x } }, yaxis: { title: { text: y } } });
+  const type = many ? undefined : "category";
+  draw(place, traces, { xaxis: { title: { text: x }, type }, yaxis: { title: { text: y }, type } });
 }
 
 function grid(x, y, metric, kept, color) {
@@ -77,8 +78,7 @@ function grid(x, y, metric, kept, color) {
 function drawParallel(metric) {
   at("parallel").replaceChildren();
   if (sweep.axes.length < 3) return;
-  const place = document.createElement("div");
-  place.className = "chart";
+  const place = chart();
   at("parallel").append(place);
   const kept = rows(metric);
   const dimensions = [...sweep.axes, metric].map((name) => dimension(name, kept));
@@ -136,7 +136,9 @@ function drawMetric() {
 
 fill(at("metric"), sweep.metrics, sweep.metric);
 fill(at("first"), sweep.metrics, sweep.metric);
-fill(at("second"), sweep.metrics, sweep.metrics.find((m) => m !== sweep.metric) ?? sweep.metric);
+const changes = (name) => new Set(sweep.columns[name]).size > 1;
+const other = sweep.metrics.find((m) => !m.startsWith(sweep.metric) && changes(m));
+fill(at("second"), sweep.metrics, other ?? sweep.metric);
 at("metric").onchange = drawMetric;
 for (const id of ["first", "second", "better"]) at(id).onchange = drawFront;
 const drawAll = () => (drawMetric(), drawFront());

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.sweep.work import Row, Value
 from stepbus_participant import need
 
 from .journal import Journal
-from .metrics import Value
-from .trial import Row
 
 TABLE_FILE = "results.parquet"
 TIMES_FILE = "times.parquet"
@@ -51,9 +50,7 @@ class _Types:
         self._has_errors |= bool(row.metric_error)
 
     def columns(self) -> dict[str, str]:
-        fixed = {
-            name: "int64" if name in {"exit_code", "steps"} else "string" for name in _FIXED
-        }
+        fixed = {name: "int64" if name in {"exit_code", "steps"} else "string" for name in _FIXED}
         metrics = {self._metric(name): of or "double" for name, of in sorted(self._metrics.items())}
         error = {"metric_error": "string"} if self._has_errors else {}
         values = {path: of or "string" for path, of in self._values.items()}
@@ -135,4 +132,3 @@ def _groups(rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Mapping[str, Any
             group = []
     if group:
         yield group
-

@@ -12,8 +12,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-
-from .trial import Row
+from stepbus_orchestrator.sweep.work import Row
 
 ROWS_FILE = "rows.jsonl"
 _decode = msgspec.json.Decoder(Row).decode

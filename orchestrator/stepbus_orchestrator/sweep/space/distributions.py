@@ -68,9 +68,7 @@ def _arguments(given: str, text: str) -> tuple[list[Any], dict[str, Any]]:
         raise WiringError(f"{text}: {given!r} are no numbers or texts in quotes") from exc
 
 
-def _of_scipy(
-    name: str, arguments: list[Any], keywords: dict[str, Any], text: str
-) -> Distribution:
+def _of_scipy(name: str, arguments: list[Any], keywords: dict[str, Any], text: str) -> Distribution:
     (stats,) = need("a sweep over a distribution", "scipy.stats")
     known = [one for one in dir(stats) if hasattr(getattr(stats, one), "ppf")]
     if name not in known:

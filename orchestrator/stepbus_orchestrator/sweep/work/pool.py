@@ -7,29 +7,33 @@ was in one that has died goes to another; nothing else is lost.
 import logging
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import msgspec
 
-from stepbus_orchestrator.environment import PYTHON
 from stepbus_orchestrator.errors import ExitCode, StartFailed
+from stepbus_orchestrator.processes.environment import PYTHON
+from stepbus_orchestrator.sweep.space import Point
 from stepbus_participant import need
 
 from .content import Content
-from .design import Point
 from .trial import Row, Trials, failed_row
 
 _MARK = ".reach"
 _WAIT_S = 0.25
 _LOOK_S = 5.0
 _MOST_DEATHS = 3
+_LONGEST_FOLDER = 24
 _START_S = 60.0
+_PICTURES_S = 120.0
+_CLOSE_S = 2.0
 _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
@@ -73,12 +77,18 @@ class _Task:
 class _Runner:
     """What runs in a worker."""
 
-    def __init__(self, content: Content, keep: str, home: str, mark: str) -> None:
+    def __init__(self, content: Content, keep: str, home: str, mark: str, temporary: str) -> None:
         # A folder of that name on another machine is another folder.
         path = Path(home)
         is_here = (path / _MARK).is_file() and (path / _MARK).read_text() == mark
-        self._trials = Trials(content, keep=keep, home=path if is_here else None)
+        self._trials = Trials(
+            content, keep=keep, home=path if is_here else None, temporary=temporary or None
+        )
         self._where = os.uname().nodename
+
+    def close(self) -> None:
+        """Remove what the worker has on its machine."""
+        self._trials.close()
 
     def ready(self) -> None:
         """Return once the worker is there."""
@@ -87,6 +97,10 @@ class _Runner:
         """Run a point; return its row as JSON, and the files of a run that stays."""
         row, files = self._trials.run(point)
         return msgspec.json.encode(msgspec.structs.replace(row, where=self._where)), files
+
+    def picture(self, point: Point) -> bytes:
+        """Return the plots of a point's run as PNG."""
+        return self._trials.picture(point)
 
 
 class Pool:
@@ -97,10 +111,11 @@ class Pool:
     """
 
     def __init__(self, content: Content, terms: Terms) -> None:
-        (self._ray,) = need("a sweep", "ray")
         self._content = content
         self._terms = terms
         self._mark = os.urandom(16).hex()
+        self._set_environment()
+        (self._ray,) = need("a sweep", "ray")
         self._temporary = ""
         self._workers: list[_Worker] = []
         self._starting: dict[Any, _Worker] = {}
@@ -110,11 +125,9 @@ class Pool:
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
         (self._terms.home / _MARK).write_text(self._mark)
-        self._set_environment()
         options: dict[str, Any] = {"address": self._terms.address}
         if not self._terms.address:
-            # Sockets lie in it, whose names may have 107 bytes.
-            self._temporary = tempfile.mkdtemp(prefix="stepbus-ray-", dir="/tmp")  # noqa: S108
+            self._temporary = tempfile.mkdtemp(prefix="stepbus-ray-", dir=_short_folder())
             options = {
                 "num_cpus": self._terms.jobs or os.cpu_count(),
                 "include_dashboard": False,
@@ -143,14 +156,17 @@ class Pool:
         self._end()
 
     def _set_environment(self) -> None:
-        """Tell Ray, which reads it when it starts, to call nobody and to let nobody in."""
+        """Tell Ray, which reads it when it is imported, to call nobody and to let nobody in."""
         logging.getLogger("ray").setLevel(logging.ERROR)
         os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
-        if not self._terms.address:
+        if not self._terms.address and "ray" not in sys.modules:
             # Otherwise Ray leaves a token in the user's home.
             os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": self._mark}
 
     def _end(self) -> None:
+        idle = [worker.actor.close.remote() for worker in self._idle()]
+        if idle:
+            self._ray.wait(idle, num_returns=len(idle), timeout=_CLOSE_S)
         for worker in self._workers:
             self._ray.kill(worker.actor)
         self._workers.clear()
@@ -182,6 +198,20 @@ class Pool:
             self._check_start(started)
             yield from self._finished(again)
 
+    def pictures(self, points: Sequence[Point]) -> list[bytes]:
+        """Return the plots of some points as PNG; empty where there are none."""
+        self._fit()
+        asked = [self._workers[0].actor.picture.remote(point) for point in points]
+        found, _ = self._ray.wait(asked, num_returns=len(asked), timeout=_PICTURES_S)
+        return [self._picture(one) if one in found else b"" for one in asked]
+
+    def _picture(self, reference: Any) -> bytes:
+        try:
+            content: bytes = self._ray.get(reference)
+        except self._ray.exceptions.RayError:
+            return b""
+        return content
+
     def _idle(self) -> list[_Worker]:
         waiting = set(map(id, self._starting.values()))
         return [w for w in self._workers if w.task is None and id(w) not in waiting]
@@ -196,7 +226,9 @@ class Pool:
         wanted = min(cores, self._terms.jobs) if self._terms.jobs else cores
         for _ in range(wanted - len(self._workers)):
             home = str(self._terms.home.resolve())
-            actor = self._actor.remote(self._stored, self._terms.keep, home, self._mark)
+            actor = self._actor.remote(
+                self._stored, self._terms.keep, home, self._mark, self._temporary
+            )
             worker = _Worker(actor)
             self._workers.append(worker)
             self._starting[actor.ready.remote()] = worker
@@ -272,13 +304,22 @@ class Pool:
             del self._busy[reference]
             self._drop(worker)
             reason = f"it took longer than {limit_s:g} s"
-            yield _counted(failed_row(task.point, TIMED_OUT, reason, ExitCode.STEP_TIMEOUT), task), {}
+            yield (
+                _counted(failed_row(task.point, TIMED_OUT, reason, ExitCode.STEP_TIMEOUT), task),
+                {},
+            )
 
     def _drop(self, worker: _Worker) -> None:
         self._ray.kill(worker.actor)
         if worker in self._workers:
             self._workers.remove(worker)
         self._looked = 0.0
+
+
+def _short_folder() -> str:
+    """Return a folder for Ray's sockets, whose names may have 107 bytes."""
+    usual = tempfile.gettempdir()
+    return usual if len(usual) <= _LONGEST_FOLDER else "/tmp"  # noqa: S108
 
 
 def _counted(row: Row, task: _Task) -> Row:

@@ -116,5 +116,7 @@ def _points(count: int, width: int, sampling: str, seed: int) -> NDArray[np.floa
     with warnings.catch_warnings():
         # Sobol points are balanced only where their number is a power of 2: the docs say so.
         warnings.simplefilter("ignore", UserWarning)
-        points: NDArray[np.float64] = makers[sampling](width, rng=np.random.default_rng(seed)).random(count)
+        points: NDArray[np.float64] = makers[sampling](
+            width, rng=np.random.default_rng(seed)
+        ).random(count)
     return points

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
 from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.reports.result import Result
 from stepbus_schemas import RunError
 
 Array = NDArray[np.float64]
@@ -45,7 +45,9 @@ def builtin_metrics(result: Result, recording: Recording) -> dict[str, Value]:
     motors do and take [J].
     """
     tracking = read_tracking(recording)
-    errors = tracking_rmse(tracking, _SETTLED_AFTER_S if result.simulated_s > _SETTLED_AFTER_S else 0.0)
+    errors = tracking_rmse(
+        tracking, _SETTLED_AFTER_S if result.simulated_s > _SETTLED_AFTER_S else 0.0
+    )
     steps = [found for joint in tracking.joints if (found := _step_response(tracking, joint))]
     return {
         "success": result.exit_code == 0,
@@ -70,7 +72,7 @@ def _step_response(tracking: Tracking, joint: str) -> tuple[float, float] | None
     end, start = float(wanted[-1]), float(measured[0])
     rests = wanted[int(len(wanted) * (1 - _REST_SHARE)) :]
     travel = abs(end - start)
-    if np.any(rests != end) or travel < 1e-6:  # noqa: PLR2004  (a joint that does not move)
+    if np.any(rests != end) or travel < 1e-6:
         return None
     beyond = (measured - end) * math.copysign(1.0, end - start)
     outside = np.flatnonzero(np.abs(measured - end) > _BAND * travel)
@@ -93,7 +95,7 @@ def _energy(states: Any) -> float | None:
     total = None
     for state in states:
         effort, velocity = state.fields.get("effort"), state.fields.get("velocity")
-        if effort is None or velocity is None or len(state.t) < 2:  # noqa: PLR2004
+        if effort is None or velocity is None or len(state.t) < 2:
             continue
         power = np.sum(np.abs(effort * velocity), axis=1)
         total = (total or 0.0) + float(np.sum(power[1:] * np.diff(state.t)))
@@ -144,7 +146,7 @@ def _load(path: Path, function: str, text: str) -> Metric:
 def _measured(text: str, function: Metric, recording: Recording) -> dict[str, Value]:
     try:
         given = function(recording)
-    except Exception as exc:  # noqa: BLE001  (whatever a user's metric raises is its own)
+    except Exception as exc:
         raise MetricFailed(f"{text} raised {_words(exc)}") from exc
     rows = given if isinstance(given, Mapping) else {text.rpartition(":")[2]: given}
     return {str(name): _plain(text, name, value) for name, value in rows.items()}

@@ -11,11 +11,11 @@ from string import Template
 from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.sweep.spec import Spec
+from stepbus_orchestrator.sweep.work import Row
 from stepbus_participant import need
 
 from .journal import Journal
-from .spec import Spec
-from .trial import Row
 
 PAGE_FILE = "report.html"
 MOST_ROWS = 20_000
@@ -27,7 +27,7 @@ def write_page(
     spec: Spec,
     paths: Sequence[str],
     folder: Path,
-    pictures: Mapping[str, Path] = {},  # noqa: B006  (it is only read)
+    pictures: Mapping[str, Path] = {},
 ) -> Path:
     """Write the page of all rows so far, and return its path.
 
@@ -85,6 +85,23 @@ def primary_metric(spec: Spec, metrics: Sequence[str]) -> str:
     return next((name for name in wanted if name in metrics), metrics[0] if metrics else "")
 
 
+def extremes(journal: Journal, spec: Spec) -> dict[str, Row]:
+    """Return the rows with the smallest and the largest primary metric, `best` and `worst`."""
+    low: Row | None = None
+    high: Row | None = None
+    metric = ""
+    for row in journal.rows():
+        metric = metric or primary_metric(spec, list(row.metrics))
+        value = _number(row.metrics.get(metric))
+        if value is None or row.exit_code:
+            continue
+        low = row if low is None or value < (_number(low.metrics[metric]) or 0.0) else low
+        high = row if high is None or value > (_number(high.metrics[metric]) or 0.0) else high
+    if low is None or high is None or low is high:
+        return {}
+    return {"best": high, "worst": low} if spec.maximize else {"best": low, "worst": high}
+
+
 def _number(value: object) -> float | None:
     """Return a metric as a number; None for text, and for what JSON cannot write."""
     if isinstance(value, int | float) and math.isfinite(value):
@@ -104,9 +121,9 @@ def _script(value: object) -> str:
 
 
 def _summary(journal: Journal, rows: Sequence[Row], every: int) -> str:
-    failed = sum(row.exit_code != 0 for row in rows)
-    part = f"; the charts show every {every}th" if every > 1 else ""
-    return f"<b>{len(journal)}</b> runs{part}; <b>{failed}</b> of those shown failed."
+    failed = sum(row.exit_code != 0 for row in journal.rows())
+    part = f" The charts show {len(rows)} of them." if every > 1 else ""
+    return f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed.{part}"
 
 
 def _causes(journal: Journal) -> str:
@@ -122,14 +139,16 @@ def _causes(journal: Journal) -> str:
     rows = sorted(found.items(), key=lambda item: -len(item[1]))[:50]
     cells = "".join(
         f"<tr><td>{len(runs)}</td><td>{escape(outcome)}</td><td>{escape(_short(reason))}</td>"
-        f"<td>{', '.join(map(str, runs[:8]))}{' …' if len(runs) > 8 else ''}</td></tr>"  # noqa: PLR2004
+        f"<td>{', '.join(map(str, runs[:8]))}{' …' if len(runs) > 8 else ''}</td></tr>"
         for (outcome, reason), runs in rows
     )
-    return f"<table><tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
+    return (
+        f"<table><tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
+    )
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= 200 else f"{text[:200]} …"  # noqa: PLR2004
+    return text if len(text) <= 200 else f"{text[:200]} …"
 
 
 def _again(folder: Path, rows: Sequence[Row]) -> str:
@@ -142,4 +161,6 @@ def _again(folder: Path, rows: Sequence[Row]) -> str:
 
 def _picture(title: str, path: Path) -> str:
     content = base64.b64encode(path.read_bytes()).decode()
-    return f'<p>{escape(title)}</p><img alt="{escape(title)}" src="data:image/png;base64,{content}">'
+    return (
+        f'<p>{escape(title)}</p><img alt="{escape(title)}" src="data:image/png;base64,{content}">'
+    )

@@ -1,0 +1,18 @@
+"""What makes the runs of a sweep: its content, one run, workers on Ray."""
+
+from .content import Content, collect
+from .metrics import Value
+from .pool import Pool, Terms
+from .trial import KEEP, Row, overrides_of, write_run
+
+__all__ = [
+    "KEEP",
+    "Content",
+    "Pool",
+    "Row",
+    "Terms",
+    "Value",
+    "collect",
+    "overrides_of",
+    "write_run",
+]
