@@ -57,10 +57,7 @@ def rerun_row(
 
 
 def _row(folder: Path, number: int) -> Row:
-    journal = Journal(folder)
-    try:
+    with Journal(folder) as journal:
         if number not in journal:
             raise WiringError(f"{folder} has no run {number}; it has {len(journal)} runs")
         return journal.row(number)
-    finally:
-        journal.close()

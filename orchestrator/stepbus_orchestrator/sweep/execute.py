@@ -135,8 +135,7 @@ class _Sweep:
         self._tabled = self._began
 
     def run(self, interrupt: threading.Event) -> SweepResult:
-        journal = Journal(self._terms.home)
-        try:
+        with Journal(self._terms.home) as journal:
             resumed = len(journal)
             for row in journal.rows():
                 self._count(row)
@@ -149,8 +148,6 @@ class _Sweep:
                     "goes on from there"
                 )
             return self._result(len(journal), resumed)
-        finally:
-            journal.close()
 
     def _run_missing(self, journal: Journal, resumed: int, interrupt: threading.Event) -> None:
         with self._pool:

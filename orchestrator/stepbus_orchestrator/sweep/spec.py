@@ -7,7 +7,9 @@ vary:
 samples: 500
 """
 
+import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -155,6 +157,12 @@ def load_spec(folder: Path) -> tuple[Spec, str]:
         raise WiringError(f"{folder} holds no sweep: there is no {SPEC_FILE} in it") from exc
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise WiringError(f"{path} is not the one that a sweep wrote: {exc}") from exc
+
+
+def default_name(spec: Spec) -> str:
+    """Return a folder's name, the same for the same sweep."""
+    stem = re.sub(r"\W+", "_", Path(spec.scenario).with_suffix("").as_posix()).strip("_")
+    return f"{stem}-{hashlib.sha256(json.dumps(spec.plain()).encode()).hexdigest()[:8]}"
 
 
 def differences(old: Spec, new: Spec) -> list[str]:

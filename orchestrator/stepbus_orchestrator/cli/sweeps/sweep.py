@@ -1,7 +1,6 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
 import argparse
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +15,13 @@ from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.sweep import (
     KEEP,
+    PAGE_FILE,
     TABLE_FILE,
     Spec,
     SweepProgress,
     SweepResult,
     Terms,
+    default_name,
     make_spec,
     read_spec,
     sweep,
@@ -77,7 +78,7 @@ def _add_optimizer(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_terms(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, help="folder of the sweep (default: sweeps/<name>)")
+    parser.add_argument("--out", type=Path, help="folder of the sweep (default: one in sweeps/)")
     parser.add_argument(
         "--jobs", type=number("a number of processes", 1), default=0, help="default: all cores"
     )
@@ -95,7 +96,7 @@ def _add_terms(parser: argparse.ArgumentParser) -> None:
 
 def _execute(args: argparse.Namespace) -> int:
     spec = _spec(args)
-    home = args.out or Path("sweeps") / Path(spec.scenario).name.removesuffix(".yaml")
+    home = args.out or Path("sweeps") / default_name(spec)
     terms = Terms(
         home=home,
         jobs=args.jobs,
@@ -105,22 +106,13 @@ def _execute(args: argparse.Namespace) -> int:
         address=args.address,
     )
     with interruptible() as interrupt, _shown(quiet=args.json) as show:
-        result = _run(spec, terms, show, interrupt)
+        result = sweep(spec, terms, show, interrupt)
         settle()
     if args.json:
         say_json(result)
     else:
         _summarise(result)
     return 0
-
-
-def _run(
-    spec: Spec,
-    terms: Terms,
-    show: Callable[[SweepProgress], None],
-    interrupt: threading.Event,
-) -> SweepResult:
-    return sweep(spec, terms, show, interrupt)
 
 
 def _spec(args: argparse.Namespace) -> Spec:
@@ -210,7 +202,7 @@ def _summarise(result: SweepResult) -> None:
         say(f"  {count} {cause}")
     if result.metric_errors:
         say(f"{result.metric_errors} runs without your metrics: see the column metric_error")
-    say(f"table  {result.folder / TABLE_FILE}")
+    say(f"table  {result.folder / TABLE_FILE}\npage   {result.folder / PAGE_FILE}")
 
 
 COMMAND = Command(

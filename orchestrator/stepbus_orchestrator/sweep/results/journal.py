@@ -5,9 +5,11 @@ what a sweep that was cut off resumes from; a last line that is half written is 
 `results.parquet` is made of it: sorted, without what differs from one time to the next.
 """
 
+import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Self
 
 import msgspec
 
@@ -30,10 +32,25 @@ class Journal:
         self._starts: dict[int, int] = {}
         try:
             self._file = self._path.open("ab+")
+        except OSError as exc:
+            raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
+        try:
             self._end = self._read()
             self._file.truncate(self._end)
         except OSError as exc:
-            raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
+            self.close()
+            raise RecordingFailed(f"{self._path} cannot be read: {exc.strerror}") from exc
+        except RecordingFailed:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """Return the journal."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self.close()
 
     def _read(self) -> int:
         """Find all rows; return where the last whole one ends."""
@@ -66,7 +83,8 @@ class Journal:
             while written < len(line):
                 written += os.write(self._file.fileno(), line[written:])
         except OSError as exc:
-            self._file.truncate(self._end)
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._end)
             raise RecordingFailed(
                 f"{self._path} cannot be written: {exc.strerror}; all {len(self)} rows before are "
                 "there, and the same command goes on from them"

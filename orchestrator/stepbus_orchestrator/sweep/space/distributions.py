@@ -3,7 +3,7 @@
 import ast
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +59,10 @@ def parse_distribution(given: str, text: str) -> Distribution:
 
 def _arguments(given: str, text: str) -> tuple[list[Any], dict[str, Any]]:
     try:
-        call = ast.parse(f"f({given})", mode="eval").body
-        if not isinstance(call, ast.Call):
-            raise ValueError(given)  # noqa: TRY004  (no type of an argument is wrong)
+        call = cast("ast.Call", ast.parse(f"f({given})", mode="eval").body)
         values = [ast.literal_eval(value) for value in call.args]
         return values, {str(item.arg): ast.literal_eval(item.value) for item in call.keywords}
-    except (SyntaxError, ValueError) as exc:
+    except (AttributeError, SyntaxError, ValueError) as exc:
         raise WiringError(f"{text}: {given!r} are no numbers or texts in quotes") from exc
 
 
