@@ -37,12 +37,12 @@ class Journal:
         try:
             self._end = self._read()
             self._file.truncate(self._end)
-        except OSError as exc:
-            self.close()
-            raise RecordingFailed(f"{self._path} cannot be read: {exc.strerror}") from exc
         except RecordingFailed:
             self.close()
             raise
+        except OSError as exc:
+            self.close()
+            raise RecordingFailed(f"{self._path} cannot be read: {exc.strerror}") from exc
 
     def __enter__(self) -> Self:
         """Return the journal."""

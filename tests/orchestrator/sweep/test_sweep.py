@@ -1,0 +1,188 @@
+"""Sweeps as a user makes them: by the command line, with Ray."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pyarrow.parquet as parquet
+import pytest
+
+pytest.importorskip("ray")
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
+AXES = ["--vary", "controller.params.kp=50:200:3", "--vary", "controller.params.kd=10,20"]
+SHORT = ["--set", "duration=100ms"]
+
+METRIC = """
+import helper
+
+def worst(recording):
+    return {"worst": helper.largest(recording["plant.joint_state"].position)}
+
+def broken(recording):
+    raise ValueError("no data")
+"""
+
+
+def sweep(folder: Path, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+    command = [*STEPBUS, "sweep", *words, "--out", str(folder / "sweep")]
+    # Ray's sockets need a short name; what it leaves goes with the folder.
+    environment = {**os.environ, "HOME": str(folder)}
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=110
+    )
+    assert not check or done.returncode == 0, done.stderr
+    return done
+
+
+def rows(folder: Path) -> dict[str, list[object]]:
+    found: dict[str, list[object]] = parquet.read_table(folder / "sweep/results.parquet").to_pydict()
+    return found
+
+
+def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Path) -> None:
+    (tmp_path / "my.py").write_text(METRIC)
+    (tmp_path / "helper.py").write_text("def largest(values):\n    return abs(values).max()\n")
+    words = ["two_link", *AXES, *SHORT, "--jobs", "1", "--keep", "all"]
+    metrics = ["--metric", "my.py:worst", "--metric", "my.py:broken"]
+    done = sweep(tmp_path, *words, *metrics, "--vary", "faults=none,kill controller at 5")
+    assert "6 of 12 failed" in done.stdout
+    table = rows(tmp_path)
+    assert table["run"] == list(range(12))
+    assert table["controller.params.kp"] == [50] * 4 + [125] * 4 + [200] * 4
+    assert table["exit_code"] == [0, 5] * 6
+    assert table["success"] == [True, False] * 6
+    assert all(table["worst"])
+    assert "my.py:broken raised ValueError: no data" in str(table["metric_error"][0])
+    assert len(set(table["sha256"][::2])) == 6
+    # What stays is a recording like any other, and row 4 again is the same, in processes.
+    kept = tmp_path / "sweep" / str(table["folder"][4])
+    assert (kept / "run.mcap").is_file()
+    again = [*STEPBUS, "rerun", str(tmp_path / "sweep"), "4", "--out", str(tmp_path / "again")]
+    found = subprocess.run([*again, "--json"], capture_output=True, text=True, timeout=60)
+    assert found.returncode == 0, found.stderr
+    assert json.loads(found.stdout)["result"]["sha256"] == table["sha256"][4]
+    page = (tmp_path / "sweep/report.html").read_text()
+    assert "kill controller at 5" in page
+    # The same command has nothing to do; another sweep gets no place here.
+    before = (tmp_path / "sweep/results.parquet").read_bytes()
+    more = sweep(tmp_path, *words, *metrics, "--vary", "faults=none,kill controller at 5")
+    assert "0 runs" in more.stdout and "12 were there before" in more.stdout
+    assert (tmp_path / "sweep/results.parquet").read_bytes() == before
+    other = sweep(tmp_path, "two_link", *AXES, check=False)
+    assert other.returncode == 8 and "holds another sweep" in other.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "sentences"),
+    [
+        (
+            ["--vary", "controller.params.kpp=1,2", "--vary", "controller.params.kp=x"],
+            ["did you mean 'kp'?", "must be a number, not 'x'"],
+        ),
+        (["--vary", "plant.params.gravity~normal(1, -1)"], ["no value can be drawn"]),
+        (["--vary", "controler.params.kp=1,2"], ["no participant and no key 'controler'"]),
+        (["--vary", "controller.params.kp=1:5"], ["a range needs a count"]),
+        ([], ["needs at least one axis"]),
+        (["--vary", "seed=1,2", "--metric", "no.py:f"], ["there is no file no.py"]),
+        (["--vary", "seed=1,2", "--metric", "no.py"], ["write FILE.py:FUNCTION"]),
+        (["--vary", "seed=1,2", "--optimize", "rmse"], ["an optimizer needs a number of runs"]),
+    ],
+)
+def test_a_mistake_is_one_sentence_before_anything_starts(
+    tmp_path: Path, words: list[str], sentences: list[str]
+) -> None:
+    done = sweep(tmp_path, "two_link", *words, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert all(sentence in done.stderr for sentence in sentences), done.stderr
+    assert not (tmp_path / "sweep/rows.jsonl").exists()
+
+
+@pytest.mark.slow
+def test_a_sweep_that_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None:
+    words = ["two_link", *SHORT, "--vary", "controller.params.kp~uniform(50, 100)"]
+    words += ["--samples", "40", "--seed", "3"]
+    (tmp_path / "whole").mkdir()
+    sweep(tmp_path / "whole", *words, "--jobs", "1")
+    command = [*STEPBUS, "sweep", *words, "--out", str(tmp_path / "sweep")]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path) as process:
+        family = psutil.Process(process.pid)
+        journal = tmp_path / "sweep/rows.jsonl"
+        wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 5)
+        children = family.children(recursive=True)
+        process.send_signal(signal.SIGKILL)
+    gone, alive = psutil.wait_procs(children, timeout=30)
+    assert not alive
+    before = {json.loads(line)["run"] for line in journal.read_bytes().splitlines(keepends=True)
+              if line.endswith(b"\n")}  # fmt: skip
+    done = sweep(tmp_path, *words)
+    assert f"{len(before)} were there before" in done.stdout
+    names = ("whole/sweep/results.parquet", "sweep/results.parquet")
+    assert len({(tmp_path / name).read_bytes() for name in names}) == 1
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
+    command = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:400"]
+    command += [*SHORT, "--out", str(tmp_path / "sweep")]
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        journal = tmp_path / "sweep/rows.jsonl"
+        wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 3)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "of 400 runs; the same command goes on from there" in errors
+    assert 3 <= len(rows(tmp_path)["run"]) < 400
+
+
+@pytest.mark.slow
+def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path) -> None:
+    words = ["two_link", "--set", "duration=500ms", "--vary", "controller.params.kp=10:400:log"]
+    words += ["--vary", "controller.params.kd=1:60", "--optimize", "rmse", "--trials", "16"]
+    for jobs in ("1", "2"):
+        (tmp_path / jobs).mkdir()
+        sweep(tmp_path / jobs, *words, "--jobs", jobs)
+    tables = [(tmp_path / jobs / "sweep/results.parquet").read_bytes() for jobs in ("1", "2")]
+    assert tables[0] == tables[1]
+    found = rows(tmp_path / "1")["rmse"]
+    assert min(found[8:]) < min(found[:4])
+
+
+@pytest.mark.slow
+def test_a_run_that_takes_too_long_is_a_row(tmp_path: Path) -> None:
+    words = ["two_link", "--vary", "duration=100ms,2000s", "--timeout", "10", "--jobs", "2"]
+    sweep(tmp_path, *words)
+    table = rows(tmp_path)
+    assert table["outcome"] == ["finished", "timed out"]
+    assert table["reason"][1] == "it took longer than 10 s"
+
+
+@pytest.mark.slow
+def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
+    words = ["two_link", *SHORT, "--vary", "controller.params.kp=50:100:60"]
+    (tmp_path / "whole").mkdir()
+    sweep(tmp_path / "whole", *words, "--jobs", "1")
+    script = Path(__file__).parent / "programs" / "losing_a_node.py"
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "sweep"), *words[1:]],
+        cwd=tmp_path, capture_output=True, text=True, timeout=110,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    names = ("whole/sweep/results.parquet", "sweep/results.parquet")
+    assert len({(tmp_path / name).read_bytes() for name in names}) == 1
+
+
+def wait_for(holds: object) -> None:
+    assert callable(holds)
+    end = time.monotonic() + 90
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.02)
