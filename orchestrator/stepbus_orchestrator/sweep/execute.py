@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.errors import Interrupted, RecordingFailed
-from stepbus_orchestrator.processes import check_open_files
+from stepbus_orchestrator.processes.limits import check_open_files
 from stepbus_schemas import WiringError
 
 from .check import Checked, check

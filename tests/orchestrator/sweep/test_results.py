@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pyarrow.parquet as parquet
 import pytest
+
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.sweep.results import TABLE_FILE, Journal, write_table
 from stepbus_orchestrator.sweep.work import Row

@@ -1,7 +1,10 @@
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from stepbus_orchestrator.sweep.space import SAMPLINGS, Design, parse_axis
 from stepbus_schemas import WiringError
 
@@ -63,7 +66,9 @@ def test_a_design_is_the_product_of_grids_draws_and_repeats() -> None:
     points = list(design)
     assert len(design) == len(points) == 2 * 3 * 5 * 2
     assert [point.number for point in points] == list(range(60))
-    assert {(p.values["a"], p.values["c"]) for p in points} == {(a, c) for a in (1, 2) for c in "xyz"}
+    assert {(p.values["a"], p.values["c"]) for p in points} == {
+        (a, c) for a in (1, 2) for c in "xyz"
+    }
     assert [p.values["seed"] for p in points[:4]] == [7, 8, 7, 8]
     # Each combination has the same draws, in the same order.
     draws = [[p.values["b"] for p in points[n : n + 10]] for n in range(0, 60, 10)]
@@ -107,7 +112,5 @@ def test_axes_that_do_not_go_together(
 
 @given(st.text(max_size=30))
 def test_any_text_is_an_axis_or_one_sentence(text: str) -> None:
-    try:
-        parse_axis(f"a.b={text}")
-    except WiringError as exc:
-        assert str(exc)
+    with contextlib.suppress(WiringError):
+        assert parse_axis(f"a.b={text}").paths

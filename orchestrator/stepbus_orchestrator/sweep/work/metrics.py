@@ -114,12 +114,16 @@ class Metrics:
             for text, path in names.items()
         ]
 
-    def of(self, recording: Recording) -> dict[str, Value]:
-        """Return what all of them measure; raises MetricFailed for one that raises."""
+    def of(self, recording: Recording) -> tuple[dict[str, Value], str]:
+        """Return what all of them measure, and why some have not."""
         found: dict[str, Value] = {}
+        errors = []
         for text, function in self._functions:
-            found |= _measured(text, function, recording)
-        return found
+            try:
+                found |= _measured(text, function, recording)
+            except MetricFailed as exc:
+                errors.append(str(exc))
+        return found, "; ".join(errors)
 
 
 def _load(path: Path, function: str, text: str) -> Metric:

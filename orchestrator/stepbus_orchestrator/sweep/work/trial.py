@@ -22,7 +22,7 @@ from stepbus_orchestrator.sweep.space import FAULTS, Point
 from stepbus_schemas import StepbusError, WiringError
 
 from .content import Content
-from .metrics import MetricFailed, Metrics, Value, builtin_metrics
+from .metrics import Metrics, Value, builtin_metrics
 
 KEEP = ("all", "failed", "none")
 NO_FAULT = "none"
@@ -130,11 +130,8 @@ class Trials:
 
     def _measured(self, result: Result) -> tuple[dict[str, Value], str]:
         recording = Recording(result.recording)
-        metrics = builtin_metrics(result, recording)
-        try:
-            return {**metrics, **self._metrics.of(recording)}, ""
-        except MetricFailed as exc:
-            return metrics, str(exc)
+        own, error = self._metrics.of(recording)
+        return {**builtin_metrics(result, recording), **own}, error
 
     def _kept(self, row: Row, out: Path) -> tuple[Row, Mapping[str, bytes]]:
         is_kept = self._keep == "all" or (self._keep == "failed" and row.exit_code != 0)

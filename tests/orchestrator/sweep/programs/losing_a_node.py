@@ -1,0 +1,45 @@
+"""Runs a sweep of two_link on a cluster of three nodes, one of which is killed in the middle.
+
+Usage: losing_a_node.py FOLDER WORDS-OF-THE-SWEEP…
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+os.environ |= {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0"}
+
+from ray.cluster_utils import Cluster
+
+from stepbus_orchestrator.cli.commands import execute
+
+folder = Path(sys.argv[1])
+temporary = tempfile.mkdtemp(prefix="nodes-", dir="/tmp")
+cluster = Cluster(
+    initialize_head=True,
+    head_node_args={"num_cpus": 1, "include_dashboard": False, "temp_dir": temporary},
+)
+victim = cluster.add_node(num_cpus=1)
+cluster.add_node(num_cpus=1)
+
+
+def lose_a_node() -> None:
+    journal = folder / "rows.jsonl"
+    while not journal.exists() or journal.read_bytes().count(b"\n") < 10:
+        time.sleep(0.02)
+    cluster.remove_node(victim, allow_graceful=False)
+
+
+threading.Thread(target=lose_a_node, daemon=True).start()
+try:
+    code = execute(
+        ["sweep", "two_link", *sys.argv[2:], "--out", str(folder), "--address", cluster.address]
+    )
+finally:
+    cluster.shutdown()
+    shutil.rmtree(temporary, ignore_errors=True)
+sys.exit(code)
