@@ -13,6 +13,7 @@ import pyarrow.parquet as parquet
 import pytest
 
 pytest.importorskip("ray")
+pytestmark = pytest.mark.timeout(600)
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 AXES = ["--vary", "controller.params.kp=50:200:3", "--vary", "controller.params.kd=10,20"]
 SHORT = ["--set", "duration=100ms"]
@@ -39,7 +40,7 @@ def sweep(folder: Path, *words: str, check: bool = True) -> subprocess.Completed
         env=environment,
         capture_output=True,
         text=True,
-        timeout=110,
+        timeout=280,
     )
     assert not check or done.returncode == 0, done.stderr
     return done
@@ -128,7 +129,7 @@ def test_a_sweep_that_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path)
         wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 5)
         children = family.children(recursive=True)
         process.send_signal(signal.SIGKILL)
-    _, alive = psutil.wait_procs(children, timeout=30)
+    _, alive = psutil.wait_procs(children, timeout=100)
     assert not alive
     before = {json.loads(line)["run"] for line in journal.read_bytes().splitlines(keepends=True)
               if line.endswith(b"\n")}  # fmt: skip
@@ -148,7 +149,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
         journal = tmp_path / "sweep/rows.jsonl"
         wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 3)
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=200)
     assert process.returncode == 130
     assert "of 400 runs; the same command goes on from there" in errors
     assert 3 <= len(rows(tmp_path)["run"]) < 400
@@ -169,11 +170,11 @@ def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path
 
 @pytest.mark.slow
 def test_a_run_that_takes_too_long_is_a_row(tmp_path: Path) -> None:
-    words = ["two_link", "--vary", "duration=100ms,2000s", "--timeout", "10", "--jobs", "2"]
+    words = ["two_link", "--vary", "duration=100ms,2000s", "--timeout", "20", "--jobs", "2"]
     sweep(tmp_path, *words)
     table = rows(tmp_path)
     assert table["outcome"] == ["finished", "timed out"]
-    assert table["reason"][1] == "it took longer than 10 s"
+    assert table["reason"][1] == "it took longer than 20 s"
 
 
 @pytest.mark.slow
@@ -184,7 +185,7 @@ def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
     script = Path(__file__).parent / "programs" / "losing_a_node.py"
     done = subprocess.run(
         [sys.executable, str(script), str(tmp_path / "sweep"), *words[1:]],
-        check=False, cwd=tmp_path, capture_output=True, text=True, timeout=110,
+        check=False, cwd=tmp_path, capture_output=True, text=True, timeout=280,
         env={**os.environ, "HOME": str(tmp_path)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -194,7 +195,7 @@ def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
 
 def wait_for(holds: object) -> None:
     assert callable(holds)
-    end = time.monotonic() + 90
+    end = time.monotonic() + 250
     while not holds():
         assert time.monotonic() < end
         time.sleep(0.02)

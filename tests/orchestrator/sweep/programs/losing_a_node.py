@@ -11,17 +11,18 @@ import threading
 import time
 from pathlib import Path
 
-os.environ |= {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0"}
+temporary = tempfile.mkdtemp(prefix="nodes-", dir="/tmp")
+os.environ |= {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0", "RAY_TMPDIR": temporary}
+(Path(temporary) / "ray").mkdir()
 
 from ray.cluster_utils import Cluster
 
 from stepbus_orchestrator.cli.commands import execute
 
 folder = Path(sys.argv[1])
-temporary = tempfile.mkdtemp(prefix="nodes-", dir="/tmp")
 cluster = Cluster(
     initialize_head=True,
-    head_node_args={"num_cpus": 1, "include_dashboard": False, "temp_dir": temporary},
+    head_node_args={"num_cpus": 1, "include_dashboard": False},
 )
 victim = cluster.add_node(num_cpus=1)
 cluster.add_node(num_cpus=1)
