@@ -15,9 +15,9 @@ temporary = tempfile.mkdtemp(prefix="nodes-", dir="/tmp")
 os.environ |= {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0", "RAY_TMPDIR": temporary}
 (Path(temporary) / "ray").mkdir()
 
-from ray.cluster_utils import Cluster
+from ray.cluster_utils import Cluster  # noqa: E402  (Ray reads the environment when it is imported)
 
-from stepbus_orchestrator.cli.commands import execute
+from stepbus_orchestrator.cli.commands import execute  # noqa: E402
 
 folder = Path(sys.argv[1])
 cluster = Cluster(
