@@ -3,8 +3,6 @@
 from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
-from .branch import Branch
-from .branch import branch as branch_recording
 from .errors import (
     BusFailed,
     Diverged,
@@ -23,10 +21,12 @@ from .recording.recover import Recovery, recover
 from .recording.timing import StepTiming
 from .replay import ReplayResult
 from .replay import replay as replay_participant
+from .replay.branch import Branch
+from .replay.branch import branch as branch_recording
 from .replay.rerun import Preparation, Rerun
 from .run.control.live_file import call
 from .run.control.pace import Pace
-from .run.describe import ParticipantDescription, describe
+from .run.describe.describe import ParticipantDescription, describe
 from .run.reports.progress import Observer, Progress
 from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder

@@ -10,6 +10,8 @@ from .bus.ticket import (
     load_ticket,
     scratch_folder,
 )
+from .calls.methods import CallError, Method
+from .calls.steering import Steering
 from .config import Config, Ports
 from .config.plugins import make_plugin
 from .files import (
@@ -24,7 +26,6 @@ from .files import (
 )
 from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .hints.suggestions import suggest
-from .methods import CallError, Method
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
@@ -33,7 +34,6 @@ from .participant import Participant, PortType
 from .process.hosting import HOST, Host
 from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
-from .steering import Steering
 from .step import InputAbsent, InvalidInput, Step
 
 __all__ = [

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 from stepbus_schemas import Description, Message
 
+from .calls.methods import Method
 from .config import Config
-from .methods import Method
 from .step import Step
 
 PortType = str | type[Message]

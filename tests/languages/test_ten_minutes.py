@@ -5,10 +5,10 @@ import shutil
 
 import pytest
 from support.paths import DOCS
-from support.runs.tracking import tracking_rmse
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run

@@ -6,7 +6,7 @@ import pytest
 from support.runs.store import moves, slow_with_robots, store
 
 from stepbus_orchestrator import Options, Recording, load
-from stepbus_orchestrator.branch import branch
+from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.run_scenario import run
 
 TWO_LINK = ("pd", "pid", "pd_gravity", "velocity_force", "encoders", "tip", "pair")

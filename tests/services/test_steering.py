@@ -5,8 +5,8 @@ import math
 import pytest
 
 from stepbus_orchestrator import Options, Recording, load
-from stepbus_orchestrator.branch import branch
 from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord

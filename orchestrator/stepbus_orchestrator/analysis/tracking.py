@@ -38,3 +38,10 @@ class TrackingError:
             for joint, (total, count) in self._sums.items()
             if count
         }
+
+
+def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
+    """Return the root mean square of each joint's tracking error in one piece [rad or m]."""
+    error = TrackingError(after_s)
+    error.take(tracking)
+    return error.rmse()

@@ -33,15 +33,15 @@ from stepbus_orchestrator.scenario import (
 )
 from stepbus_schemas import BridgeFormat
 
-from .check import Check
+from .outputs.check import Check
+from .outputs.recorded import Recorded, recorded_descriptions
+from .outputs.reference import new_reference
 from .peers import Peer, Peers
 from .prepare import alone, prepare, shorten
-from .recorded import Recorded, recorded_descriptions
-from .reference import new_reference
+from .programs.trust import programs_of
+from .programs.work_tree import find_work_tree
 from .result import ReplayResult, inputs_of
 from .strategy import Replay
-from .trust import programs_of
-from .work_tree import find_work_tree
 
 WINDOW = 256
 """How many steps the peers are played ahead of the participant [steps]."""

@@ -7,7 +7,7 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import stamp
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode
 
-from .recorded import Recorded, envelope, without_bulk
+from .outputs.recorded import Recorded, envelope, without_bulk
 
 
 class Speaker:

@@ -17,10 +17,10 @@ from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, files, load
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-from .recorded import replayable_steps
+from .outputs.recorded import replayable_steps
+from .programs.trust import recorded_commands
+from .programs.work_tree import WorkTree
 from .rerun import Origin, origin_of, refuse_others, unpack
-from .trust import recorded_commands
-from .work_tree import WorkTree
 
 _NO_PROGRAM = "[python]"
 _MOST_CHANGES = 8

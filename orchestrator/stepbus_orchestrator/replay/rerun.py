@@ -21,8 +21,8 @@ from stepbus_participant import SettingsError
 from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord
 
+from .outputs.recorded import counts_from_of, recorded_end
 from .prefix import RecordedPrefix
-from .recorded import counts_from_of, recorded_end
 
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")

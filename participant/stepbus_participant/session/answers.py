@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from stepbus_participant.bus import Bus
-from stepbus_participant.methods import Method
+from stepbus_participant.calls.methods import Method
 from stepbus_schemas import Call, Called, StepbusError, Welcome, encode, encoding_of
 
 

@@ -10,8 +10,8 @@ from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording, known_programs
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.trust import programs_of
-from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.replay.programs.trust import programs_of
+from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
@@ -161,7 +161,7 @@ def test_a_work_tree_that_you_have_not_run_is_shown_first(project, log, monkeypa
 def test_files_of_another_user_are_no_work_tree_of_a_recording(project, log, monkeypatch):
     monkeypatch.setattr("os.geteuid", lambda: 12345)
     monkeypatch.setattr(
-        "stepbus_orchestrator.replay.work_tree._owner",
+        "stepbus_orchestrator.replay.programs.work_tree._owner",
         lambda path: 12345 if path == log else 54321,
     )
     assert find_work_tree(Recording(log), "controller") is None
@@ -230,7 +230,9 @@ def test_where_everybody_may_add_a_scenario_only_yours_are_known(project, log, m
     assert tree.is_known
     owner = tree.file.stat().st_uid
     monkeypatch.setattr("os.geteuid", lambda: owner + 1)
-    monkeypatch.setattr("stepbus_orchestrator.replay.work_tree.is_known_folder", lambda _: True)
+    monkeypatch.setattr(
+        "stepbus_orchestrator.replay.programs.work_tree.is_known_folder", lambda _: True
+    )
     assert not tree.is_known
     tree.folder.chmod(0o755)
     assert tree.is_known

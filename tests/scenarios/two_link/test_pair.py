@@ -1,11 +1,11 @@
 """Two arms from one URDF in one world, each with a controller of its own."""
 
 import pytest
-from support.runs.tracking import tracking_rmse
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 

@@ -7,10 +7,10 @@ import msgpack
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from support.runs.tracking import tracking_rmse
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 

@@ -7,13 +7,13 @@ from typing import Any
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.report import write_report
-from stepbus_orchestrator.branch import Branch, BranchPlan, Variant, draw_variants, variants
 from stepbus_orchestrator.cli.command import Command, add_overrides
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
+from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, draw_variants, variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 

@@ -12,7 +12,7 @@ from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import WINDOW, ReplayResult, replay
-from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
 from stepbus_schemas import BRIDGE_FORMATS, WiringError
 
 from .tolerance_arguments import add_tolerance_arguments, tolerance_of

@@ -6,8 +6,8 @@ import sys
 from stepbus_orchestrator.errors import Untrusted
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.known_programs import folder_mark, remember
-from stepbus_orchestrator.replay.trust import Programs, programs_of
-from stepbus_orchestrator.replay.work_tree import WorkTree
+from stepbus_orchestrator.replay.programs.trust import Programs, programs_of
+from stepbus_orchestrator.replay.programs.work_tree import WorkTree
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ import msgspec
 from stepbus_orchestrator.analysis.signals import Signal, read_signal
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.run.describe import describe
+from stepbus_orchestrator.run.describe.describe import describe
 from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.recorded import Recorded
+from stepbus_orchestrator.replay.outputs.recorded import Recorded
 from stepbus_orchestrator.scenario import ParticipantSpec
 
 Ports = dict[str, bytes]

@@ -10,8 +10,8 @@ from functools import partial
 from typing import Any
 
 from stepbus_orchestrator.errors import Diverged
+from stepbus_orchestrator.replay.outputs.recorded import envelope
 from stepbus_orchestrator.replay.peers import Speaker
-from stepbus_orchestrator.replay.recorded import envelope
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.state import RunState

@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 
 import pybullet as bullet
 
-from stepbus_plant.noise import Noise
 from stepbus_plant.params import ProximityErrors
 from stepbus_schemas import Contacts, Description
 
 from .poses import LinkIndex
 from .proximity import RangeSkin
+from .sensors.noise import Noise
 
 _EXACT = ProximityErrors()
 _STANDS_ON = 2e-3

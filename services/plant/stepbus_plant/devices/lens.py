@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
+
+from .sensors.noise import Noise
 
 _WHITE = (1.0, 1.0, 1.0)
 # Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.

@@ -9,9 +9,8 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from stepbus_plant.noise import Noise
-
 from .poses import LinkIndex
+from .sensors.noise import Noise
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.joints.warnings import Warnings
-from stepbus_plant.noise import Noise
 from stepbus_plant.params import Params
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
@@ -20,6 +19,7 @@ from .base import Base, BaseDriver
 from .contacts import ContactSensor, name_links
 from .gripper import Gripper, GripperDriver
 from .poses import LinkIndex, link_indices
+from .sensors.noise import Noise
 
 INPUTS = ("BaseCommand/1", "GripperCommand/1")
 OUTPUTS = ("BaseState/1", "Contacts/1", "GripperState/1")

@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_plant.devices.base import Base
 from stepbus_plant.devices.lens import Lens
-from stepbus_plant.noise import Noise
+from stepbus_plant.devices.sensors.noise import Noise
 from stepbus_plant.params import CameraErrors, OdometryErrors
 from stepbus_plant.world.declaration import BaseSettings
 

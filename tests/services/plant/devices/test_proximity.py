@@ -16,7 +16,7 @@ from support.services.devices import (
 )
 
 from stepbus_plant.devices.proximity import RangeSkin
-from stepbus_plant.noise import Noise
+from stepbus_plant.devices.sensors.noise import Noise
 
 WORLD = """
 contacts:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
-from stepbus_orchestrator.replay.recorded import envelope, without_bulk
+from stepbus_orchestrator.replay.outputs.recorded import envelope, without_bulk
 from stepbus_participant import stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,

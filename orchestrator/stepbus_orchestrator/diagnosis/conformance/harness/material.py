@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.recorded import Recorded, recorded_descriptions
+from stepbus_orchestrator.replay.outputs.recorded import Recorded, recorded_descriptions
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario

@@ -6,8 +6,8 @@ import pytest
 from support.runs.joints import run_joints
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.branch import variants
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.replay.branch import variants
 from stepbus_schemas import WiringError
 
 

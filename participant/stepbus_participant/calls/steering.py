@@ -4,11 +4,12 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
-from .config import Config
-from .hints.suggestions import suggest
+from stepbus_participant.config import Config
+from stepbus_participant.hints.suggestions import suggest
+from stepbus_participant.parameters.problems import SettingsError
+from stepbus_participant.parameters.settings import Settings
+
 from .methods import CallError, Method
-from .parameters.problems import SettingsError
-from .parameters.settings import Settings
 
 S = TypeVar("S", bound=Settings)
 

@@ -4,11 +4,10 @@ import importlib.util
 import json
 import subprocess
 
+from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, command, python_target
 from stepbus_participant import Problems
 from stepbus_schemas import encode
-
-from .kernel.admission import welcome_of
 
 _CHECKS = {"stepbus_plant": ("stepbus_plant.check", "pybullet")}
 """Package of a participant → the module that makes it and says what is wrong; what that needs."""

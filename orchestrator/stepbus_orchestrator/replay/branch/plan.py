@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.replay.recorded import counts_from_of, replayable_steps
+from stepbus_orchestrator.replay.outputs.recorded import counts_from_of, replayable_steps
 from stepbus_orchestrator.replay.rerun import (
     SOURCE_FOLDER,
     Origin,

@@ -8,10 +8,10 @@ from pathlib import PurePosixPath
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.known_programs import fingerprint, is_known
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
+from stepbus_orchestrator.replay.rerun import attached
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
-from .rerun import attached
 from .work_tree import WorkTree
 
 _DATA = frozenset(

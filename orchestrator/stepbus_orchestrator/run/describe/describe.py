@@ -9,16 +9,15 @@ import msgspec
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
+from stepbus_orchestrator.run.kernel.participants import Participants
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.loop.strategy import Strategy
+from stepbus_orchestrator.run.run_scenario import run_with
+from stepbus_orchestrator.run.setup.options import Options
+from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_schemas import Description
-
-from .kernel.descriptions import input_descriptions
-from .kernel.participants import Participants
-from .kernel.state import RunState
-from .loop.strategy import Strategy
-from .run_scenario import run_with
-from .setup.options import Options
-from .setup.scratch import scratch_folder
 
 _JOINT_STATE = "JointState/1"
 _WITHOUT_MOTOR = ("passive", "teleport")

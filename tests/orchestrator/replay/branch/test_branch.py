@@ -7,9 +7,9 @@ import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator import Options, Recording, load
-from stepbus_orchestrator.branch import BranchPlan, branch
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.branch import BranchPlan, branch
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord, WiringError

@@ -7,10 +7,9 @@ from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, remember
+from stepbus_orchestrator.replay.prepare import Prepared
 from stepbus_orchestrator.run.setup.folder import read_files
 from stepbus_orchestrator.scenario import Schedule, resolved
-
-from .prepare import Prepared
 
 
 @contextlib.contextmanager

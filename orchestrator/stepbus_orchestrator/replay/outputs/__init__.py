@@ -1,0 +1,1 @@
+"""What the replayed participant publishes, beside what it published in the recording."""

@@ -1,0 +1,1 @@
+"""Whose programs a replay starts: those of the recording, or of the work tree."""

@@ -1,0 +1,1 @@
+"""What the participants of a scenario say of themselves before any step."""

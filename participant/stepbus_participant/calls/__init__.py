@@ -1,0 +1,1 @@
+"""What a participant offers to be called between two steps."""
