@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from stepbus_orchestrator.cli.command import Command, add_overrides, number
-from stepbus_orchestrator.cli.entry import settle
+from stepbus_orchestrator.cli.signals import settle
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.sweep import (
