@@ -1,13 +1,16 @@
 """Calls that steer a controller and a mission: from the next step on, and again in a rerun."""
 
 import math
+from functools import partial
 
 import pytest
+from support.runs.asker import Asker
 
-from stepbus_orchestrator import Options, Recording, load
+from stepbus_orchestrator import Options, Recording, cli, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
@@ -166,3 +169,19 @@ def test_the_feed_forward_is_the_torque_of_the_acceleration(plain, tmp_path):
     ahead = steered(tmp_path / "out", overrides=["controller.params.feed_forward=0.5"])
     difference = command(ahead)[0] - command(plain)[0]
     assert difference == pytest.approx(0.5 * reference(plain).acceleration[0])
+
+
+def test_a_second_terminal_steers_a_run_of_processes(tmp_path, capsys):
+    out, pace = tmp_path / "out", Pace(AT)
+    words = [
+        ["call", str(out), "controller", "set", "kp", "400"],
+        ["call", str(out), "mission", "set_target", "joint1", "30deg", "0.2"],
+        ["call", str(out), "controller", "get", "kp"],
+    ]
+    asker = Asker(pace, [partial(cli.main, line) for line in words])
+    result = run(load("two_link/pid", ["duration=1s"]), Options(out=out, pace=pace), asker)
+    assert asker.answers == [0, 0, 0]
+    assert capsys.readouterr().out.split() == ["200", "null", "400"]
+    assert reference(result.recording).position[-1][0] == pytest.approx(math.radians(30))
+    again = Preparation(result.recording, tmp_path / "again").run()
+    assert again.equal
