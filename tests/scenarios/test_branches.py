@@ -3,6 +3,7 @@
 import random
 
 import pytest
+from support.runs.store import NAMES as STORE
 from support.runs.store import moves, slow_with_robots, store
 
 from stepbus_orchestrator import Options, Recording, load
@@ -13,14 +14,16 @@ TWO_LINK = ("pd", "pid", "pd_gravity", "velocity_force", "encoders", "tip", "pai
 NAMES = ("two_link", *(f"two_link/{name}" for name in TWO_LINK), "baxter", "baxter/round_trip")
 
 
-def unequal(recording, folder, count, key):
+def unequal(recording, folder, count, key, overrides=()):
     """Return the steps of some random ones at which a branch is not the recording."""
     last = Recording(recording).last_step
     steps = random.Random(f"15/{key}").sample(range(last + 1), count)
     return [
         (step, found.result.reason)
         for step in steps
-        if not (found := branch(recording, step, folder / str(step), in_process=True)).equal
+        if not (
+            found := branch(recording, step, folder / str(step), overrides, in_process=True)
+        ).equal
     ]
 
 
@@ -33,6 +36,10 @@ def test_a_branch_without_a_change_is_the_recording(name, tmp_path):
     assert unequal(recording, tmp_path, 5, name) == []
 
 
+PATIENT = [f"{name}.step_timeout=120s" for name in STORE]
+"""A busy machine is nobody's fault here."""
+
+
 class TestStore:
     """A sale, with cameras, contacts and a planner."""
 
@@ -40,7 +47,7 @@ class TestStore:
 
     @pytest.fixture(scope="class")
     def sale(self, tmp_path_factory):
-        return store(tmp_path_factory.mktemp("sale"), scenario="store").recording
+        return store(tmp_path_factory.mktemp("sale"), *PATIENT, scenario="store").recording
 
     @pytest.fixture(scope="class")
     def grasp(self, sale):
@@ -50,9 +57,9 @@ class TestStore:
         return held - 5
 
     def test_a_branch_without_a_change_is_the_recording(self, sale, tmp_path):
-        assert unequal(sale, tmp_path, 2, "store") == []
+        assert unequal(sale, tmp_path, 2, "store", PATIENT) == []
 
     def test_a_sale_goes_on_from_the_middle_of_the_grasp(self, sale, grasp, tmp_path):
-        found = branch(sale, grasp, tmp_path / "b", in_process=True)
+        found = branch(sale, grasp, tmp_path / "b", PATIENT, in_process=True)
         assert found.equal
         assert moves(Recording(found.result.recording)) == moves(Recording(sale))
