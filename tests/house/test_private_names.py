@@ -7,6 +7,9 @@ from support.paths import TESTS
 THEIRS = {"_replace", "_asdict", "_fields", "_exit"}
 """Names with an underscore that are public all the same: of named tuples, and os._exit."""
 
+PATCHING = {"eye.py"}
+"""Programs that are wrong on purpose: they replace methods of their own library."""
+
 
 def private_accesses(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -19,5 +22,6 @@ def private_accesses(path):
 
 
 def test_no_test_reaches_for_a_private_name():
-    found = [text for path in sorted(TESTS.rglob("*.py")) for text in private_accesses(path)]
+    paths = [path for path in sorted(TESTS.rglob("*.py")) if path.name not in PATCHING]
+    found = [text for path in paths for text in private_accesses(path)]
     assert found == []
