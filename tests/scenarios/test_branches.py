@@ -1,6 +1,7 @@
 """Shipped scenarios, branched at random steps: without a change, each is the recording again."""
 
 import random
+from typing import ClassVar
 
 import pytest
 from support.runs.store import NAMES as STORE
@@ -43,7 +44,7 @@ PATIENT = [f"{name}.step_timeout=120s" for name in STORE]
 class TestStore:
     """A sale, with cameras, contacts and a planner."""
 
-    pytestmark = (*slow_with_robots, pytest.mark.timeout(1800))
+    pytestmark: ClassVar = [*slow_with_robots, pytest.mark.timeout(1800)]
 
     @pytest.fixture(scope="class")
     def sale(self, tmp_path_factory):
