@@ -27,6 +27,8 @@ from .items import Items, Place, Seen
 from .localization import Localization, Uncertainty
 from .params import Params
 
+_Row = tuple[Point, Quaternion]
+
 
 @dataclass(frozen=True, kw_only=True)
 class _PortNames:
@@ -67,6 +69,7 @@ class WorldModelParticipant(Participant):
         period_ns = config.every * config.step_ns
         self._every = max(1, round(params.period_ns / period_ns))
         self._items: Items | None = None
+        self._item_rows: dict[str, tuple[Place, _Row]] = {}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read which links the planogram lists.
@@ -176,8 +179,15 @@ class WorldModelParticipant(Participant):
             rows[n] = _row(base * pose)
         for n, name in enumerate(self._names):
             if name in self._types:
-                rows[n] = _row(items.place(name).frame())
+                rows[n] = self._item_row(name, items.place(name))
         return Poses(position=[at for at, _ in rows], orientation=[turn for _, turn in rows])
+
+    def _item_row(self, name: str, place: Place) -> _Row:
+        """Return the pose of an item, computed again only once it is elsewhere."""
+        known = self._item_rows.get(name)
+        if known is None or known[0] is not place:
+            known = self._item_rows[name] = (place, _row(place.frame()))
+        return known[1]
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
@@ -206,7 +216,7 @@ def _place(at: Point, turn: Quaternion) -> Place:
     return Place(x=at[0], y=at[1], z=at[2], yaw=_yaw(turn))
 
 
-def _row(pose: pin.SE3) -> tuple[Point, Quaternion]:
+def _row(pose: pin.SE3) -> _Row:
     """Return a pose as position and quaternion x, y, z, w."""
     x, y, z = pose.translation.tolist()
     a, b, c, w = pin.Quaternion(pose.rotation).coeffs().tolist()
