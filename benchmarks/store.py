@@ -1,13 +1,15 @@
 """Sales in the store with the camera in the loop, one run per seed of the stock.
 
 Each seed makes another stock: which type stands where, how it stands, how heavy and how slippery it
-is. The type that is ordered changes with the seed as well. Printed is a table for docs and README:
+is. The type that is ordered changes with the seed as well. Printed are a table of the sales, and
+one of medians by type for docs and README:
 `python benchmarks/store.py [--seeds 20] [--first 0] [--set KEY=VALUE …]`.
 """
 
 import argparse
 import math
 import re
+import statistics
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -100,6 +102,42 @@ def table(sales: Sequence[Sale]) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
+def by_type(sales: Sequence[Sale]) -> str:
+    """Return what came of the orders of each type, and of all, as a table in Markdown."""
+    groups = {name: [sale for sale in sales if sale.item_type == name] for name in TYPES}
+    rows = [
+        (
+            "type",
+            "sold",
+            "place",
+            "place, most",
+            "others, most",
+            "drift, most",
+            "duration",
+            "longest",
+        ),
+        ("---",) * 8,
+        *(_row(name, group) for name, group in {**groups, "all": list(sales)}.items() if group),
+    ]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _row(name: str, group: Sequence[Sale]) -> tuple[str, ...]:
+    sold = [sale for sale in group if sale.outcome == "sold"]
+    count = f"{len(sold)} of {len(group)}"
+    if not sold:
+        return name, count, *("",) * 6
+    place, others, drift, duration = (
+        [float(getattr(sale, key)) for sale in sold]
+        for key in ("place", "others", "drift", "duration")
+    )
+    numbers = (
+        *(statistics.median(place), max(place)),
+        *(max(others), max(drift), statistics.median(duration), max(duration)),
+    )
+    return name, count, *(f"{number:.1f}" for number in numbers)
+
+
 def main() -> int:
     """Print the table; exit with 1 where fewer than 95 % were sold."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -115,6 +153,7 @@ def main() -> int:
         print(" ".join(map(str, sales[-1])), file=sys.stderr, flush=True)
     sold = sum(sale.outcome == "sold" for sale in sales)
     print(table(sales))
+    print(f"\n{by_type(sales)}")
     print(f"\n{sold} of {len(sales)} sold")
     return 0 if sold >= 0.95 * len(sales) else 1
 

@@ -1,7 +1,7 @@
 """The participants of `store` against the golden log of a sale; docs/guide/replay.md says how it is made.
 
 Not the plant: its contacts, computed with other last bits on another processor, go another way.
-`test_store_sale.py` replays that as well, on the processor that recorded it.
+`test_sale.py` replays that as well, on the processor that recorded it.
 """
 
 import pytest
