@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from services.motion.goals.test_beside import answer
-from services.motion.mobile.test_mobile import DT, JOINTS, READY, Robot, config
+from support.services.mobile import DT, JOINTS, READY, Robot, config
 
 from stepbus_schemas import Plan
 
