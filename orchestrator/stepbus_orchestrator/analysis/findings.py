@@ -4,7 +4,7 @@ Each finding is one line of the summary. A recording is read once, piece by piec
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +16,7 @@ from stepbus_participant import SettingsError
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import Description
 
+from .angles import FULL_TURN, goal_targets, goal_turns, in_degrees, parameter_angles
 from .signals import Signal, signal_of
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
@@ -28,7 +29,6 @@ _TOLERANCE = 1e-6
 _PERMANENT = 0.5
 _FAR = 20
 """How many times its stop a prismatic joint is sent to where millimetres are meant for metres."""
-_FULL_TURN = 2 * math.pi + 1e-3
 
 
 @dataclass(frozen=True)
@@ -133,9 +133,8 @@ def _beyond(name: str, joint: Joint, count: _Count) -> str:
     unit = "rad" if joint.is_rotary else "m"
     stop = joint.lower if count.worst < joint.lower else joint.upper
     text = f"{name} is sent to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
-    if joint.is_rotary and abs(count.worst) > _FULL_TURN:
-        radians = math.radians(count.worst)
-        text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"
+    if joint.is_rotary and abs(count.worst) > FULL_TURN:
+        text += in_degrees(count.worst)
     elif not joint.is_rotary and abs(count.worst) > _FAR * abs(stop):
         text += f"; is it in mm? {count.worst:.4g} mm is {count.worst / 1000:.4g} m"
     return text
@@ -155,7 +154,26 @@ def findings(recording: Recording) -> list[str]:
             signal = signal_of(row.port, batch[row.port.topic], _quantities(row.port))
             if signal is not None:
                 row.take(signal)
-    return [*_wiring(recording, rows), *(line for row in watched for line in row.lines())]
+    return [
+        *_wiring(recording, rows),
+        *(line for row in watched for line in row.lines()),
+        *_goal_lines(recording, plants.values()),
+        *goal_turns(recording),
+        *parameter_angles(rows),
+    ]
+
+
+def _goal_lines(recording: Recording, plants: Iterable[Mapping[str, Joint]]) -> Iterator[str]:
+    """Yield the joints that goals send beyond a stop."""
+    joints = {name: joint for plant in plants for name, joint in plant.items()}
+    counts: dict[tuple[str, str], _Count] = {}
+    for topic, name, value in goal_targets(recording):
+        if name in joints:
+            count = counts.setdefault((topic, name), _Count())
+            count.take_targets(np.array([value]), joints[name])
+    for (topic, name), count in counts.items():
+        if count.cut:
+            yield f"{topic}: {_beyond(name, joints[name], count)}"
 
 
 def _quantities(port: Port) -> tuple[str, ...]:

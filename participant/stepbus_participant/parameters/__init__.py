@@ -7,7 +7,7 @@ it is first used: a participant does not need it.
 from typing import TYPE_CHECKING, Any
 
 from .nodes import conditions, default, is_own, mark, options_of, plain
-from .problems import Keys, Place, Problem, show
+from .problems import Keys, Place, Problem, dotted, show
 from .read import find_problems, read, read_value
 from .settings import Pause
 from .types_file import declarations_in, is_file_name, module_types, read_types_file
@@ -24,6 +24,7 @@ __all__ = [
     "conditions",
     "declarations_in",
     "default",
+    "dotted",
     "fatal",
     "find_problems",
     "is_file_name",

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from support.messages.recordings import write
 from support.paths import TESTS
 
 from stepbus_orchestrator import Options, cli, load
@@ -13,6 +14,7 @@ from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_schemas import Description, Goal, JointState
 
 DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"
 
@@ -65,6 +67,42 @@ def test_degrees_where_radians_belong_are_asked_for(tmp_path):
         "mission.reference: joint2 is sent to 57 rad, beyond its stop at 6.283 rad; is it in "
         "degrees? 57° is 0.9948 rad"
     ) in lines
+
+
+def test_degrees_in_a_parameter_that_no_message_shows_are_asked_for(tmp_path):
+    lines = found(tmp_path, "mission.params.phase={joint1: 0, joint2: 90}")
+    assert lines == [
+        "mission.params.phase.joint2 is 90 rad, 14.3 turns; is it in degrees? 90° is 1.571 rad"
+    ]
+
+
+def goals(tmp_path, *sent, joint_type="revolute"):
+    """Return the findings of a recording with goals for a joint with stops at ±2."""
+    limits = {"lower": [-2.0], "upper": [2.0]}
+    elbow = Description(names=["elbow"], limits=limits, details={"type": [joint_type]})
+    joints = ("JointState/1", elbow, [JointState(position=[0.0])])
+    path = write(tmp_path / "run.mcap", goal=("Goal/1", [], list(sent)), joints=joints)
+    return findings(Recording(path))
+
+
+def test_degrees_in_a_goal_are_asked_for(tmp_path):
+    right = Goal(id=1, type="move_joints", joints=["elbow"], values=[1.0])
+    assert goals(tmp_path, right) == []
+    wrong = Goal(id=2, type="move_joints", joints=["elbow"], values=[90.0])
+    sentence = "plant.goal: elbow is sent to 90 rad, beyond its stop at 2 rad; is it in degrees?"
+    assert goals(tmp_path, right, wrong) == [f"{sentence} 90° is 1.571 rad"]
+    millimetres = Goal(id=2, type="move_joints", joints=["elbow"], values=[300.0])
+    (line,) = goals(tmp_path, millimetres, joint_type="prismatic")
+    assert line.endswith("beyond its stop at 2 m; is it in mm? 300 mm is 0.3 m")
+
+
+def test_degrees_in_the_turn_of_a_base_are_asked_for(tmp_path):
+    assert goals(tmp_path, Goal(id=1, type="turn", by=3.0)) == []
+    turn = Goal(id=1, type="turn", by=-90.0)
+    drive = Goal(id=2, type="go_to", base=(1.0, 0.0, 45.0))
+    one, other = goals(tmp_path, turn, drive)
+    assert "a base turns by -90 rad, 14.3 turns; is it in degrees? -90° is -1.571 rad" in one
+    assert "a base turns to 45 rad, 7.16 turns; is it in degrees? 45° is 0.7854 rad" in other
 
 
 def test_millimetres_where_metres_belong_are_asked_for(tmp_path):
