@@ -20,6 +20,9 @@ class Params(Settings):
     source: Literal["camera", "truth"] = "camera"
     """`camera`: detects items in images; `truth`: publishes the plant's true poses. Parameters of
     the other source may stay in the scenario."""
+    prefix: str = ""
+    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
+    a world. All other parameters name joints and links without it."""
     frame: Text = "chassis"
     """Link that the detections are given in, with z up."""
     model: Annotated[ModelFile, needed_when(source="camera")]

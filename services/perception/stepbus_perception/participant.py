@@ -30,11 +30,17 @@ _log = logging.getLogger("stepbus_perception")
 class CameraSource:
     """Detects items in images of a camera on a robot.
 
-    catalog: the items to detect. described: the description of the joint states.
+    catalog: the items to detect. described: the description of the joint states. prefix: what comes
+    before the robot's joints there.
     """
 
     def __init__(
-        self, settings: CameraSettings, frame: str, catalog: Catalog, described: Description
+        self,
+        settings: CameraSettings,
+        frame: str,
+        catalog: Catalog,
+        described: Description,
+        prefix: str = "",
     ) -> None:
         # Source truth works without OpenCV.
         from .detection.detector import Detector  # noqa: PLC0415
@@ -43,7 +49,8 @@ class CameraSource:
         self._mount = settings.mount
         self._detector = Detector(catalog, settings.min_confidence, settings.depth_noise)
         self._port = settings.joint_state
-        self._order = JointOrder(self._port, described.names, settings.mount.joints)
+        joints = [prefix + joint for joint in settings.mount.joints]
+        self._order = JointOrder(self._port, described.names, joints)
 
     def detections(self, view: View, state: JointState) -> Detections:
         """Return the items in a view; state: the joints at its time."""
@@ -86,9 +93,13 @@ class PerceptionParticipant(Participant):
                     radius = settings.source.landmark_radius
                     catalog = with_landmarks(catalog, settings.poses, described, name, radius)
                 joints = inputs[settings.source.joint_state]
-                self._camera = CameraSource(settings.source, settings.frame, catalog, joints)
+                self._camera = CameraSource(
+                    settings.source, settings.frame, catalog, joints, settings.prefix
+                )
             else:
-                self._truth = Truth(settings.poses, described.names, catalog, settings.frame)
+                self._truth = Truth(
+                    settings.poses, described.names, catalog, settings.frame, settings.prefix
+                )
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc

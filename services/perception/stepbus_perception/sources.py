@@ -40,10 +40,15 @@ class TruthSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PerceptionSettings:
-    """What a scenario says; frame: link that the detections are given in."""
+    """What a scenario says.
+
+    prefix: what the plant puts before the robot's names. frame: link that the detections are given
+    in, without it.
+    """
 
     poses: str
     detections: str
+    prefix: str
     frame: str
     source: CameraSettings | TruthSettings
 
@@ -73,7 +78,13 @@ def read_settings(config: Config) -> PerceptionSettings:
     else:
         period_ns = config.step_ns * config.every
         source = TruthSettings(every=max(1, round(params.period * 1e9 / period_ns)))
-    return PerceptionSettings(poses=poses, detections=detections, frame=params.frame, source=source)
+    return PerceptionSettings(
+        poses=poses,
+        detections=detections,
+        prefix=params.prefix,
+        frame=params.frame,
+        source=source,
+    )
 
 
 def _images(config: Config, problems: Problems) -> tuple[str, str]:

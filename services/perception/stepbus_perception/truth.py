@@ -14,16 +14,19 @@ class Truth:
     """Turns true poses into detections of every item.
 
     port: name of the input with the poses, for messages. links: names of its links. frame: link
-    that the detections are given in.
+    that the detections are given in. prefix: what its name begins with among the links.
     Raises WiringError unless the frame is one of the links.
     """
 
-    def __init__(self, port: str, links: Sequence[str], catalog: Catalog, frame: str) -> None:
-        if frame not in links:
-            raise WiringError(f"input {port!r} has no link {frame!r}{suggest(frame, links)}")
+    def __init__(
+        self, port: str, links: Sequence[str], catalog: Catalog, frame: str, prefix: str = ""
+    ) -> None:
+        link = prefix + frame
+        if link not in links:
+            raise WiringError(f"input {port!r} has no link {link!r}{suggest(link, links)}")
         self._port = port
         self._links = list(links)
-        self._frame = links.index(frame)
+        self._name, self._frame = frame, links.index(link)
         self._items = [(links.index(link), name) for link, name in catalog.items.items()]
         self._centres = {item_type.name: item_type.centre for item_type in catalog.types}
 
@@ -43,7 +46,7 @@ class Truth:
         axes = rotation(orientation)
         centres = [self._centre(poses, index, name) - origin for index, name in self._items]
         return Detections(
-            frame=self._links[self._frame],
+            frame=self._name,
             types=[name for _, name in self._items],
             position=[tuple((centre @ axes).tolist()) for centre in centres],
             orientation=[inverse_times(orientation, poses.orientation[n]) for n in indices],

@@ -28,6 +28,9 @@ class Params(Settings):
     srdf: File | None = None
     """Pairs of links not to check. Default: neighbours, and pairs that touch in `posture` with the
     joints at 0."""
+    prefix: str = ""
+    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
+    a world. All other parameters name joints and links without it."""
     frame: Text = "chassis"
     """Link that identifies the robot among the poses; the root of the model."""
     tip: Text = "grasp"

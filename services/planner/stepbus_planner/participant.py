@@ -60,6 +60,7 @@ class PlannerParticipant(Participant):
         self._setup = read_setup(config, ports.problems)
         period_ns = config.every * config.step_ns
         setup = self._setup
+        self._names = [setup.prefix + joint for joint in setup.robot.joints]
         self._latency = -(-setup.latency_ns // period_ns) * config.every
         self._check_latency = -(-setup.check_latency_ns // period_ns) * config.every
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
@@ -73,7 +74,7 @@ class PlannerParticipant(Participant):
         robot, limits = self._setup.robot, self._setup.planning.limits
         described = {
             self._plan_port: Description(
-                names=list(robot.joints),
+                names=self._names,
                 limits={
                     "lower": robot.lower.tolist(),
                     "upper": robot.upper.tolist(),
@@ -91,13 +92,13 @@ class PlannerParticipant(Participant):
         Raises WiringError if they are not described, and for requests for other joints.
         """
         setup, requested = self._setup, inputs[self._request_port].names
-        if requested and tuple(requested) != setup.robot.joints:
+        if requested and requested != self._names:
             raise WiringError(
                 f"{self.config.name}: input {self._request_port!r} has joints "
-                f"{', '.join(requested)}, params.joints are {', '.join(setup.robot.joints)}"
+                f"{', '.join(requested)}, params.joints are {', '.join(self._names)}"
             )
         try:
-            obstacles = Obstacles(self._map_port, inputs[self._map_port], setup.frame)
+            obstacles = Obstacles(self._map_port, inputs[self._map_port], setup.frame, setup.prefix)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc

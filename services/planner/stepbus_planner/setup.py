@@ -25,13 +25,15 @@ _LONGEST_SAMPLE_NS = 20_000_000
 class Setup:
     """What the parameters describe.
 
-    frame: link that identifies the robot among the poses. latency_ns: of an answer [ns];
+    prefix: what the plant puts before the robot's names. frame: link that identifies the robot
+    among the poses. latency_ns: of an answer [ns];
     check_latency_ns: where a path is only checked. base_radius: that a base needs to turn,
     base_half_width: that it needs to drive straight [m]. base_pace: how fast it is.
     """
 
     robot: PlannedRobot
     planning: PlanningSettings
+    prefix: str
     frame: str
     latency_ns: int
     check_latency_ns: int
@@ -63,7 +65,8 @@ def read_setup(config: Config, problems: Problems) -> Setup:
     return Setup(
         robot=robot,
         planning=planning,
-        frame=params.frame,
+        prefix=params.prefix,
+        frame=params.prefix + params.frame,
         latency_ns=params.latency_ns,
         check_latency_ns=params.check_latency_ns,
         base_radius=params.base_radius,

@@ -21,6 +21,9 @@ class Params(Settings):
     """URDF or xacro of the robot."""
     joints: Names
     """Joints of the arm, in any order."""
+    prefix: str = ""
+    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
+    a world. All other parameters name joints and links without it."""
     fingers: Names = ("left_finger", "right_finger")
     """The two joints of the gripper; each moves by half of its width."""
     frame: Text = "chassis"

@@ -77,8 +77,10 @@ class WorldModelParticipant(Participant):
         Raises WiringError for joints that are not sensed, and for a planogram without the robot.
         """
         ports, described = self._ports, inputs[self._ports.planogram]
-        self._order = JointOrder(ports.joint_state, inputs[ports.joint_state].names, self._arm)
-        self._names, frame = list(described.names), self._params.frame
+        prefix = self._params.prefix
+        joints = [prefix + joint for joint in self._params.joints]
+        self._order = JointOrder(ports.joint_state, inputs[ports.joint_state].names, joints)
+        self._names, frame = list(described.names), prefix + self._params.frame
         bodies = described.details.get("body", [])
         if frame not in self._names or len(bodies) != len(self._names):
             raise WiringError(
@@ -88,7 +90,9 @@ class WorldModelParticipant(Participant):
         own = bodies[self._names.index(frame)]
         rows = zip(self._names, bodies, strict=True)
         known = self._robot.links
-        self._own = {n: name for n, (name, body) in enumerate(rows) if body == own}
+        self._own = {
+            n: name.removeprefix(prefix) for n, (name, body) in enumerate(rows) if body == own
+        }
         lacking = [name for name in self._own.values() if name not in known]
         if lacking:
             raise WiringError(
@@ -96,10 +100,6 @@ class WorldModelParticipant(Participant):
             )
         types = described.details.get("type", [""] * len(self._names))
         self._types = {n: t for n, t in zip(self._names, types, strict=True) if t}
-
-    @property
-    def _arm(self) -> tuple[str, ...]:
-        return self._params.joints
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the pose of the base, and the poses of all links when they are due."""
@@ -138,7 +138,7 @@ class WorldModelParticipant(Participant):
             landmark=params.landmark_noise,
             farthest=params.farthest,
         )
-        start = _place(*self._known[self._names.index(params.frame)])
+        start = _place(*self._known[self._names.index(params.prefix + params.frame)])
         self._height = start.z
         self._localization = Localization(
             np.array(marks).reshape(-1, 2), uncertainty, (start.x, start.y, start.yaw)

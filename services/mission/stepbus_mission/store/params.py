@@ -124,6 +124,9 @@ class Params(Settings):
     verification: Literal["camera", "truth"] = "truth"
     """Who says where a sold item stands, and whether others were moved: `camera`: what is seen from
     above the outlet, others are not checked; `truth`: the plant's poses, for comparison."""
+    prefix: str = ""
+    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
+    a world. All other parameters name joints and links without it."""
     base_frame: Text = "chassis"
     """Link that detections are given in."""
     tip: Text = "grasp"

@@ -102,7 +102,8 @@ class StoreMission(Participant):
         self._robot_links = (
             frozenset(inputs[contacts].names) if contacts is not None else frozenset()
         )
-        self._tip = self._settings.tip if self._settings.tip in description.names else ""
+        tip = self._settings.prefix + self._settings.tip
+        self._tip = tip if tip in description.names else ""
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the goal of a new state, and the log entries of this step."""

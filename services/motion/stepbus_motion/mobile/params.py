@@ -20,6 +20,9 @@ from stepbus_participant.parameters import Keys
 class Params(JointParams):
     """Parameters of `stepbus_motion.mobile`; the root of `model` is on the floor under the base."""
 
+    prefix: str = ""
+    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
+    a world. All other parameters name joints and links without it."""
     acceleration_limit: PositivePerJoint = each(2.0)
     """Largest accelerations of the joints [rad/s²]."""
     jerk_limit: PositivePerJoint = each(20.0)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from importlib.metadata import version
 
+import msgspec
+
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.base.navigator import Navigator
 from stepbus_motion.collisions.monitor import CollisionMonitor
@@ -59,7 +61,8 @@ class MobileController(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
-        names = list(self.settings.robot.joints)
+        settings = self.settings
+        names = [settings.prefix + joint for joint in settings.robot.joints]
         ports = (self._ports.arm, self._ports.plan_request, self._ports.status)
         return {port: Description(names=names) for port in ports if port is not None}
 
@@ -70,7 +73,12 @@ class MobileController(Participant):
         """
         settings, port = self.settings, self._ports.joint_state
         self._sensor = JointSensor(
-            self.config.name, port, inputs[port], settings.robot, period=self._period
+            self.config.name,
+            port,
+            inputs[port],
+            settings.robot,
+            period=self._period,
+            prefix=settings.prefix,
         )
         self._arm = branching_manipulator(
             settings.robot,
@@ -132,6 +140,8 @@ class MobileController(Participant):
             return None
         self._reading = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
+        if contacts is not None and self.settings.prefix:
+            contacts = _named_without(self.settings.prefix, contacts)
         q, v, effort = self._reading.q, self._reading.v, self._reading.effort
         _check(self._reading, base, gripper)
         return Measured(q=q, v=v, effort=effort, base=base, gripper=gripper, contacts=contacts)
@@ -174,6 +184,12 @@ class MobileController(Participant):
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""
         return {name: version(name) for name in ("numpy", "pin", "ruckig")}
+
+
+def _named_without(prefix: str, contacts: Contacts) -> Contacts:
+    """Return contacts in which the robot's own links have the names of its model."""
+    pairs = [(one.removeprefix(prefix), two.removeprefix(prefix)) for one, two in contacts.pairs]
+    return msgspec.structs.replace(contacts, pairs=pairs)
 
 
 def _check(reading: JointReading, base: BaseState, gripper: GripperState) -> None:

@@ -23,11 +23,13 @@ from .ports import MobilePorts, find_ports
 class MobileSettings:
     """What a `MobileController` works with.
 
+    prefix: what the plant puts before the robot's names.
     limits: of the arm's joints. base_step: of a planned route [m]. collisions: with itself; None:
     not checked. monitor: None: nothing senses contacts.
     """
 
     ports: MobilePorts
+    prefix: str
     robot: RobotModel
     collisions: SelfCollisions | None
     limits: MotionLimits
@@ -59,6 +61,7 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     problems.refuse()
     return MobileSettings(
         ports=ports,
+        prefix=params.prefix,
         robot=robot,
         collisions=collisions,
         limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),

@@ -41,12 +41,13 @@ class Obstacles:
     """All links that are not the robot's.
 
     described: of the input Poses/1: `names`, and `details` with `shape` and `body` per link, see
-    docs/reference/world.md. frame: a link of the robot; placements are relative to it. unknown:
+    docs/reference/world.md. frame: a link of the robot; placements are relative to it. prefix: what
+    the names of the robot's links begin with there. unknown:
     names of links with shapes that the planner cannot check, such as meshes and planes.
     Raises WiringError for missing details and invalid shapes.
     """
 
-    def __init__(self, port: str, described: Description, frame: str) -> None:
+    def __init__(self, port: str, described: Description, frame: str, prefix: str = "") -> None:
         names, details = described.names, described.details
         problems = [
             f"input {port!r} does not describe the {key} of its links"
@@ -57,7 +58,7 @@ class Obstacles:
             problems.append(f"input {port!r} has no link {frame!r}{suggest(frame, names)}")
         if problems:
             raise WiringError("\n".join(problems))
-        self._port = port
+        self._port, self._prefix = port, prefix
         self._indices = {name: index for index, name in enumerate(names)}
         self._frame = names.index(frame)
         own = details["body"][self._frame]
@@ -111,8 +112,8 @@ class Obstacles:
         return {name: base * _pose(poses, link.index) for name, link in self.links.items()}
 
     def index_of(self, name: str) -> int | None:
-        """Return the index in Poses of a link, also of the robot's; None: there is none."""
-        return self._indices.get(name)
+        """Return the index in Poses of a link of the robot; None: there is none."""
+        return self._indices.get(self._prefix + name)
 
     def placement(self, poses: Poses, index: int) -> Any:
         """Return the pose of one link in `frame`, as `pinocchio.SE3`."""
