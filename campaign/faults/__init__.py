@@ -1,6 +1,6 @@
 """Faults that strike a run from outside, and what must come of each."""
 
 from .catalogue import FAULTS
-from .fault import ANY_END, Fault
+from .fault import Fault
 
-__all__ = ["ANY_END", "FAULTS", "Fault"]
+__all__ = ["FAULTS", "Fault"]

@@ -80,7 +80,7 @@ class Session:
             limit_s = self.spec.deadlines.step_s
             self._watchdog = Watchdog(limit_s, lambda: self.signal(signal.SIGKILL))
             stack.callback(self._watchdog.close)
-            self._mesh = self._setup.mesh(self.scenario, self.spec, folder, self.token)
+            self._mesh = self._setup.mesh(self.scenario, self.spec, folder)
             self._stack = stack.pop_all()
         return self
 

@@ -58,7 +58,7 @@ class Setup:
         welcome: Welcome = welcome_of(scenario, spec, token)
         return msgspec.structs.replace(welcome, **self.welcome)
 
-    def mesh(self, scenario: Scenario, spec: ParticipantSpec, folder: Path, token: str) -> Mesh:
+    def mesh(self, scenario: Scenario, spec: ParticipantSpec, folder: Path) -> Mesh:
         """Return the links: orchestrator, peers where they have their own, and the participant."""
         first = next(iter(spec.inputs.values()), None)
         participants: tuple[ParticipantSpec, ...] = (spec,)
