@@ -14,7 +14,7 @@ help:
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install the models that baxter needs (414 MB)"
 	@echo "make campaign   345 faults from outside, 2,000 damaged recordings, 64 sales, judged (2 h)"
-	@echo "make bench      measure steps per second"
+	@echo "make bench      measure steps/s and processor time, beside HELICS, mosaik and chains by hand"
 	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
 	@echo "make clean      remove .venv and caches; runs/ stays"
 
@@ -62,7 +62,7 @@ campaign: setup
 	@$(PYTHON) -m campaign $(CAMPAIGN)
 
 bench: setup
-	@$(PYTHON) benchmarks/lockstep.py
+	@$(PYTHON) -m benchmarks.suite $(BENCH)
 
 soak: setup
 	@$(PYTHON) benchmarks/soak.py

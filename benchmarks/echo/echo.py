@@ -3,45 +3,87 @@
 import sys
 
 import stepbus
-from stepbus_participant import Participant
-from stepbus_schemas import Description, JointCommand, JointReference, JointState
+from stepbus_participant import Config, Participant
+from stepbus_schemas import (
+    Description,
+    Image,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+)
 
 PAIR = [0.25, 0.75]
 
 
+def names(config: Config) -> list[str]:
+    """Return the names of as many joints as the parameters ask for."""
+    return [f"joint{number}" for number in range(1, config.params.get("joints", 2) + 1)]
+
+
 class Plant(Participant):
-    """Publishes a state first, then takes the command."""
+    """Publishes a state first, and an image where it has a size; then takes the command."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self._values = PAIR[:1] * len(names(config))
+        size = config.params.get("image", [])
+        self._image = size and Image(
+            width=size[0],
+            height=size[1],
+            encoding="rgb8",
+            data=bytes(3 * size[0] * size[1]),
+            focal=(300.0, 300.0),
+            centre=(0.0, 0.0),
+        )
 
     def describe(self) -> dict[str, Description]:
-        return {"joint_state": Description(names=["joint1", "joint2"])}
+        return {"joint_state": Description(names=names(self.config))}
 
-    def output(self, step: stepbus.Step) -> dict[str, JointState]:
-        return {"joint_state": JointState(position=PAIR, velocity=PAIR, effort=PAIR)}
+    def output(self, step: stepbus.Step) -> dict[str, Message]:
+        values = self._values
+        state = JointState(position=values, velocity=values, effort=values)
+        return {"joint_state": state} | ({"image": self._image} if self._image else {})
 
     def update(self, step: stepbus.Step) -> None:
         step.read("command")
 
 
 class Controller(Participant):
-    """Answers a state and a reference with a command."""
+    """Answers what it reads with a command."""
+
+    def describe(self) -> dict[str, Description]:
+        return {"command": Description(like="joint_state")}
 
     def update(self, step: stepbus.Step) -> dict[str, JointCommand]:
-        step.read("joint_state")
-        step.read("reference")
-        return {"command": JointCommand(mode="torque", values=PAIR)}
+        for port in self.config.inputs:
+            step.read(port)
+        values = step.read("joint_state", JointState).position or []
+        return {"command": JointCommand(mode="torque", values=values)}
+
+
+class Relay(Participant):
+    """Passes a state on."""
+
+    def describe(self) -> dict[str, Description]:
+        return {"joint_state": Description(like="joint_state")}
+
+    def update(self, step: stepbus.Step) -> dict[str, JointState]:
+        return {"joint_state": step.read("joint_state", JointState)}
 
 
 class Mission(Participant):
     """Publishes references, as far ahead as the window lets it."""
 
     def describe(self) -> dict[str, Description]:
-        return {"reference": Description(names=["joint1", "joint2"])}
+        return {"reference": Description(names=names(self.config))}
 
     def update(self, step: stepbus.Step) -> dict[str, JointReference]:
-        return {"reference": JointReference(position=PAIR, velocity=PAIR, acceleration=PAIR)}
+        values = PAIR[:1] * len(names(self.config))
+        return {"reference": JointReference(position=values, velocity=values, acceleration=values)}
 
 
-ROLES = {"plant": Plant, "controller": Controller, "mission": Mission}
+ROLES = {"plant": Plant, "controller": Controller, "relay": Relay, "mission": Mission}
 
 if __name__ == "__main__":
     raise SystemExit(stepbus.main(ROLES[sys.argv[1]]))

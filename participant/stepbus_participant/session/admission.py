@@ -24,6 +24,7 @@ from stepbus_schemas import (
 _decode_welcome = Decoder(Welcome)
 _decode_refusal = Decoder(Refusal)
 _RETRY_S = 0.05
+_DELIVERY_S = 1.0
 
 
 class AdmissionRefused(RunError, PermissionError):
@@ -71,6 +72,19 @@ def join(
         f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
         f"{ticket.join_timeout_s} s; is it still running?"
     )
+
+
+def await_delivery(bus: Bus, welcome: Welcome) -> None:
+    """Wait until the orchestrator has what was published so far, 1 s at most.
+
+    A session of the transport for bulk ports that closes drops what it has not sent yet, such as
+    the last `Log` behind an image. An answer to one more `Hello` (P4.2) shows that it is out.
+    """
+    hello = Hello(
+        protocol=PROTOCOL_VERSION, name=welcome.name, token=welcome.token, pid=os.getpid()
+    )
+    for _ in bus.query("join", encode(hello), encoding_of("Hello/1"), _DELIVERY_S):
+        return
 
 
 def _left_s(deadline: float) -> float:

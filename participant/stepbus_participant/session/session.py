@@ -23,6 +23,7 @@ from stepbus_schemas import (
     encoding_of,
 )
 
+from .admission import await_delivery
 from .answers import Answers
 from .control import Control, OrchestratorLost, Stopped
 from .handshake import await_start
@@ -122,6 +123,8 @@ class Session:
         try:
             with nullcontext() if profiler is None else profiler.writing(sys._getframe()):
                 loop.run()
+            if any(output.bulk for output in self._welcome.outputs.values()):
+                await_delivery(self._bus, self._welcome)
         finally:
             self._step = loop.step.index
 

@@ -1,0 +1,75 @@
+"""The cases of the suite: each is a command that prints one line of JSON."""
+
+import json
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+BENCHMARKS = Path(__file__).parents[1]
+CONTROLLER_C = BENCHMARKS.parent / "examples/controllers/c/controller"
+STEP_MS = 5
+CHAIN = "chain by hand: pyzmq"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One case. command: without the number of steps, which is its last argument."""
+
+    name: str
+    command: tuple[str, ...]
+    steps: int = 12_000
+    few_steps: int = 100
+
+
+def _peer(name: str, *arguments: str, steps: int = 12_000) -> Case:
+    command = (sys.executable, "-m", f"benchmarks.suite.peers.{arguments[0]}", *arguments[1:])
+    return Case(name=name, command=command, steps=steps)
+
+
+def _stepbus(name: str, *, steps: int = 12_000, **spec: object) -> Case:
+    command = (sys.executable, "-m", "benchmarks.suite.stepbus_case", json.dumps(spec))
+    return Case(name=name, command=command, steps=steps, few_steps=min(100, steps // 4))
+
+
+def peers() -> list[Case]:
+    """Return the arm coupled by other means."""
+    return [
+        _peer("one loop, no coupling", "loop", steps=100_000),
+        _peer(CHAIN, "chain", "pyzmq"),
+        _peer("chain by hand: Zenoh", "chain", "zenoh"),
+        _peer("HELICS, ipc", "federation", "ipc", steps=6000),
+        _peer("HELICS, zmq", "federation", "zmq", steps=3000),
+        _peer("mosaik 3.6", "mosaik_chain", steps=1000),
+    ]
+
+
+def two_link() -> list[Case]:
+    """Return the arm under stepbus."""
+    delayed = ["controller.inputs.joint_state.delay=1"]
+    return [
+        *(_stepbus(f"two_link, window {w}", window=w) for w in (64, 16, 4, 1)),
+        _stepbus("two_link, window 64, delayed coupling", window=64, overrides=delayed),
+        _stepbus("two_link, window 64, not recorded", window=64, recorded=False),
+        _stepbus("two_link, in one process", window=64, in_process=True),
+        _stepbus("two_link, in one process, not recorded", window=64, in_process=True,
+                 recorded=False),
+    ]  # fmt: skip
+
+
+def echoes() -> list[Case]:
+    """Return participants that only pass messages on."""
+    cases = [_stepbus(f"echo, {n} participants", participants=n) for n in (2, 3, 6, 12)]
+    cases += [_stepbus(f"echo, {n} joints", joints=n) for n in (14, 100)]
+    cases += [
+        _stepbus(f"echo, image of {w}×{h} a step", image=[w, h], steps=steps)
+        for w, h, steps in ((320, 240, 800), (1280, 720, 120))
+    ]
+    if CONTROLLER_C.exists() or shutil.which("gcc"):
+        cases.append(_stepbus("echo, bridge to C", bridge=True))
+    return cases
+
+
+def all_cases() -> list[Case]:
+    """Return all cases, in the order of the table."""
+    return [*peers(), *two_link(), *echoes()]

@@ -1,0 +1,1 @@
+"""The same arm, coupled by other means: each module is a program, `python -m … STEPS`."""

@@ -1,0 +1,96 @@
+"""The work of a step of two_link, by hand: a PyBullet step, a Pinocchio torque, a reference."""
+
+import itertools
+import json
+import math
+import struct
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pinocchio
+import pybullet
+
+import stepbus_scenarios
+
+URDF = str(Path(stepbus_scenarios.__file__).parent / "two_link/two_link.urdf")
+STEP_S = 0.005
+KP, KD = 100.0, 20.0
+_STATE = struct.Struct("<4d")
+_REFERENCE = struct.Struct("<6d")
+_COMMAND = struct.Struct("<2d")
+
+
+class Plant:
+    """Two joints under torque."""
+
+    def __init__(self) -> None:
+        self._client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setGravity(0, 0, -9.81)
+        pybullet.setTimeStep(STEP_S)
+        self._body = pybullet.loadURDF(URDF, useFixedBase=True)
+        pybullet.resetJointState(self._body, 1, 1.0)
+        for joint in (0, 1):
+            pybullet.setJointMotorControl2(self._body, joint, pybullet.VELOCITY_CONTROL, force=0.0)
+
+    def state(self) -> bytes:
+        """Return positions and velocities."""
+        first, second = pybullet.getJointStates(self._body, (0, 1))
+        return _STATE.pack(first[0], second[0], first[1], second[1])
+
+    def step(self, command: bytes) -> None:
+        """Advance by a step under two torques."""
+        pybullet.setJointMotorControlArray(
+            self._body, (0, 1), pybullet.TORQUE_CONTROL, forces=_COMMAND.unpack(command)
+        )
+        pybullet.stepSimulation()
+
+
+class Controller:
+    """Computed torque."""
+
+    def __init__(self) -> None:
+        self._model = pinocchio.buildModelFromUrdf(URDF)
+        self._data = self._model.createData()
+        self._np: Any = __import__("numpy")
+
+    def torque(self, state: bytes, reference: bytes) -> bytes:
+        """Return the torques for a state and a reference."""
+        values = self._np.frombuffer(state)
+        wanted = self._np.frombuffer(reference)
+        q, v = values[:2], values[2:]
+        a = wanted[4:] + KP * (wanted[:2] - q) + KD * (wanted[2:4] - v)
+        return _COMMAND.pack(*pinocchio.rnea(self._model, self._data, q, v, a))
+
+
+def reference(step: int) -> bytes:
+    """Return positions, velocities and accelerations of the reference at a step."""
+    t = step * STEP_S
+    s, c = math.sin(t), math.cos(t)
+    return _REFERENCE.pack(s, c, c, -s, -s, -c)
+
+
+class Clock:
+    """Times steps, and prints what the suite reads."""
+
+    def __init__(self) -> None:
+        self._at = [time.perf_counter_ns()]
+
+    def tick(self) -> None:
+        """End a step."""
+        self._at.append(time.perf_counter_ns())
+
+    def show(self) -> None:
+        """Print rate [steps/s] and percentiles of the step time [µs] as JSON."""
+        at = self._at
+        spans = sorted(b - a for a, b in itertools.pairwise(at))
+        count = len(spans)
+        shown = {
+            "rate": count / ((at[-1] - at[0]) * 1e-9),
+            "p50": spans[count // 2] * 1e-3,
+            "p99": spans[min(count - 1, count * 99 // 100)] * 1e-3,
+            "max": spans[-1] * 1e-3,
+        }
+        sys.stdout.write(json.dumps(shown) + "\n")
+        sys.stdout.flush()

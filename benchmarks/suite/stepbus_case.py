@@ -1,0 +1,149 @@
+"""One run of stepbus, whose figures it prints as JSON.
+
+`python -m benchmarks.suite.stepbus_case SPEC STEPS`.
+
+SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
+messages: participants, joints, image, bridge.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.reader import make_reader
+
+from stepbus_orchestrator import Options, StepTiming, load, run_scenario
+from stepbus_orchestrator.recording import Recorder
+
+from .cases import BENCHMARKS, CONTROLLER_C, STEP_MS
+
+ECHO = BENCHMARKS / "echo"
+_SAMPLE_S = 0.1
+
+
+def scenario_of(spec: dict[str, Any], folder: Path) -> str:
+    """Return the path of the scenario that a specification asks for, made where it is no arm."""
+    if not {"participants", "joints", "image", "bridge"} & spec.keys():
+        return "two_link"
+    shutil.copy(ECHO / "echo.py", folder)
+    relays = spec.get("participants", 3) - 2
+    params = {"joints": spec.get("joints", 2), "image": spec.get("image", [])}
+    plant = {
+        "exec": ["python", "echo.py", "plant"],
+        "publishes": "first",
+        "inputs": {"command": "controller.command"},
+        "outputs": {"joint_state": "JointState/1"},
+        "params": params,
+    }
+    inputs: dict[str, Any] = {"joint_state": "plant.joint_state"}
+    if params["image"]:
+        plant["outputs"] = {"joint_state": "JointState/1",
+                            "image": {"type": "Image/1", "bulk": True}}  # fmt: skip
+        inputs["image"] = "plant.image"
+    rows: dict[str, Any] = {"plant": plant}
+    before = "plant.joint_state"
+    for number in range(relays - 1):
+        rows[f"relay{number}"] = {
+            "exec": ["python", "echo.py", "relay"],
+            "inputs": {"joint_state": before},
+            "outputs": {"joint_state": "JointState/1"},
+        }
+        before = f"relay{number}.joint_state"
+    inputs["joint_state"] = before
+    if relays:
+        inputs["reference"] = "mission.reference"
+        rows["mission"] = {
+            "exec": ["python", "echo.py", "mission"],
+            "outputs": {"reference": "JointReference/1"},
+            "params": {"joints": params["joints"]},
+        }
+    rows["controller"] = {
+        "exec": ["python", "echo.py", "controller"],
+        "inputs": inputs,
+        "outputs": {"command": "JointCommand/1"},
+    }
+    if spec.get("bridge"):
+        subprocess.run(["make", "-s", "-C", str(CONTROLLER_C.parent)], check=True)
+        shutil.copy(CONTROLLER_C, folder)
+        program = {"exec": ["./controller"], "bridge": "msgpack", "params": {"kp": 200, "kd": 30}}
+        rows["controller"] |= program
+    path = folder / "scenario.yaml"
+    # JSON is YAML too.
+    path.write_text(
+        json.dumps({"name": "echo", "step": "5ms", "duration": "20s", "participants": rows})
+    )
+    return str(path)
+
+
+class Memory:
+    """Samples how much memory this process and those it has started hold, at most [MB]."""
+
+    def __init__(self) -> None:
+        self.largest: dict[int, float] = {}
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._work, daemon=True)
+        self._thread.start()
+
+    def _work(self) -> None:
+        while not self._over.wait(_SAMPLE_S):
+            own = os.getpid()
+            found = Path(f"/proc/{own}/task/{own}/children").read_text().split()
+            for process in (own, *map(int, found)):
+                pages = Path(f"/proc/{process}/statm")
+                if pages.exists():
+                    size = int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+                    self.largest[process] = max(size, self.largest.get(process, 0.0))
+
+    def close(self) -> list[float]:
+        """Return the largest of each process, this one first."""
+        self._over.set()
+        self._thread.join()
+        return [round(size, 1) for _, size in sorted(self.largest.items())]
+
+
+def step_times_us(timing: Path) -> list[float]:
+    """Return the times of the plant's steps, sorted [µs]."""
+    decode = msgspec.msgpack.Decoder(StepTiming).decode
+    with timing.open("rb") as file:
+        records = [decode(item.data) for *_, item in make_reader(file).iter_messages(["steps"])]
+    rows = [row for record in records if record.participant == "plant" for row in record.rows]
+    return sorted((waited + computed) * 1e-3 for _, waited, computed in rows)
+
+
+def main(text: str, steps: int) -> None:
+    """Run once."""
+    spec = json.loads(text)
+    window = spec.get("window", 64)
+    if not spec.get("recorded", True):
+        Recorder.offer = Recorder.write_below = lambda *_: None  # type: ignore[assignment]
+    overrides = [f"window={window}", f"duration={steps * STEP_MS}ms", *spec.get("overrides", ())]
+    with tempfile.TemporaryDirectory(prefix="bench-") as name:
+        folder = Path(name)
+        scenario = load(scenario_of(spec, folder), overrides)
+        memory = Memory()
+        options = Options(out=folder / "run", in_process=spec.get("in_process", False))
+        result = run_scenario(scenario, options)
+        if result.exit_code:
+            raise SystemExit(result.reason)
+        times = step_times_us(folder / "run/timing.mcap")
+        shown = {
+            "rate": result.steps / result.wall_s,
+            "p50": times[len(times) // 2],
+            "p99": times[min(len(times) - 1, len(times) * 99 // 100)],
+            "max": times[-1],
+            "start_s": result.start_s,
+            "bytes": result.recording.stat().st_size / steps,
+            "memory": memory.close(),
+        }
+    sys.stdout.write(json.dumps(shown) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

@@ -1,0 +1,56 @@
+"""An image at the last step is recorded, and the log behind it is not lost."""
+
+import pytest
+
+from stepbus_orchestrator import Options, Recording, load, run_scenario
+
+STEPS = 3
+BYTES = 6_000_000
+PROGRAM = f"""
+import sys
+
+import stepbus
+from stepbus_schemas import Description, Image
+
+
+class Viewer(stepbus.Participant):
+    def update(self, step):
+        step.read("image")
+
+
+class Camera(stepbus.Participant):
+    def describe(self):
+        return {{"image": Description(names=["camera"])}}
+
+    def output(self, step):
+        pixels = bytes({BYTES})
+        return {{"image": Image(width={BYTES // 3}, height=1, encoding="rgb8", data=pixels,
+                               focal=(1.0, 1.0), centre=(0.0, 0.0))}}
+
+
+raise SystemExit(stepbus.main(Camera if sys.argv[1] == "camera" else Viewer))
+"""
+SCENARIO = f"""
+name: last_image
+step: 5ms
+duration: {STEPS * 5}ms
+participants:
+  camera:
+    exec: [python, camera.py, camera]
+    publishes: first
+    outputs: {{image: {{type: Image/1, bulk: true}}}}
+  viewer:
+    exec: [python, camera.py, viewer]
+    inputs: {{image: camera.image}}
+"""
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_an_image_at_the_last_step_is_recorded(tmp_path, in_process):
+    (tmp_path / "camera.py").write_text(PROGRAM)
+    path = tmp_path / "scenario.yaml"
+    path.write_text(SCENARIO)
+    result = run_scenario(load(str(path)), Options(out=tmp_path / "run", in_process=in_process))
+    assert (result.exit_code, result.reason) == (0, "finished")
+    with Recording(result.recording) as recording:
+        assert len(recording["camera.image"]) == STEPS + 1
