@@ -16,6 +16,7 @@ from .log_reader import Log
 from .sandbox import MARK, SHARED_MEMORY, STEPBUS, Sandbox
 
 ORPHAN_GRACE_S = 3.0
+_LOOK_S = 1.0
 _STEP_TIMEOUT, _INTERRUPTED = 6, 130
 
 # Python itself, before any program of ours runs.
@@ -70,9 +71,13 @@ def judge(box: Sandbox, fault: Fault, limit_s: float) -> Verdict:
 
 
 def _await_end(box: Sandbox, limit_s: float) -> int | None:
+    seen_at = 0.0
     while time.monotonic() < box.faulted_at + limit_s:
         if box.orchestrator.poll() is not None:
             break
+        if time.monotonic() > seen_at + _LOOK_S:
+            box.see_shared_memory()
+            seen_at = time.monotonic()
         time.sleep(0.01)
     return box.orchestrator.poll()
 
@@ -90,7 +95,7 @@ def _check_left(box: Sandbox, fault: Fault, say: Say) -> None:
         time.sleep(0.05)
     if kept:
         say(f"left behind: {', '.join(path.name for path in kept)}")
-    if shared := box.new_shared_memory():
+    if shared := box.left_shared_memory():
         say(f"left in {SHARED_MEMORY}: {', '.join(sorted(shared))}")
 
 

@@ -25,27 +25,12 @@ _STEPPING_BYTES = 4_000
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
 
-def _shared_memory() -> frozenset[str]:
-    """Return the shared memory of Zenoh and of Python."""
-    names = (path.name for path in (SHARED_MEMORY.iterdir() if SHARED_MEMORY.exists() else ()))
-    return frozenset(name for name in names if name.endswith(".zenoh") or name.startswith("psm_"))
-
-
-def _is_mapped(name: str) -> bool:
-    """Return whether a process that is alive still uses it."""
-    for process in psutil.process_iter():
-        with contextlib.suppress(psutil.Error, OSError):
-            if any(row.path.endswith(name) for row in process.memory_maps()):
-                return True
-    return False
-
-
 @dataclass
 class Sandbox:
     """A folder, the orchestrator that runs in it, and every process that it started.
 
     home: everything the run may write to; its `tmp` is TMPDIR. faulted_at: when the fault struck,
-    by the monotonic clock [s].
+    by the monotonic clock [s]. shared: names of the shared memory that its processes have used.
     """
 
     home: Path
@@ -54,7 +39,7 @@ class Sandbox:
     faulted_at: float = 0.0
     helpers: list[subprocess.Popen[Any]] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
-    shared: frozenset[str] = field(default_factory=_shared_memory)
+    shared: set[str] = field(default_factory=set)
 
     @property
     def out(self) -> Path:
@@ -135,9 +120,17 @@ class Sandbox:
             return bool(size > self.notes.get("attached", 1 << 60) + more)
         return False
 
-    def new_shared_memory(self) -> frozenset[str]:
-        """Return what shared memory there is of the run or its helpers, and was not before."""
-        return frozenset(name for name in _shared_memory() - self.shared if not _is_mapped(name))
+    def see_shared_memory(self) -> None:
+        """Add what shared memory the processes of the run use now."""
+        for process in self.processes():
+            with contextlib.suppress(psutil.Error, OSError):
+                rows = Path(f"/proc/{process.pid}/maps").read_text().splitlines()
+                paths = [Path(row.rpartition(" ")[2]) for row in rows]
+                self.shared.update(p.name for p in paths if p.parent == SHARED_MEMORY)
+
+    def left_shared_memory(self) -> set[str]:
+        """Return what shared memory is left of what was seen; that of others is not ours."""
+        return {name for name in self.shared if (SHARED_MEMORY / name).exists()}
 
     def text(self, name: str) -> str:
         """Return what went to stdout or stderr."""

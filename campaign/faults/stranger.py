@@ -32,7 +32,8 @@ def configured(addresses: list[str], **further: object) -> Any:
         "mode": "peer", "connect/endpoints": addresses, "listen/endpoints": [],
         "connect/timeout_ms": 3000, "connect/exit_on_failure": False,
         "scouting/multicast/enabled": False, "scouting/gossip/enabled": False,
-        "transport/unicast/qos/enabled": False, "transport/unicast/lowlatency": True, **further,
+        "transport/unicast/qos/enabled": False, "transport/unicast/lowlatency": True,
+        "transport/shared_memory/enabled": False, **further,
     }  # fmt: skip
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

@@ -1,10 +1,12 @@
 """The commands of the command line."""
 
 import argparse
+import contextlib
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import import_module
+from pathlib import Path
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_schemas import StepbusError
@@ -86,8 +88,20 @@ def _version() -> str:
         return "(not installed, only found)"
 
 
+def _no_text(arguments: Sequence[str]) -> str:
+    """Return an argument, or the current folder, that cannot be written as UTF-8."""
+    words = list(arguments)
+    with contextlib.suppress(OSError):
+        words.append(str(Path.cwd()))
+    # Python reads bytes that are no text as surrogates.
+    return next((word for word in words if any("\ud800" <= c <= "\udfff" for c in word)), "")
+
+
 def execute(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code."""
+    if odd := _no_text(arguments):
+        print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
+        return ExitCode.SCENARIO
     # Without a command that exists, the overview or the error shows all of them.
     names = arguments[:1] if arguments and arguments[0] in _MODULES else _MODULES
     args = make_parser(names).parse_args(arguments)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.processes.limits import check_open_files
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.processes.links.endpoints import (
     Mesh,
     make_mesh,
@@ -82,7 +82,7 @@ def replay(
     tolerance.check(
         {topic: fields_of(port.type, opened.types) for topic, port in opened.ports.items()}
     )
-    check_open_files(1)
+    check_limits(1)
     is_copy = recorded or program is not None
     tree = None if is_copy else find_work_tree(opened, participant, source)
     controls = Controls(

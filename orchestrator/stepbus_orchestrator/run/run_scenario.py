@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure, StartFailed
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.processes.limits import check_open_files
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.processes.links.endpoints import (
     Mesh,
     make_mesh,
@@ -72,7 +72,7 @@ def run_with(
 ) -> Result:
     """Run a scenario with another strategy than that of a run, which `adapt` gets; see `run`."""
     scenario = without_deadlines(scenario, options.debug)
-    check_open_files(len(scenario.participants))
+    check_limits(len(scenario.participants))
     return _Run(
         adapt, scenario, options, observer or Silent(), interrupt or threading.Event()
     ).execute()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.errors import Interrupted, RecordingFailed
-from stepbus_orchestrator.processes.limits import check_open_files
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_schemas import WiringError
 
 from .check import Checked, check
@@ -70,7 +70,7 @@ def sweep(
     """
     checked = check(spec)
     content = collect(checked.variants, spec.metrics)
-    check_open_files(len(checked.scenario.participants))
+    check_limits(len(checked.scenario.participants))
     with _claimed(terms.home):
         _claim(spec, content, terms.home)
         return _Sweep(spec, checked, content, terms, on_progress).run(

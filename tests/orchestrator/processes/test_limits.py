@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode, StartFailed
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.links.endpoints import private_folder
+from stepbus_orchestrator.run.run_scenario import run
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
@@ -47,6 +49,32 @@ def test_too_little_memory_to_load_a_library_is_one_sentence(tmp_path):
     done = limited(tmp_path, "-v 200000", "validate", "two_link")
     assert "Traceback" not in done.stderr
     assert done.returncode != 0 or done.stdout
+
+
+def test_too_little_memory_is_one_sentence_before_anything_is_made(tmp_path):
+    done = limited(tmp_path, "-v 500000", "run", "two_link", "--no-report")
+    assert done.returncode == ExitCode.START
+    assert "a run needs 512 MB of address space besides what is loaded" in done.stderr
+    assert "this shell allows 488 MB in all" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_no_address_can_name_is_refused(tmp_path, monkeypatch):
+    folder = tmp_path / "a#b"
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    done = run(load("two_link", ["duration=50ms"]), Options(out=tmp_path / "run"))
+    assert done.exit_code == ExitCode.BUS
+    assert "an address of Zenoh cannot hold #; set TMPDIR" in done.reason
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("word", [b"--out=\xff", b"\xff.yaml"])
+def test_a_path_that_is_no_text_is_refused(tmp_path, word):
+    command = [STEPBUS.encode(), b"run", b"two_link", word]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == ExitCode.SCENARIO
+    assert "is no UTF-8, in which all is recorded" in done.stderr
 
 
 def test_without_a_reaper_the_private_folder_goes(monkeypatch, tmp_path):

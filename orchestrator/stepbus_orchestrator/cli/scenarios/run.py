@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
-from stepbus_orchestrator.processes.limits import check_open_files
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
@@ -93,7 +93,7 @@ def _execute(args: argparse.Namespace) -> int:
     if args.speedscope and not args.profile:
         raise WiringError("--speedscope needs --profile")
     check_names(scenario, args.speedscope, "sample")
-    check_open_files(len(scenario.participants))
+    check_limits(len(scenario.participants))
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
     options = Options(

@@ -15,6 +15,7 @@ from stepbus_participant import Endpoint
 from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, passwords
 
 _SOCKET_PATH_BYTES = 107
+_NOT_IN_ADDRESSES = "#?"
 _UNIX = "unixsock-stream/"
 
 
@@ -54,11 +55,12 @@ def private_folder() -> Path:
     Raises BusFailed when the folder for temporary files cannot be written.
     """
     try:
+        tempfile.gettempdir().encode()
         return Path(tempfile.mkdtemp(prefix="stepbus-"))
-    except OSError as exc:
+    except (OSError, UnicodeEncodeError) as exc:
+        reason = exc.strerror or exc if isinstance(exc, OSError) else "its name is no UTF-8"
         raise BusFailed(
-            f"cannot make a folder for sockets: {exc.strerror or exc}; set TMPDIR to one that "
-            "can be written"
+            f"cannot make a folder for sockets: {reason}; set TMPDIR to one that can be written"
         ) from exc
 
 
@@ -149,6 +151,11 @@ def _unix(folder: Path, index: int) -> str:
         raise BusFailed(
             f"{path}: a Unix socket's path holds at most {_SOCKET_PATH_BYTES} bytes; "
             "set TMPDIR to a shorter folder or use `--set bus.transport=tcp`"
+        )
+    if odd := set(str(path)) & set(_NOT_IN_ADDRESSES):
+        raise BusFailed(
+            f"{path}: an address of Zenoh cannot hold {' '.join(sorted(odd))}; set TMPDIR to a "
+            "folder without, or use `--set bus.transport=tcp`"
         )
     return f"{_UNIX}{path}"
 
