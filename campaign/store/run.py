@@ -18,8 +18,9 @@ from .judge import judge, largest_force
 from .log import read
 from .physics import excuses
 
-_LONGEST_S = 400.0
-_START_S = 120
+_LONGEST_S = 1200.0
+_PATIENCE = {"spawn_timeout": 120, "join_timeout": 60, "ready_timeout": 120, "step_timeout": 60}
+"""Of every participant, so that the verdict does not depend on how fast the machine is [s]."""
 
 
 @dataclass
@@ -51,7 +52,7 @@ def sell(rows: Sequence[Case], keep: Path | None = None) -> Iterator[tuple[Case,
 def _sell(case: Case, out: Path) -> Outcome:
     names = ["plant", "perception", "mission", "controller", "planner"]
     names += ["world"] if case.scenario == "store" else []
-    patience = [f"{name}.spawn_timeout={_START_S}s" for name in names]
+    patience = [f"{name}.{key}={value}s" for name in names for key, value in _PATIENCE.items()]
     words = [word for item in patience for word in ("--set", item)]
     began = time.monotonic()
     command = [STEPBUS, "run", *case.arguments(), *words, "--no-report", "--out", str(out)]

@@ -12,6 +12,8 @@ from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
+OTHERS = {"store": NAMES, "store/spiral": ("plant", "goals", "controller", "planner")}
+TRUTH = tuple(name for name in NAMES if name != "world")
 
 
 @cache
@@ -33,7 +35,7 @@ slow_with_robots = [
 
 def store(folder, *overrides, scenario="store/truth", in_process=True):
     """Run the store; in one process it takes half the time, and records the same bytes."""
-    names = NAMES if scenario == "store" else [name for name in NAMES if name != "world"]
+    names = OTHERS.get(scenario, TRUTH)
     loaded = load(scenario, [*(f"{name}.spawn_timeout=120s" for name in names), *overrides])
     # Only a process can be killed.
     in_process = in_process and not faults_of(loaded.faults, PROCESS_FAULTS)

@@ -279,3 +279,9 @@ def test_detections_that_are_none_end_the_mission_with_one_sentence(changes, sen
     store.detections = lambda: msgspec.structs.replace(honest(), **changes)
     result = sell(store)
     assert re.fullmatch(sentence, result.error)
+
+
+@pytest.mark.parametrize(("cause", "recovers"), [("jammed", True), ("no_plan", False)])
+def test_the_arm_goes_back_to_rest_only_while_nobody_is_missing(cause, recovers):
+    result = sell(FakeStore(shelf_a(*GOODS), fails={("drive", 1): cause}), recover=True)
+    assert ("back_to_rest" in [goal.type for goal in result.goals]) is recovers

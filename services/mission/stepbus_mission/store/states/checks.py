@@ -37,6 +37,9 @@ _BESIDE = (
 )  # fmt: skip
 """States while the base drives."""
 
+_LOST = ("no_answer", "no_perception", "no_plan", "no_pose")
+"""Causes after which somebody is missing: the run ends soon, and nothing may move then."""
+
 _SAME_WIDTH = 1e-3
 """Difference of two openings that need no motion of the fingers [m]."""
 
@@ -297,7 +300,9 @@ def at_rest(store: StoreState) -> Outcome | None:
         visit.since_ns = store.inputs.t_ns
     if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
         store.rest = "everything is at rest"
-        return Outcome(name="recover" if store.settings.recover else "rest")
+        cause = store.problem.cause if store.problem is not None else ""
+        recovers = store.settings.recover and cause not in _LOST
+        return Outcome(name="recover" if recovers else "rest")
     if store.elapsed < waits.halt:
         return None
     store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
