@@ -209,6 +209,29 @@ def test_links_whose_collisions_are_checked_beforehand_slow_nothing_down_but_may
     assert stand.look(("elbow", "hand", 9.0, -0.001)).collision is not None
 
 
+def test_beside_space_that_nothing_senses_a_link_is_slow_enough_to_stop_within_the_range():
+    stand = Stand(range=0.15)
+    free, fast, held = stand.look(speed=1.1).scale, stand.look(speed=2.0).scale, Stand(range=0.15)
+    assert (free, fast) == (1.0, pytest.approx(0.59, abs=0.01))
+    settings = MonitorSettings(links=LINKS, pads=("left_pad", "right_pad"), range=0.15)
+    speed = 2.0 * fast
+    assert settings.stopping(speed, holding=False) + 2e-3 == pytest.approx(0.15)
+    held.take_can()
+    assert held.look(*PADS_AT_CAN, holding=True, speed=2.0).scale < fast
+    stand.monitor.start(moves="base")
+    assert stand.look(speed=2.0).scale == 1.0
+
+
+def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
+    stand = Stand()
+    stand.look(("elbow", "pillar", 0.0, 0.10), ("elbow", "crate", 0.0, 0.03), dt=0.016)
+    near, left = stand.look(
+        ("elbow", "pillar", 0.0, 0.08), ("elbow", "crate", 0.0, 0.03), dt=0.016
+    ).strange
+    assert near.pair == ("elbow", "pillar")
+    assert left == pytest.approx(0.08 - 1.25 * 0.05 - 1.25**2 / 16)
+
+
 def test_where_base_and_arm_move_each_of_them_may_use_up_half_of_a_gap():
     one, both = Stand(), Stand()
     one.monitor.start(moves="arm")

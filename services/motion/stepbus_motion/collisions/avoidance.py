@@ -21,7 +21,7 @@ class AvoidanceSettings:
     """What is done about things that come into the path.
 
     back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
-    planner's path stops where something is closer [m]; must be less than the planner's margin.
+    planner's path stops before something is closer [m]; must be less than the planner's margin.
     replans: how often a goal may get another path. range: of the contacts [m].
     """
 
@@ -224,7 +224,7 @@ class Avoidance:
         if part != "arm":
             return ""
         # How close its own links come on a path, the planner has checked.
-        near = watch.strange if watch is not None else None
+        near, left = (watch.strange if watch is not None else None) or (None, math.inf)
         if arm.blocked:
             return arm.blocked
         if not arm.follows_plan:
@@ -232,7 +232,7 @@ class Avoidance:
             return ""
         if near is None or near.pair == self._close:
             return ""
-        return str(near) if near.gap < self._settings.stop_within else ""
+        return str(near) if left < self._settings.stop_within else ""
 
     def evade(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop for a hindrance; ask for another path, or return the end of a goal without one.

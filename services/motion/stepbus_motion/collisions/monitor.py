@@ -40,7 +40,9 @@ class MonitorSettings:
     within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
     [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
     slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
-    robot's links with each other before it starts, so that they do not slow it down.
+    robot's links with each other before it starts, so that they do not slow it down. range: of the
+    contacts [m]. stop, stop_holding: of any link in the hardest stop, without and with something in
+    the gripper [m/s²].
     """
 
     links: frozenset[str]
@@ -55,6 +57,9 @@ class MonitorSettings:
     clearance: float = 2e-3
     creep: float = 0.02
     checks_itself: bool = False
+    range: float = math.inf
+    stop: float = 8.0
+    stop_holding: float = 5.0
 
     def safe_speed(self, gap: float) -> float:
         """Return the largest speed of a link that can still stop within a gap [m, m/s].
@@ -62,8 +67,23 @@ class MonitorSettings:
         The path of reaction and braking, v·t + v²/2a, ends at `clearance` (speed and separation
         monitoring: ISO/TS 15066, 2016, section 5.5.4).
         """
-        before, room = self.brake * self.reaction, max(gap - self.clearance, 0.0)
-        return max(math.sqrt(before**2 + 2.0 * self.brake * room) - before, self.creep)
+        return max(self._speed(self.brake, gap), self.creep)
+
+    def unseen_speed(self, *, holding: bool) -> float:
+        """Return the largest speed of a link beside space that the contacts do not reach [m/s].
+
+        What stands just beyond their range can still be stopped before.
+        """
+        return self._speed(self.stop_holding if holding else self.stop, self.range)
+
+    def stopping(self, speed: float, *, holding: bool) -> float:
+        """Return how far a link goes in the hardest stop from a speed [m, m/s]."""
+        brake = self.stop_holding if holding else self.stop
+        return speed * self.reaction + speed**2 / (2.0 * brake)
+
+    def _speed(self, brake: float, gap: float) -> float:
+        before, room = brake * self.reaction, max(gap - self.clearance, 0.0)
+        return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
 class _Row(NamedTuple):
@@ -118,8 +138,9 @@ class Watch:
     """What the monitor found in a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. strange: the closest pair of which
-    one is no link of the robot. room: for the base, the distance
+    not touch, and `gap` its distance [m]; None: nothing is near. strange: the pair that the arm
+    can least avoid, of which one is no link of the robot, and the distance that the hardest stop
+    would leave, below 0: it would not. room: for the base, the distance
     to the closest thing, longer for what it passes by [m]. held: link of the world between the
     pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
     their distance [m].
@@ -132,7 +153,7 @@ class Watch:
     scale: float
     room: float = math.inf
     slow: tuple[str, str, float] | None = None
-    strange: Approach | None = None
+    strange: tuple[Approach, float] | None = None
 
 
 class CollisionMonitor:
@@ -207,12 +228,6 @@ class CollisionMonitor:
         nearest = min(closing, key=lambda row: row.distance, default=None)
         if nearest is not None and nearest.distance >= self._settings.within:
             nearest = None
-        links = self._settings.links
-        strange = min(
-            (row for row in closing if not {row.ours, row.other} <= links),
-            key=lambda row: row.distance,
-            default=None,
-        )
         speeds = [self._speeds(row, speed_of) for row in closing]
         closer = [
             self._closer(row, dt * (now + base_speed))
@@ -223,6 +238,10 @@ class CollisionMonitor:
             for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
         ]
         scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
+        unseen = self._settings.unseen_speed(holding=bool(self._held))
+        fastest = max((speed_of(pad)[1] for pad in self._settings.pads), default=0.0)
+        if fastest * scale > unseen and self._moves != "base":
+            scale, slowed = unseen / fastest, None
         rooms = [
             row.distance / share
             for row, share in zip(closing, closer, strict=True)
@@ -236,10 +255,23 @@ class CollisionMonitor:
             held=self._held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
-            strange=Approach(ours=strange.ours, other=strange.other, gap=max(strange.distance, 0.0))
-            if strange
-            else None,
+            strange=self._strange(closing, dt),
         )
+
+    def _strange(self, closing: list[_Row], dt: float) -> tuple[Approach, float] | None:
+        """Return the pair of `Watch.strange`; dt: since the last contacts [s]."""
+        settings = self._settings
+        found: tuple[Approach, float] | None = None
+        for row in closing:
+            if {row.ours, row.other} <= settings.links or row.ours in settings.base_links:
+                continue
+            before = self._gaps.get((row.ours, row.other), row.distance)
+            speed = max((before - row.distance) / dt, 0.0)
+            left = row.distance - settings.stopping(speed, holding=bool(self._held))
+            if found is None or left < found[1]:
+                gap = max(row.distance, 0.0)
+                found = (Approach(ours=row.ours, other=row.other, gap=gap), left)
+        return found
 
     def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
         """Return the closest pair that has come closer in this step and is about to touch.

@@ -105,8 +105,8 @@ class Params(JointParams):
     collision_force: Positive = 0.5
     """Above it a forbidden touch is a collision [N]."""
     contact_range: Positive = 0.08
-    """How far contacts report things; the base is never faster than it could stop within that
-    [m]."""
+    """How far contacts report things; neither base nor arm is ever faster than it could stop within
+    that [m]."""
     slow_within: Positive = 0.08
     """Closer than this to what it must not touch, the arm slows down [m]."""
     arm_brake: Positive = 1.0

@@ -142,6 +142,7 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
         brake=params.arm_brake,
         creep=params.arm_creep,
         checks_itself=params.srdf is not None,
+        range=params.contact_range,
     )
 
 

@@ -93,6 +93,16 @@ def test_what_comes_too_close_on_a_planned_way_is_gone_around(planned):
     assert len(robot.requests) == 2
 
 
+def test_what_comes_fast_on_a_planned_way_is_stopped_for_before_it_is_too_late(planned):
+    robot = planned
+    robot.touching = [("crate", "hand", 0.0, 0.1)]
+    robot.step()
+    assert len(robot.requests) == 1
+    robot.touching = [("crate", "hand", 0.0, 0.08)]
+    robot.step()
+    assert robot.news[-1].text.startswith("hand is 80.0 mm from crate; stopped, asked for another")
+
+
 def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind_them_count(
     planned,
 ):
