@@ -33,7 +33,7 @@ class GoalSettings(Settings):
     type: GoalType
     """What to do."""
     joints: dict[str, Finite] = {}
-    """Of `move_joints` and `back_to_rest`: joint → position [rad]."""
+    """Of `move_joints`, and of `back_to_rest` unless it has a pose: joint → position [rad]."""
     tip: str = ""
     """Frame of the robot to move."""
     frame: str = ""
@@ -66,13 +66,17 @@ class GoalSettings(Settings):
             "position": self.type in _WITH_POSE and self.position is None,
             "tip": self.type in _WITH_POSE and not self.tip,
             "spiral": self.type == "spiral" and self.spiral is None,
-            "joints": self.type in _WITH_JOINTS and not self.joints,
+            "joints": self.type in _WITH_JOINTS and not (self.joints or self._rests_at_pose),
             "base": self.type == "go_to" and self.base is None,
             "force": self.type == "grip" and not self.force,
         }
         for key, is_missing in needs.items():
             if is_missing:
                 yield (key,), f"is missing; a goal of type {self.type} needs it"
+
+    @property
+    def _rests_at_pose(self) -> bool:
+        return self.type == "back_to_rest" and self.position is not None and bool(self.tip)
 
     def goal(self, number: int) -> Goal:
         """Return the goal with an id."""
@@ -85,7 +89,7 @@ class GoalSettings(Settings):
             tip=self.tip,
             frame=self.frame,
             position=self.position,
-            orientation=_quaternion(self.rpy) if self.type in _WITH_POSE else None,
+            orientation=None if self.position is None else _quaternion(self.rpy),
             spiral=None if spiral is None else Spiral(**msgspec.structs.asdict(spiral)),
             duration=self.duration,
             touches=list(self.touches),

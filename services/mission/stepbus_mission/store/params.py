@@ -155,7 +155,8 @@ class Params(Settings):
     safe_height: Positive = 0.6
     """Largest height of the tip while the base carries an item [m]."""
     recover: bool = False
-    """After a failure, bring the arm back to where it is tucked in, once everything is at rest."""
+    """After a failure, bring the arm back to where it is tucked in, or with an item to `carry` at
+    `safe_height`, once everything is at rest."""
     together: bool = False
     """Move the arm while the base drives, where that is free. Otherwise it is tucked in, or has
     lowered the item, before the base moves."""

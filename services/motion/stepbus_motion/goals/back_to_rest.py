@@ -27,7 +27,7 @@ _Escape = tuple[str, Callable[[Measured, float], object]]
 
 @dataclass(kw_only=True)
 class BackToRest:
-    """Plans a path to the joints of a goal; where there is none, frees the arm first.
+    """Plans a path to the joints of a goal, or to its pose; if there is none, frees the arm first.
 
     It frees it by going back along the path it came, then straight up, then towards the base: short
     motions that are checked, but may start where something touches. After each it plans again.
@@ -77,7 +77,7 @@ class BackToRest:
 
     def _plan(self, now: Measured, t: float) -> str:
         self.is_freeing = False
-        goal = replace(self.goal, type="move_joints")
+        goal = replace(self.goal, type="move_joints" if self.goal.joints else "move_to_pose")
         return self.arm.start(goal, now.q, now.base, t, held=self.held)
 
     def _free(self, now: Measured, t: float) -> bool:

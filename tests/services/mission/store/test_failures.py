@@ -281,6 +281,15 @@ def test_detections_that_are_none_end_the_mission_with_one_sentence(changes, sen
     assert re.fullmatch(sentence, result.error)
 
 
+def test_with_an_item_the_arm_goes_back_to_where_it_carries_it():
+    empty = sell(FakeStore(shelf_a(*GOODS), fails={("inspect", 1): "jammed"}), recover=True)
+    held = sell(FakeStore(shelf_a(*GOODS), fails={("home", 1): "jammed"}), recover=True)
+    assert (bool(empty.goals[-1].joints), empty.goals[-1].position) == (True, None)
+    goal = held.goals[-1]
+    assert (goal.type, goal.joints, goal.frame) == ("back_to_rest", [], "")
+    assert (goal.position, goal.touches) == ((0.45, 0.0, 0.6), ["cola_a1_2"])
+
+
 @pytest.mark.parametrize(("cause", "recovers"), [("jammed", True), ("no_plan", False)])
 def test_the_arm_goes_back_to_rest_only_while_nobody_is_missing(cause, recovers):
     result = sell(FakeStore(shelf_a(*GOODS), fails={("drive", 1): cause}), recover=True)

@@ -1,6 +1,7 @@
 """An arm that goes back to rest: at once, or freed first, or with a sentence."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from services.motion.goals.test_beside import answer
 from support.services.mobile import DT, JOINTS, READY, Robot, config
@@ -45,6 +46,18 @@ def test_an_arm_goes_back_to_rest_along_a_planned_path(robot):
     assert end.state == "succeeded"
     assert end.text.startswith("back at rest; settled")
     assert robot.q == pytest.approx(REST["values"], abs=1e-3)
+
+
+def test_where_an_arm_rests_may_be_a_pose(robot):
+    pose = robot.place("grasp")
+    x, y, z = pose.translation.tolist()
+    turn = tuple(pin.Quaternion(pose.rotation).coeffs().tolist())
+    goal = {"tip": "grasp", "position": (x, y, z - 0.05), "orientation": turn}
+    robot.start(0, "back_to_rest", **goal)
+    answer(robot)
+    end = carry_on(robot, 0)
+    assert end.text.startswith("back at rest; settled")
+    assert robot.place("grasp").translation == pytest.approx([x, y, z - 0.05], abs=1e-3)
 
 
 def test_an_arm_that_has_come_from_somewhere_goes_back_there_first(robot):

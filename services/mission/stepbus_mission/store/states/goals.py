@@ -170,8 +170,16 @@ def stop(_: StoreState) -> Goal:
 
 
 def recover(store: StoreState) -> Goal:
-    """Bring the arm back to rest from wherever it has stopped."""
+    """Bring the arm back to rest from wherever it has stopped.
+
+    With an item, it goes to where it carries that: tucked in, the item would be in the chassis.
+    """
     joints, held = store.settings.tuck, store.sale.item if store.sale is not None else None
+    if held is not None and store.inputs.gripper.holding:
+        ahead, left = store.settings.carry
+        spot = Spot(x=ahead, y=left, yaw=store.settings.gripper_yaw)
+        goal = _pose(store, "move_to_pose", spot, store.settings.safe_height)
+        return msgspec.structs.replace(goal, type="back_to_rest", frame="", touches=[held.name])
     return Goal(
         id=0,
         type="back_to_rest",
