@@ -64,8 +64,12 @@ def holding(chance, item):
 
 def folded(chance, _):
     """Return goals after which the arm is folded, but not as it is at rest."""
-    angles = {joint: q + chance.uniform(-0.1, 0.1) for joint, q in TUCK.items()}
-    angles["shoulder_lift_joint"] += 0.2
+    off = {
+        "shoulder_pan_joint": chance.uniform(-0.4, 0.4),
+        "shoulder_lift_joint": chance.uniform(0.25, 0.5),
+        "wrist_3_joint": chance.uniform(-0.5, 0.5),
+    }
+    angles = {joint: q + off.get(joint, 0.0) for joint, q in TUCK.items()}
     return [f"{{type: move_joints, joints: {flow(angles)}}}"]
 
 
