@@ -66,7 +66,7 @@ def folded(chance, _):
     """Return goals after which the arm is folded, but not as it is at rest."""
     off = {
         "shoulder_pan_joint": chance.uniform(-0.4, 0.4),
-        "shoulder_lift_joint": chance.uniform(0.25, 0.5),
+        "elbow_joint": chance.uniform(-0.5, -0.25),
         "wrist_3_joint": chance.uniform(-0.5, 0.5),
     }
     angles = {joint: q + off.get(joint, 0.0) for joint, q in TUCK.items()}
