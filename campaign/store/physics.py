@@ -54,25 +54,21 @@ def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
     for action in script:
         if "body" in action and str(action["body"]) in log.bodies.values():
             at = math.ceil(float(str(action["at"]).removesuffix("s")) / STEP_S - 1e-6)
-            # Put there during a step, it is measured at the end of that.
-            rows = (row for row in contacts if at <= row[0] <= at + 1)
-            any(_add(found, log, ours, str(action["body"]), row) for row in rows)
+            # Put there at the beginning of a step, it is measured at the end of that.
+            row = next((row for row in contacts if row[0] > at), None)
+            if row is not None:
+                _add(found, log, ours, str(action["body"]), row)
     return found
 
 
-def _add(found: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) -> bool:
-    """Compare the gaps between the robot and a body that has just appeared with the bound.
-
-    Return whether there are any.
-    """
+def _add(found: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) -> None:
+    """Compare the gaps between the robot and a body that has just appeared with the bound."""
     step, contacts = row
-    is_near = False
     for pair, gap in zip(contacts["pairs"], contacts["distance"], strict=True):
         mine = [link for link in pair if link in ours]
         others = [link for link in pair if log.bodies.get(link) == body]
         if len(mine) != 1 or len(others) != 1:
             continue
-        is_near = True
         speed = _speed(log, mine[0], step)
         bound = _stop(speed, BASE_BRAKE if mine[0] in _BASE else ARM_BRAKE)
         if gap <= 0.0:
@@ -88,7 +84,6 @@ def _add(found: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) -> b
                 f"{others[0]} appeared {gap * 1e3:.0f} mm from {mine[0]}, which needed "
                 f"{bound * 1e3:.0f} mm to stop from {speed:.2f} m/s"
             )
-    return is_near
 
 
 def _stop(speed: float, brake: float) -> float:

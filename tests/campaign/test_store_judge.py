@@ -159,18 +159,19 @@ def test_a_camera_is_given_time_to_start_its_world_model(monkeypatch, tmp_path):
 
 
 def appearing(gap, *, vx=0.6, pair=("chassis", "crate_box"), force=300.0, later=3):
-    """Return the log of a crate that is put down at step 2, a gap away, and hit `later` on [m]."""
+    """Return the log of a crate that is put down before step 2, and hit `later` on; gap: [m]."""
     found = log(texts=(TABLE,))
     found.bodies = {"crate_box": "crate", "chassis": "robot"}
     found.messages["plant/odometry"] = [(step, {"vx": vx, "wz": 0.0}) for step in range(90)]
     near = {"pairs": [list(pair)], "force": [0.0], "distance": [gap]}
     hit = {"pairs": [list(pair)], "force": [force], "distance": [0.0]}
-    found.messages["plant/contacts"] = [(0, {"pairs": [], "force": [], "distance": []})]
+    far = {"pairs": [list(pair)], "force": [0.0], "distance": [0.149]}
+    found.messages["plant/contacts"] = [(0, far), (1, far)]
     found.messages["plant/contacts"] += [(2, near), (2 + later, hit)]
     return found
 
 
-CRATE = [{"at": "0.032s", "body": "crate", "position": [1.0, 0.0, 0.0]}]
+CRATE = [{"at": "0.016s", "body": "crate", "position": [1.0, 0.0, 0.0]}]
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,6 @@ Moves = Literal["arm", "base", "all"]
 _APART = 5e-3
 """Distance from which a thing that was between the pads counts as let go [m]."""
 
-_CLOSE = 5e-3
-"""Distance below which nothing may come closer [m]."""
-
 _CLOSER = 1e-5
 """Change of a distance in a step from which a link comes closer [m]."""
 
@@ -40,8 +37,8 @@ class MonitorSettings:
     within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
     [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
     slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
-    robot's links with each other before it starts, so that they do not slow it down. range: of the
-    contacts [m]. stop, stop_holding: of any link in the hardest stop, without and with something in
+    robot's links with each other before it starts, so that they do not slow it down. halt: below it
+    nothing may come closer to a base [m]. range: of the contacts [m]. stop, stop_holding: of any link in the hardest stop, without and with something in
     the gripper [m/s²].
     """
 
@@ -57,6 +54,7 @@ class MonitorSettings:
     clearance: float = 2e-3
     creep: float = 0.02
     checks_itself: bool = False
+    halt: float = 5e-3
     range: float = math.inf
     stop: float = 8.0
     stop_holding: float = 5.0
@@ -281,7 +279,7 @@ class CollisionMonitor:
         close = [
             row
             for row in self._closing
-            if row.distance < _CLOSE
+            if row.distance < self._settings.halt
             and not self._is_ours(row.other)
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
             and (besides is None or row.other != besides[1])

@@ -65,6 +65,9 @@ class Params(JointParams):
     """The same in a turn [rad/s²]."""
     base_clearance: Positive = 0.008
     """The base comes to rest before it is closer to what it must not touch [m]."""
+    base_halt: NonNegative = 0.005
+    """The base halts where something comes closer than that; more than the contacts are wrong by
+    [m]."""
     base_step: NonNegative = 0.0
     """After so much of a planned route the base stops, and asks for the rest anew; 0, or with
     `go_together`: it drives it in one go [m]."""

@@ -143,6 +143,7 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
         creep=params.arm_creep,
         checks_itself=params.srdf is not None,
         range=params.contact_range,
+        halt=params.base_halt,
     )
 
 

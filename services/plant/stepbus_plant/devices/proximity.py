@@ -14,8 +14,11 @@ from .sensors.noise import Noise
 
 Array = NDArray[np.float64]
 
-_MOST = 5
-"""Rays along each side of a link, at most."""
+_MOST, _MOST_LEVEL = 5, 13
+"""Rays along each side of a link, at most; along the level side of an upright face, since a post
+that stands between two rays is not seen."""
+_UP = 2
+"""The vertical axis."""
 _START = 1e-3
 """Distance of a ray's start from the surface, so that it does not hit its own link [m]."""
 _RIM = 2e-3
@@ -40,8 +43,8 @@ class Reading:
 class RangeSkin:
     """Rays from the surfaces of links: along the normal, and at rims away from the link's centre.
 
-    client: of PyBullet. links: those with sensors. spacing: of the rays, as far as `_MOST` allows
-    [m]. reach: of the sensors [m]. noise: standard deviation, relative to the distance [-].
+    client: of PyBullet. links: those with sensors. spacing: of the rays, as far as `_MOST` and
+    `_MOST_LEVEL` allow [m]. reach: of the sensors [m]. noise: standard deviation, relative to the distance [-].
     wheels: links that turn below sensors which do not.
     """
 
@@ -190,7 +193,8 @@ class RangeSkin:
 def _grid(low: Array, high: Array, axis: int, spacing: float) -> Iterator[tuple[Array, bool]]:
     """Yield points of a grid across an axis, and whether they are at its rim."""
     sides = [side for side in range(3) if side != axis]
-    ticks = [_ticks(low[side], high[side], spacing) for side in sides]
+    most = [_MOST_LEVEL if axis != _UP and side != _UP else _MOST for side in sides]
+    ticks = [_ticks(low[n], high[n], spacing, m) for n, m in zip(sides, most, strict=True)]
     for (m, first), (n, second) in product(*(enumerate(row) for row in ticks)):
         point = np.zeros(3)
         point[sides[0]], point[sides[1]] = first, second
@@ -205,7 +209,7 @@ def _through(line: Array, axis: int, sign: float, low: Array, high: Array) -> tu
     return start, end
 
 
-def _ticks(low: float, high: float, spacing: float) -> list[float]:
-    count = min(math.ceil((high - low) / spacing) + 1, _MOST)
+def _ticks(low: float, high: float, spacing: float, most: int) -> list[float]:
+    count = min(math.ceil((high - low) / spacing) + 1, most)
     ticks: list[float] = np.linspace(low + _RIM, high - _RIM, count).tolist()
     return ticks

@@ -187,3 +187,18 @@ def test_sensors_turn_with_a_link_without_end_unless_it_is_a_wheel(tmp_path, is_
     finally:
         bullet.disconnect(client)
     assert found == ([pytest.approx(0.035, abs=5e-3)] if sees else [])
+
+
+@pytest.mark.parametrize("beside", [0.0, 0.025, 0.1, 0.15, 0.225])
+def test_a_post_between_two_rays_is_nearer_than_measured_by_less_than_a_centimetre(
+    tmp_path, beside
+):
+    write_ground(tmp_path)
+    write_urdf(tmp_path, "can", link("can", 1.0, '<cylinder radius="0.04" length="1"/>'))
+    write_urdf(tmp_path, "robot", link("robot", 1.0, box("0.6 0.6 0.4")))
+    world = WORLD.replace("AT", f"{0.3 + 0.04 + 0.04}, {beside}, 0.5")
+    stand = make_stand(
+        tmp_path, world, {"near": "Contacts/1"}, {}, proximity={"spacing": 0.05, "noise": 0.0}
+    )
+    (distance,) = stand.participant.output(None)["near"].distance
+    assert 0.04 - 2e-3 < distance < 0.05
