@@ -129,7 +129,7 @@ class PlannerParticipant(Participant):
         return messages
 
     def _start_planning(self, step: Step, request: PlanRequest) -> None:
-        self._cancel()
+        self._cancel(request)
         self._request_id = request.id
         cancelled = threading.Event()
         poses = step.get(self._poses_port, Poses)
@@ -172,7 +172,7 @@ class PlannerParticipant(Participant):
         """Report an object that blocks the path in use."""
         text = monitor.check(step.read(self._poses_port, Poses), step.index)
         if text:
-            self._publish(messages, Plan(id=self._request_id, cause="blocked", text=text))
+            self._publish(messages, Plan(id=monitor.request_id, cause="blocked", text=text))
         if text or monitor.is_over:
             self._monitor = None
 
@@ -185,8 +185,10 @@ class PlannerParticipant(Participant):
         if self._event_port is not None:
             messages[self._event_port] = Event(level=level, text=text)
 
-    def _cancel(self) -> None:
-        self._monitor = None
+    def _cancel(self, request: PlanRequest | None = None) -> None:
+        if request is None or request.base is None:
+            # A route of the base changes nothing about the path of an arm.
+            self._monitor = None
         if self._pending is not None:
             self._pending.cancelled.set()
             self._pending = None

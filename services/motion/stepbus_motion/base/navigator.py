@@ -111,6 +111,13 @@ class Navigator:
         """Forget the goal."""
         self._trip, self._unsent, self._verdict, self.waits = None, None, None, False
 
+    @property
+    def awaits_route(self) -> bool:
+        """Return whether the planner has been asked, and has not answered yet."""
+        trip = self._trip
+        is_asked = trip is not None and trip.asked_at is not None and self._unsent is None
+        return is_asked and trip is not None and trip.route is None and self._verdict is None
+
     def pop(self) -> PlanRequest | None:
         """Return what to ask the planner, once."""
         request, self._unsent = self._unsent, None

@@ -223,6 +223,11 @@ class Manipulator:
         """Return the id of a request to the planner that somebody else makes."""
         return self._queries.next_id()
 
+    @property
+    def awaits_plan(self) -> bool:
+        """Return whether the planner has been asked, and has not answered yet."""
+        return self._queries.search is not None
+
     def request(self) -> PlanRequest | None:
         """Return what to ask the planner, once."""
         return self._queries.pop()

@@ -30,6 +30,7 @@ from stepbus_schemas import (
     JointState,
     Message,
     Plan,
+    PlanRequest,
     RunError,
 )
 
@@ -167,9 +168,7 @@ class MobileController(Participant):
         status = self._executor.reports.next_status()
         if status is not None:
             messages[ports.goal_status] = status
-        request = self._arm.request()
-        if request is None and self._navigator is not None:
-            request = self._navigator.pop()
+        request = self._request()
         if request is not None and ports.plan_request is not None:
             messages[ports.plan_request] = request
         if ports.status is not None:
@@ -180,6 +179,14 @@ class MobileController(Participant):
                 warnings=self._executor.reports.take_warnings(),
             )
         return messages
+
+    def _request(self) -> PlanRequest | None:
+        """Return what to ask the planner, which forgets a question when another one comes."""
+        arm, navigator = self._arm, self._navigator
+        if navigator is None:
+            return arm.request()
+        request = None if navigator.awaits_route else arm.request()
+        return navigator.pop() if request is None and not arm.awaits_plan else request
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""

@@ -90,6 +90,11 @@ class PathMonitor:
         self._at = self._base_at = 0
         self.is_over = False
 
+    @property
+    def request_id(self) -> int:
+        """Return the id of the request whose path it monitors."""
+        return self._request.id
+
     def check(self, poses: Poses, step: int) -> str:
         """Return which object blocks the path, as a sentence; empty: none."""
         leaves = self._obstacles.base_moved(self._before, poses) > _MOVED and not self._bases
