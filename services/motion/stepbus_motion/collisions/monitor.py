@@ -38,8 +38,8 @@ class MonitorSettings:
     [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
     slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
     robot's links with each other before it starts, so that they do not slow it down. halt: below it
-    nothing may come closer to a base [m]. range: of the contacts [m]. stop, stop_holding: of any link in the hardest stop, without and with something in
-    the gripper [m/s²].
+    nothing may come closer to a base [m]. range: of the contacts [m]. stop, stop_holding: of any
+    link in the hardest stop, without and with something in the gripper [m/s²].
     """
 
     links: frozenset[str]

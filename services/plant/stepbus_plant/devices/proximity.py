@@ -44,8 +44,8 @@ class RangeSkin:
     """Rays from the surfaces of links: along the normal, and at rims away from the link's centre.
 
     client: of PyBullet. links: those with sensors. spacing: of the rays, as far as `_MOST` and
-    `_MOST_LEVEL` allow [m]. reach: of the sensors [m]. noise: standard deviation, relative to the distance [-].
-    wheels: links that turn below sensors which do not.
+    `_MOST_LEVEL` allow [m]. reach: of the sensors [m]. noise: standard deviation, relative to the
+    distance [-]. wheels: links that turn below sensors which do not.
     """
 
     def __init__(
@@ -193,7 +193,7 @@ class RangeSkin:
 def _grid(low: Array, high: Array, axis: int, spacing: float) -> Iterator[tuple[Array, bool]]:
     """Yield points of a grid across an axis, and whether they are at its rim."""
     sides = [side for side in range(3) if side != axis]
-    most = [_MOST_LEVEL if axis != _UP and side != _UP else _MOST for side in sides]
+    most = [_MOST_LEVEL if _UP not in {axis, side} else _MOST for side in sides]
     ticks = [_ticks(low[n], high[n], spacing, m) for n, m in zip(sides, most, strict=True)]
     for (m, first), (n, second) in product(*(enumerate(row) for row in ticks)):
         point = np.zeros(3)
