@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from stepbus_orchestrator import (
     ParticipantDescription,
     Result,
     Verification,
+    as_external,
     default_folder,
     plan,
     run_scenario,
@@ -71,19 +72,26 @@ def run(
     pace: Pace | None = None,
     interrupt: threading.Event | None = None,
     in_process: bool = False,
+    external: Mapping[str, str | PathLike[str]] | None = None,
 ) -> Result:
     """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
 
     scenario, set, faults: as of `load`. out: folder of the run, a new one; default:
     `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
     run. interrupt: ends the run once it is set, from any thread. in_process: host all participants
-    in this process, which is quicker and records the same bytes (docs/in_process.md).
+    in this process, which is quicker and records the same bytes (docs/in_process.md). external:
+    participants that somebody else starts, with `stepbus join`, each with the path of its ticket
+    (docs/guide/attach.md); the tickets of others with `start: external` are in `out`.
 
     Raises ScenarioError when the scenario cannot run, RecordingFailed when `out` cannot be written.
     """
     loaded = load(scenario, set=set, faults=faults)
     folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
-    options = Options(out=folder, pace=pace, in_process=in_process)
+    tickets = {name: Path(path) for name, path in (external or {}).items()}
+    options = Options(
+        out=folder, pace=pace, in_process=in_process, admits_external=True, tickets=tickets
+    )
+    loaded = as_external(loaded, tickets)
     return run_scenario(loaded, options, observer, interrupt)
 
 

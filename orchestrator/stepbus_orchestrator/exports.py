@@ -31,6 +31,7 @@ from .run.reports.progress import Observer, Progress
 from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
+from .run.setup.external import as_external
 from .scenario import Problem, Scenario, ScenarioError, check_data, load
 
 __all__ = [
@@ -64,6 +65,7 @@ __all__ = [
     "StopTimeout",
     "Tolerance",
     "Verification",
+    "as_external",
     "branch_recording",
     "call",
     "check_data",

@@ -36,6 +36,7 @@ _MODULES = {
     "recover": "recordings.recover",
     "conformance": "participants.conformance",
     "bridge": "participants.bridge",
+    "join": "participants.join",
 }
 """Command → its module here. Only the one that is typed is loaded: all take half a second."""
 

@@ -25,15 +25,16 @@ class Activity:
     cpu_s: float = 0.0
     crowd: str = ""
 
-    def reason(self, pid: int, elapsed_s: float) -> str:
+    def reason(self, target: int, elapsed_s: float) -> str:
         """Return in words why the process may not get on; empty: nobody knows.
 
+        target: process id, negative for its group, to which `kill` would send a signal.
         elapsed_s: how long it has had [s].
         """
         if self.is_stopped:
             return (
                 "it has been stopped by a signal or a debugger; `kill -CONT "
-                f"-{pid}` lets it continue."
+                f"{target}` lets it continue."
             )
         if self.waits_for_disk:
             return (
@@ -47,7 +48,15 @@ class Activity:
 
 def activity(group: int) -> Activity:
     """Return what the processes of a group are doing; nothing where nobody knows."""
-    rows = list(_rows(group))
+    return _activity([row for row in _rows("[0-9]*") if int(row[2]) == group])
+
+
+def activity_of(pid: int) -> Activity:
+    """Return what a single process is doing; nothing where nobody knows."""
+    return _activity(list(_rows(str(pid))))
+
+
+def _activity(rows: list[list[str]]) -> Activity:
     states = {row[0] for row in rows}
     return Activity(
         is_stopped=bool(states & {"T", "t"}),
@@ -57,12 +66,10 @@ def activity(group: int) -> Activity:
     )
 
 
-def _rows(group: int) -> Iterator[list[str]]:
-    """Yield the fields from the state on, see proc(5), of each process of a group."""
-    for path in Path("/proc").glob("[0-9]*/stat"):
+def _rows(pids: str) -> Iterator[list[str]]:
+    """Yield the fields from the state on, see proc(5), of each process; pids: as a pattern."""
+    for path in Path("/proc").glob(f"{pids}/stat"):
         try:
-            fields = path.read_bytes().rpartition(b")")[2].decode().split()
+            yield path.read_bytes().rpartition(b")")[2].decode().split()
         except OSError:
             continue
-        if int(fields[2]) == group:
-            yield fields

@@ -17,7 +17,10 @@ from stepbus_participant import (
 
 from .child import Child
 from .environment import PYTHON
+from .external import External
+from .links.cut import cut_links
 from .links.endpoints import tcp_ports
+from .links.shared_ticket import JoinTicket, SharedTicket
 from .reaping import Reaper
 
 
@@ -34,6 +37,7 @@ class Launcher:
         self._folder = folder
         self._logs = logs
         self.children: dict[str, Child] = {}
+        self._shared: list[SharedTicket] = []
         self._reaper = Reaper(folder)
 
     def start(
@@ -77,7 +81,7 @@ class Launcher:
             command,
             cwd=scenario_folder,
             log=self._logs / f"{spec.name}.log",
-            environment=_environment(path),
+            environment=participant_environment(path),
             has_terminal=has_terminal,
             ports=tcp_ports(endpoint),
         )
@@ -85,14 +89,56 @@ class Launcher:
         self.children[spec.name] = child
         return child
 
+    def admit(
+        self,
+        spec: ParticipantSpec,
+        endpoint: Endpoint,
+        ticket: Path,
+        scenario_folder: Path,
+        *,
+        faults: Sequence[MessageFault] = (),
+        profile: ProfileOrder | None = None,
+    ) -> External:
+        """Put the ticket of one participant where somebody else picks it up.
+
+        ticket: the path. faults, profile: as of `start`. Raises StartFailed when it cannot be
+        written there.
+        """
+        content = JoinTicket(
+            run=self._run,
+            name=spec.name,
+            token=self._token,
+            endpoint=endpoint,
+            join_timeout_s=spec.deadlines.join_s,
+            faults=list(faults),
+            profile=profile,
+            exec=list(spec.exec),
+            folder=str(scenario_folder.absolute()),
+            bridge="" if spec.bridge is None else spec.bridge.format,
+            describe={} if spec.bridge is None else spec.bridge.describe,
+        )
+        shared = SharedTicket(content, ticket)
+        self._shared.append(shared)
+        # The first that a participant connects to is the orchestrator.
+        return External(
+            shared,
+            self._logs / f"{spec.name}.log",
+            lambda pid: cut_links(endpoint.connect[0], pid, self._pids()),
+        )
+
+    def _pids(self) -> list[int]:
+        return [child.pid for child in self.children.values()]
+
     def end_all(self) -> None:
         """End every process that is left, and the reaper, which removes the private folder."""
+        for shared in self._shared:
+            shared.close()
         for child in self.children.values():
             child.end()
             self._reaper.forget(child.pid)
         self._reaper.end()
 
 
-def _environment(ticket: Path) -> Mapping[str, str]:
+def participant_environment(ticket: Path) -> Mapping[str, str]:
     """Return the environment of a participant: ours, the ticket, and unbuffered prints."""
     return {**ONE_THREAD, **os.environ, **PYTHON, TICKET_VARIABLE: str(ticket)}

@@ -30,6 +30,7 @@ from stepbus_participant import Bus
 
 from .bus.session import Session, open_bus
 from .control.injector import Injector
+from .control.invitations import Invitations
 from .control.live_file import Live, forget
 from .inprocess import LocalRun, check_scenario, surroundings
 from .kernel.gates import Gate
@@ -39,12 +40,20 @@ from .phases import run_phases
 from .reports.events import Events
 from .reports.progress import Observer, Silent
 from .reports.result import Result, file_sha256, own_versions
+from .setup.external import as_children, check_external, external_names
 from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
 from .setup.live_run import LiveRun
 from .setup.opened_files import OpenedFiles
 from .setup.options import PROFILE_FOLDER, Options, without_deadlines
 
-__all__ = ["Options", "default_folder", "run", "run_with", "without_deadlines"]
+__all__ = [
+    "Options",
+    "default_folder",
+    "external_names",
+    "run",
+    "run_with",
+    "without_deadlines",
+]
 
 
 def run(
@@ -57,8 +66,8 @@ def run(
 
     observer: is notified of progress. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
-    to, StartFailed when it may not open enough files, WiringError for a name in `options.debug`
-    that no participant has.
+    to, StartFailed when it may not open enough files, WiringError for a name in `options` that no
+    participant has, and for what cannot be done to one that somebody else starts.
     """
     return run_with(lambda live: live, scenario, options, observer, interrupt)
 
@@ -71,7 +80,10 @@ def run_with(
     interrupt: threading.Event | None = None,
 ) -> Result:
     """Run a scenario with another strategy than that of a run, which `adapt` gets; see `run`."""
-    scenario = without_deadlines(scenario, options.debug)
+    if not options.admits_external:
+        scenario = as_children(scenario)
+    check_external(scenario, options)
+    scenario = without_deadlines(scenario, [*options.debug, *options.no_deadline])
     check_limits(len(scenario.participants))
     return _Run(
         adapt, scenario, options, observer or Silent(), interrupt or threading.Event()
@@ -110,6 +122,7 @@ class _Run:
         self._timing = TimingRecorder(out / layout.TIMING_FILE)
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
+        self._invitations = Invitations(out, observer)
         self._recorder = Recorder(
             self._file, order, scenario.step_ns, self._events.take, scenario.types
         )
@@ -236,7 +249,9 @@ class _Run:
             live_file = Live(run=self._run, token=self._token, endpoint=mesh.caller)
             live_file.save(self._options.out)
             stack.callback(forget, self._options.out)
-            return self._run_phases(bus, LiveRun(launcher, mesh, self._timing, self._options))
+            stack.callback(self._invitations.close)
+            live = LiveRun(launcher, mesh, self._timing, self._options, self._invitations)
+            return self._run_phases(bus, live)
 
     def _run_phases(self, bus: Bus, live: Strategy) -> str:
         session = Session(self._live_scenario(), bus, self._token)
@@ -274,6 +289,7 @@ class _Run:
             prefix=prefix,
             calls=self._options.calls,
             new_calls=self._options.new_calls,
+            invitations=self._invitations,
         )
 
     def _result(self, reason: str, failure: RunFailure | None) -> Result:

@@ -5,6 +5,7 @@ from stepbus_participant.parameters import Problem
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
 from .load import ScenarioError, check_data, load
 from .model import (
+    EXTERNAL_SPAWN_S,
     BridgeSpec,
     BusSpec,
     Deadlines,
@@ -22,6 +23,7 @@ from .resolve import files, left_out, resolved
 from .schedule import Schedule
 
 __all__ = [
+    "EXTERNAL_SPAWN_S",
     "FAULT_TYPES",
     "MESSAGE_FAULTS",
     "OURS",

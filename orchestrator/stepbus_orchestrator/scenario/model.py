@@ -17,6 +17,7 @@ from stepbus_schemas import SHIPPED, BridgeFormat, Types
 LAST_TCP_PORT = 65535
 Publishes = Literal["first", "last"]
 Transport = Literal["unix", "tcp"]
+Start = Literal["child", "external"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +90,10 @@ class Deadlines:
     stop_s: float = 3.0
 
 
+EXTERNAL_SPAWN_S = 120.0
+"""Deadline of a participant that somebody starts by hand: until its process is on the bus [s]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FaultSpec:
     """A fault on purpose: its type, participant and step; duration_ns: for how long [ns]."""
@@ -107,7 +112,8 @@ class ParticipantSpec:
     every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
     it reads its inputs. on_fault: how the run continues when it fails; None: it ends. bridge: how
     the program is reached where it does not speak Zenoh itself. files: patterns of files that it
-    loads and that nothing names.
+    loads and that nothing names. start: whether the orchestrator starts it, or somebody else does
+    with its ticket; changes no result.
     """
 
     name: str
@@ -121,6 +127,12 @@ class ParticipantSpec:
     on_fault: HoldSpec | None = None
     bridge: BridgeSpec | None = None
     files: tuple[str, ...] = ()
+    start: Start = "child"
+
+    @property
+    def is_external(self) -> bool:
+        """Return whether somebody else starts it."""
+        return self.start == "external"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ import msgspec
 from stepbus_schemas import WiringError
 
 TICKET_VARIABLE = "STEPBUS_TICKET"
+_UNIX = "unixsock-stream/"
 
 
 class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -68,13 +69,29 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
         path.write_bytes(msgspec.json.encode(self))
 
 
+def private_folder(endpoint: Endpoint) -> Path | None:
+    """Return the private folder of a run, which is removed with it; None where that is unknown."""
+    certificate = endpoint.settings.get("transport/link/tls/root_ca_certificate")
+    if certificate is not None:
+        return Path(certificate).parent
+    addresses = [*endpoint.listen, *endpoint.connect]
+    sockets = [Path(name[len(_UNIX) :]) for name in addresses if name.startswith(_UNIX)]
+    return sockets[0].parent if sockets else None
+
+
 def scratch_folder() -> Path | None:
     """Return a folder for temporary files that is removed with the run; None outside of a run.
 
     A program that is killed removes nothing itself.
     """
-    path = os.environ.get(TICKET_VARIABLE)
-    return None if path is None else Path(path).parent
+    if TICKET_VARIABLE not in os.environ:
+        return None
+    try:
+        # The ticket itself may be anywhere, where somebody else has started the program.
+        folder = private_folder(load_ticket().endpoint)
+    except WiringError:
+        return None
+    return folder if folder is not None and folder.is_dir() else None
 
 
 def load_ticket(environment: Mapping[str, str] = os.environ) -> Ticket:

@@ -14,7 +14,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from .interface import BusError, Queue, Request
-from .ticket import Endpoint
+from .ticket import Endpoint, private_folder
 
 ONE_THREAD = {
     "ZENOH_RUNTIME": "(rx: (handover: app), acc: (handover: app), tx: (handover: app), "
@@ -30,7 +30,6 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 _OPEN_S = 10.0
 _LIMITS = "may this user start enough threads (ulimit -u) and open enough files (ulimit -n)?"
 _LEASE_MS = 3_600_000
-_UNIX = "unixsock-stream/"
 _ACCEPT_MS = 1000
 """How long a link may take to open; a session that closes waits for those that never do."""
 
@@ -97,22 +96,15 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
     return {**settings, **endpoint.settings}
 
 
-def _private_folder(endpoint: Endpoint) -> str | None:
-    """Return the private folder of a run, which is removed with it; None where that is unknown."""
-    certificate = endpoint.settings.get("transport/link/tls/root_ca_certificate")
-    if certificate is not None:
-        return str(Path(certificate).parent)
-    addresses = [*endpoint.listen, *endpoint.connect]
-    sockets = [Path(name[len(_UNIX) :]) for name in addresses if name.startswith(_UNIX)]
-    return str(sockets[0].parent) if sockets else None
-
-
 def _gone(endpoint: Endpoint) -> str:
     """Return that the private folder of the run has been removed; empty where it is there."""
-    folder = _private_folder(endpoint)
-    if folder is None or Path(folder).is_dir():
+    folder = private_folder(endpoint)
+    if folder is None or folder.is_dir():
         return ""
-    return f"the run's private folder {folder} is gone: did somebody remove it?"
+    return (
+        f"the run's private folder {folder} is gone: did somebody remove it? In a container, is it "
+        "mounted?"
+    )
 
 
 def _opened(zenoh: Any, config: Any) -> Any:
@@ -189,7 +181,7 @@ class ZenohBus:
     def _write_users(endpoint: Endpoint) -> str:
         """Write the accepted credentials to a private file, until Zenoh has read it."""
         try:
-            handle, name = tempfile.mkstemp(prefix="users-", dir=_private_folder(endpoint))
+            handle, name = tempfile.mkstemp(prefix="users-", dir=private_folder(endpoint))
             with os.fdopen(handle, "w") as file:
                 file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
         except OSError as exc:

@@ -171,6 +171,6 @@ def test_a_log_as_large_as_the_limit_of_files_is_named(start, monkeypatch, tmp_p
     ],
 )
 def test_what_a_process_does_is_a_reason(activity, sentence):
-    reason = activity.reason(7, 10.0)
+    reason = activity.reason(-7, 10.0)
     assert sentence in reason
     assert bool(sentence) == bool(reason)

@@ -14,9 +14,15 @@ from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.reports.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, default_folder, run, without_deadlines
+from stepbus_orchestrator.run.run_scenario import (
+    Options,
+    default_folder,
+    external_names,
+    run,
+    without_deadlines,
+)
 from stepbus_orchestrator.run.setup.options import check_names
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
@@ -43,6 +49,26 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PARTICIPANT",
         help="give a participant this terminal and no deadlines, for a debugger",
+    )
+    parser.add_argument(
+        "--external",
+        action="append",
+        default=[],
+        metavar="PARTICIPANT[=TICKET]",
+        help="wait for a participant that you start yourself, with `stepbus join TICKET`; default: "
+        "the ticket is in the folder of the run; may be repeated (docs/guide/attach.md)",
+    )
+    parser.add_argument(
+        "--join-timeout",
+        metavar="DURATION",
+        help="how long to wait for those (default: 2min, or the scenario's spawn_timeout)",
+    )
+    parser.add_argument(
+        "--no-deadline",
+        action="append",
+        default=[],
+        metavar="PARTICIPANT",
+        help="give a participant no deadlines, e.g. one that you start in a debugger",
     )
     parser.add_argument(
         "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
@@ -80,11 +106,30 @@ def _overrides(args: argparse.Namespace) -> list[str]:
         extra += [f"window={args.window}", f"batch={max(1, args.window // 2)}"]
     if args.transport is not None:
         extra.append(f"bus.transport={args.transport}")
+    extra += [f"{name}.start=external" for name in _externals(args)]
     return [*args.set, *extra]
 
 
+def _externals(args: argparse.Namespace) -> dict[str, str]:
+    """Return who is started by somebody else, each with the path of its ticket, or none."""
+    rows = (text.partition("=") for text in args.external)
+    return {name: path for name, _, path in rows}
+
+
+def _load(args: argparse.Namespace) -> Scenario:
+    """Return the scenario with all options that change it."""
+    scenario = load(args.scenario, _overrides(args), args.fault)
+    if args.join_timeout is not None:
+        names = external_names(scenario)
+        if not names:
+            raise WiringError("--join-timeout is for participants with `start: external`")
+        patient = [f"{name}.spawn_timeout={args.join_timeout}" for name in names]
+        scenario = load(args.scenario, [*_overrides(args), *patient], args.fault)
+    return without_deadlines(scenario, [*args.debug, *args.no_deadline])
+
+
 def _execute(args: argparse.Namespace) -> int:
-    scenario = without_deadlines(load(args.scenario, _overrides(args), args.fault), args.debug)
+    scenario = _load(args)
     if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
         raise WiringError(
             "--pause-at needs a terminal whose keys let the run continue; it excludes --json "
@@ -100,6 +145,9 @@ def _execute(args: argparse.Namespace) -> int:
         out=out,
         pace=pace,
         debug=args.debug,
+        no_deadline=args.no_deadline,
+        admits_external=True,
+        tickets={name: Path(path) for name, path in _externals(args).items() if path},
         in_process=args.in_process,
         owns_descriptors=args.in_process and not args.debug,
         profile=args.profile,
@@ -107,7 +155,11 @@ def _execute(args: argparse.Namespace) -> int:
     )
     with interruptible() as interrupt:
         display = displayed(
-            scenario.name, quiet=args.json, plain=bool(args.debug), degrees=args.degrees
+            scenario.name,
+            quiet=args.json,
+            plain=bool(args.debug),
+            degrees=args.degrees,
+            invites=bool(external_names(scenario)),
         )
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if args.json or args.debug else controlled(pace, interrupt)
@@ -190,6 +242,8 @@ COMMAND = Command(
         "stepbus run my/scenario.yaml --window 1 --out /tmp/run1",
         "stepbus run two_link --fault 'freeze controller at 500 for 200ms'",
         "stepbus run my/scenario.yaml --debug controller",
+        "stepbus run two_link --external controller",
+        "stepbus run two_link --external controller=/tmp/c.ticket --no-deadline controller",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

@@ -32,7 +32,8 @@ class Display:
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
         """Print a sentence, above a table if there is one."""
-        self._print(f"{level}: {who} at step {step}: {text}")
+        where = who if step < 0 else f"{who} at step {step}"
+        self._print(f"{level}: {where}: {text}")
 
     def close(self) -> None:
         """Remove what is not to stay."""
@@ -107,17 +108,18 @@ class Aside:
 
 @contextlib.contextmanager
 def displayed(
-    title: str, *, quiet: bool, plain: bool = False, degrees: bool = False
+    title: str, *, quiet: bool, plain: bool = False, degrees: bool = False, invites: bool = False
 ) -> Iterator[Aside | None]:
     """Yield the display for where stdout goes.
 
     plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
+    invites: even so, sentences go to stderr: somebody has to read whom the run waits for.
     """
-    if quiet:
+    if quiet and not invites:
         yield None
         return
-    console = Console()
-    shown = Display if plain else LiveTable if console.is_terminal else PlainLines
+    console = Console(stderr=quiet)
+    shown = Display if plain or quiet else LiveTable if console.is_terminal else PlainLines
     with contextlib.closing(Aside(shown(title, console, degrees=degrees))) as display:
         yield display
 

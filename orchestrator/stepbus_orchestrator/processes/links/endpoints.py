@@ -4,7 +4,7 @@ import secrets
 import socket
 import tempfile
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +23,15 @@ _UNIX = "unixsock-stream/"
 class Mesh:
     """The endpoints of one run: each participant links to the orchestrator and those before it.
 
-    folder: the private one. caller: the endpoint of a caller from outside.
+    folder: the private one. caller: the endpoint of a caller from outside. tickets: of participants
+    that somebody else starts, which are elsewhere.
     """
 
     folder: Path
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
     caller: Endpoint
+    tickets: dict[str, Path] = field(default_factory=dict)
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
         """Return what a participant needs for its start and somebody has removed; None: nothing.
@@ -38,7 +40,8 @@ class Mesh:
         """
         needed = [self.folder]
         if name is not None:
-            needed += [] if name in alive else [self.folder / f"{name}.ticket"]
+            ticket = self.tickets.get(name, self.folder / f"{name}.ticket")
+            needed += [] if name in alive else [ticket]
             up = [self.orchestrator, *(self.participants[other] for other in alive)]
             sockets = [address for endpoint in up for address in endpoint.listen]
             needed += [Path(a[len(_UNIX) :]) for a in sockets if a.startswith(_UNIX)]

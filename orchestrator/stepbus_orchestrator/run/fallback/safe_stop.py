@@ -64,7 +64,8 @@ class SafeStop:
         """Return whether the participant that failed can be replaced.
 
         A witness that found a message of another malformed has ended itself (P8.1): then two are
-        gone.
+        gone. One that somebody else has started cannot be killed: where it may still publish,
+        nobody else may in its name.
         """
         has_witness = isinstance(failure, ParticipantFault) and failure.witness is not None
         return (
@@ -72,7 +73,15 @@ class SafeStop:
             and not self._state.is_prefix
             and failure.participant in self._substitutes
             and not has_witness
+            and not self._may_publish(failure)
         )
+
+    def _may_publish(self, failure: RunFailure) -> bool:
+        """Return whether an external participant has failed that is still on the bus."""
+        participant = self._state.participants[failure.participant or ""]
+        has_ended = participant.process.exit_code() is not None
+        has_given_up = isinstance(failure, ParticipantFault)
+        return participant.external is not None and not (has_ended or has_given_up)
 
     def start(self, name: str, descriptions: Descriptions) -> tuple[int, int]:
         """Replace the participant of a name, whose process is gone; return `replaced_steps`."""

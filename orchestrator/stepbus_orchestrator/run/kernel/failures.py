@@ -57,7 +57,7 @@ def late_to_start(participant: ParticipantState) -> RunFailure:
     phase = PHASE_DEADLINES.get(participant.phase, "ready")
     what, why = _start(participant, phase)
     activity = participant.process.activity()
-    cause = activity.reason(participant.process.pid, participant.in_phase_s)
+    cause = activity.reason(_target(participant), participant.in_phase_s)
     if activity.crowd and not cause:
         return BusFailed(
             f"before the first step: {participant.who()} {what}; {activity.crowd}, which keeps "
@@ -65,9 +65,15 @@ def late_to_start(participant: ParticipantState) -> RunFailure:
         )
     return StartFailed(
         f"before the first step: {participant.who()} {what}; {cause or why} "
-        f"It had a {deadline(participant.spec, phase)}; its log: {participant.process.log}",
+        f"It had a {deadline(participant.spec, phase)}; {participant.where_it_prints()}",
         participant=participant.name,
     )
+
+
+def _target(participant: ParticipantState) -> int:
+    """Return where to send a signal by hand: a child leads a group of its own."""
+    pid = participant.process.pid
+    return -pid if participant.external is None else pid
 
 
 def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
@@ -75,6 +81,9 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
     waiting = participant.waiting
     if participant.phase == Phase.READY:
         return "is ready, and does not answer those that connect to it", "does it hang?"
+    if phase == "spawn" and participant.external is not None:
+        ticket = participant.external.ticket.path
+        return "is not there", f"has anybody started it with `stepbus join {ticket}`?"
     if phase == "spawn":
         return "has not reached the bus", "does its program take part with stepbus?"
     if phase == "join":
@@ -152,7 +161,7 @@ def kept_thread(
         held = f"has waited {late.held_s:.1f} s for its program{stopped}"
     sentence = (
         f"{at(step, step_ns)}: {participant.who()} {held}; {deadline(participant.spec, phase)}; "
-        f"its log: {participant.process.log}"
+        f"{participant.where_it_prints()}"
     )
     if not is_ready:
         return StartFailed(sentence, participant=participant.name)
@@ -167,7 +176,7 @@ def death(
     step = owed_step(participant.name, participants, barrier) if is_ready else -1
     sentence = (
         f"{at(step, step_ns)}: {participant.who()} {participant.process.how_it_ended()}"
-        f"{_last_words(participant)}; its log: {participant.process.log}"
+        f"{_last_words(participant)}; {participant.where_it_prints()}"
     )
     if not is_ready:
         return StartFailed(sentence, participant=participant.name)

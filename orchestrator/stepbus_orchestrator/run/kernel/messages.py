@@ -64,6 +64,8 @@ class MessageHandler:
         if participant is None:
             self._state.unauthenticated += is_alive and name != ORCHESTRATOR
         elif not is_alive:
+            if participant.external is not None:
+                participant.external.left()
             # Its process may have ended; that is seen at the next check, which need not wait.
             self._state.is_check_due = True
         elif participant.advance(Phase.ALIVE):
@@ -92,6 +94,8 @@ class MessageHandler:
 
     def _admit(self, participant: ParticipantState, hello: Hello) -> None:
         participant.language = hello.language
+        if participant.external is not None:
+            participant.external.joined(hello.pid)
         if participant.advance(Phase.JOINED):
             self._timing.event("join", participant.name, f"{hello.language} {hello.sdk}".strip())
 
@@ -209,7 +213,7 @@ class MessageHandler:
         failed = StartFailed if participant.phase < Phase.READY else ParticipantFault
         failure = failed(
             f"{self._state.at(fault.step)}: {blamed.who()}: {fault.message}{seen}; "
-            f"its log: {blamed.process.log}",
+            f"{blamed.where_it_prints()}",
             participant=blamed.name,
             step=fault.step,
         )

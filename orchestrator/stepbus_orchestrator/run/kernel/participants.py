@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from stepbus_orchestrator.processes.activity import Activity
+from stepbus_orchestrator.processes.external import External
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
 
@@ -93,7 +94,7 @@ class ParticipantState:
     in_phase_s, holds_s: how long it has been in its phase, and held the step [s]. ended_s: how long
     its process has ended while closing outputs are awaited [s]. waiting: what
     it waited for when it last sent its log. newest: returns the newest step it was seen to
-    publish, with an observer; −1 elsewhere.
+    publish, with an observer; −1 elsewhere. external: its process, where somebody else starts it.
     """
 
     spec: ParticipantSpec
@@ -108,6 +109,7 @@ class ParticipantState:
     ready: Ready | None = None
     language: str = ""
     drops: Mapping[str, int] = field(default_factory=dict)
+    external: External | None = None
 
     @property
     def name(self) -> str:
@@ -128,7 +130,16 @@ class ParticipantState:
 
     def who(self) -> str:
         """Return its name and process id, as error messages give them."""
-        return f"{self.name} (pid {self.process.pid})"
+        if self.external is None:
+            return f"{self.name} (pid {self.process.pid})"
+        pid = f", pid {self.external.pid}" if self.external.pid else ""
+        return f"{self.name} (external{pid})"
+
+    def where_it_prints(self) -> str:
+        """Return where its output is, as error messages give it."""
+        if self.external is None:
+            return f"its log: {self.process.log}"
+        return "its output is where it was started"
 
 
 Participants = Mapping[str, ParticipantState]

@@ -13,6 +13,7 @@ from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.bus.subscriptions import subscribe
 from stepbus_orchestrator.run.control.calls import Calls
 from stepbus_orchestrator.run.control.injector import Injector
+from stepbus_orchestrator.run.control.invitations import Invitations
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.fallback.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.failures import death, kept_thread, took_nothing
@@ -53,7 +54,8 @@ class Controls:
 
     observer: is notified of progress. interrupt: ends it when it is set. injector: of faults.
     pace: pauses it. prefix: holds it before its first live step. calls: of a recording, made
-    again. new_calls: made at their steps; one that fails ends the run.
+    again. new_calls: made at their steps; one that fails ends the run. invitations: of participants
+    that somebody else starts.
     """
 
     observer: Observer = field(default_factory=Silent)
@@ -63,6 +65,7 @@ class Controls:
     prefix: Gate | None = None
     calls: Sequence[CallRecord] = ()
     new_calls: Sequence[CallRecord] = ()
+    invitations: Invitations | None = None
 
 
 class RunLoop:

@@ -10,6 +10,9 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.loop.loop import SHORT_TICK_S, RunLoop
 from stepbus_orchestrator.scenario import Deadlines
 
+_LEAVE_S = 1.0
+"""How long a run that has failed waits for a process that somebody else has started [s]."""
+
 
 def shut_down(loop: RunLoop, failure: RunFailure | None) -> list[ParticipantState]:
     """End every process, take what is still reported, and return those that were late.
@@ -19,18 +22,18 @@ def shut_down(loop: RunLoop, failure: RunFailure | None) -> list[ParticipantStat
     """
     participants = loop.state.participants
     culprit = None if failure is None else failure.participant
-    if culprit is not None and culprit in participants:
+    if culprit is not None and culprit in participants and not _is_external(participants[culprit]):
         # Before the others: a process that reads nothing blocks those that publish to it.
         participants[culprit].process.end()
     waits_for = [
         participant
         for participant in participants.values()
         if participant.phase == Phase.READY
-        and participant.name != culprit
+        and (participant.name != culprit or _is_external(participant))
         # In a run that has failed, one that is stopped as well would only be waited for.
         and not (failure is not None and participant.process.activity().is_stopped)
     ]
-    late = _await_ends(loop, waits_for)
+    late = _await_ends(loop, waits_for, has_failed=failure is not None)
     _end_all(participants.values())
     loop.receive_after_failure(0.0)
     loop.announcer.close()
@@ -46,23 +49,34 @@ def _end_all(participants: Collection[ParticipantState]) -> None:
         participant.process.end(max(0.0, give_up - time.monotonic()))
 
 
-def _await_ends(loop: RunLoop, participants: list[ParticipantState]) -> list[ParticipantState]:
+def _is_external(participant: ParticipantState) -> bool:
+    return participant.external is not None
+
+
+def _await_ends(
+    loop: RunLoop, participants: list[ParticipantState], *, has_failed: bool
+) -> list[ParticipantState]:
     began = time.monotonic()
     while True:
         left = [
             participant for participant in participants if participant.process.exit_code() is None
         ]
         waited_s = time.monotonic() - began
-        if not any(waited_s < _patience_s(loop, participant) for participant in left):
+        if not any(waited_s < _patience_s(loop, item, has_failed=has_failed) for item in left):
             return left
+        if loop.controls.invitations is not None:
+            loop.controls.invitations.remind_to_leave(left)
         for participant in left:
             participant.process.limit_log()
         loop.announcer.repeat_stop()
         loop.receive_after_failure(SHORT_TICK_S)
 
 
-def _patience_s(loop: RunLoop, participant: ParticipantState) -> float:
+def _patience_s(loop: RunLoop, participant: ParticipantState, *, has_failed: bool) -> float:
     """Return how long a participant may take to end [s]; not long after Ctrl-C."""
+    if has_failed and _is_external(participant):
+        # It may stand in a debugger, and nobody may end it.
+        return _LEAVE_S
     stop_s = seconds(participant.spec, "stop")
     return min(stop_s, Deadlines.stop_s) if loop.controls.interrupt.is_set() else stop_s
 
@@ -74,7 +88,8 @@ def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
     if late:
         raise StopTimeout(
             f"{', '.join(participant.who() for participant in late)} did not end within "
-            f"{seconds(late[0].spec, 'stop'):g} s of the stop and was killed "
+            f"{seconds(late[0].spec, 'stop'):g} s of the stop and was "
+            f"{'left alone' if _is_external(late[0]) else 'killed'} "
             f"(participants.{late[0].name}.stop_timeout); the recording is complete",
             participant=late[0].name,
             step=loop.state.steps,
@@ -84,7 +99,7 @@ def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
         if process.exit_code() != 0:
             raise ParticipantDied(
                 f"after the last step: {participant.who()} {process.how_it_ended()} while "
-                f"stopping; the recording is complete; its log: {process.log}",
+                f"stopping; the recording is complete; {participant.where_it_prints()}",
                 participant=participant.name,
                 step=loop.state.steps,
             )

@@ -39,6 +39,8 @@ def _start(loop: RunLoop) -> RunPhase:
     loop.strategy.launch(state)
     while not state.is_ready:
         loop.strategy.peers.send_handshake()
+        if loop.controls.invitations is not None:
+            loop.controls.invitations.remind(state.participants.values())
         loop.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
     loop.descriptions = loop.strategy.descriptions(state.participants)
     inputs = input_descriptions(state.scenario, loop.descriptions)

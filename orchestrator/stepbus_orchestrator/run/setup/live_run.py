@@ -1,4 +1,4 @@
-"""The strategy of a run: every participant of the scenario is started."""
+"""The strategy of a run: every participant is started, here or by somebody else."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -6,10 +6,11 @@ from pathlib import Path
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
+from stepbus_orchestrator.run.control.invitations import Invitations
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
-from stepbus_orchestrator.scenario import start_command
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
 
 from .faults import message_faults
 from .options import Options
@@ -19,30 +20,58 @@ class LiveRun:
     """Starts all participants; none is played."""
 
     def __init__(
-        self, launcher: Launcher, mesh: Mesh, timing: TimingRecorder, options: Options
+        self,
+        launcher: Launcher,
+        mesh: Mesh,
+        timing: TimingRecorder,
+        options: Options,
+        invitations: Invitations,
     ) -> None:
         self.peers = NoPeers()
         self._launcher = launcher
         self._mesh = mesh
         self._timing = timing
         self._options = options
+        self._invitations = invitations
 
     def launch(self, state: RunState) -> None:
         """Start the participants, in the order of the options."""
         scenario = state.scenario
         for name in self._options.start_order or [s.name for s in scenario.participants]:
             spec = scenario.participant(name)
-            child = self._launcher.start(
-                spec,
-                start_command(spec, scenario.folder),
-                self._mesh.participants[name],
-                scenario.folder,
-                faults=message_faults(scenario, name),
-                has_terminal=name in self._options.debug,
-                profile=self._options.profile_order(),
+            started = (
+                self._admit(spec, scenario) if spec.is_external else self._start(spec, scenario)
             )
-            state.participants = {**state.participants, name: ParticipantState(spec, child)}
-            self._timing.event("spawn", name, f"pid {child.pid}")
+            state.participants = {**state.participants, name: started}
+
+    def _start(self, spec: ParticipantSpec, scenario: Scenario) -> ParticipantState:
+        child = self._launcher.start(
+            spec,
+            start_command(spec, scenario.folder),
+            self._mesh.participants[spec.name],
+            scenario.folder,
+            faults=message_faults(scenario, spec.name),
+            has_terminal=spec.name in self._options.debug,
+            profile=self._options.profile_order(),
+        )
+        self._timing.event("spawn", spec.name, f"pid {child.pid}")
+        return ParticipantState(spec, child)
+
+    def _admit(self, spec: ParticipantSpec, scenario: Scenario) -> ParticipantState:
+        """Let somebody else start a participant."""
+        external = self._launcher.admit(
+            spec,
+            self._mesh.participants[spec.name],
+            self._options.tickets.get(spec.name, self._options.out / f"{spec.name}.ticket"),
+            scenario.folder,
+            faults=message_faults(scenario, spec.name),
+            profile=self._options.profile_order(),
+        )
+        self._mesh.tickets[spec.name] = external.ticket.path
+        self._timing.event("external", spec.name)
+        admitted = ParticipantState(spec, external, external=external)
+        self._invitations.add(admitted)
+        return admitted
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
         """Return what the start of a participant needs and somebody has removed."""

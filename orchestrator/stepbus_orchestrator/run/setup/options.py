@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from stepbus_orchestrator.processes.child import Child
@@ -37,10 +37,12 @@ class Options:
     name. pace: pauses the run. prefix: the first steps, where they are those of a recording.
     calls: of a recording, made again at their steps. new_calls: made at their steps for the first
     time; one that fails ends the run. debug: names of participants that have the terminal and no
-    deadline, to run in a debugger. in_process: host all participants in this process, over a bus
-    in memory. owns_descriptors: then descriptors 1 and 2 are nobody else's, and what libraries in
-    C print goes to a log. profile: measure where the time of each step goes. speedscope: names of
-    participants whose stack is sampled too.
+    deadline, to run in a debugger. no_deadline: names of others that have none. admits_external:
+    wait for participants with `start: external`; otherwise they are started here. tickets: where
+    the tickets of these are put; default: `<name>.ticket` in `out`. in_process: host all
+    participants in this process, over a bus in memory. owns_descriptors: then descriptors 1 and 2
+    are nobody else's, and what libraries in C print goes to a log. profile: measure where the time
+    of each step goes. speedscope: names of participants whose stack is sampled too.
     """
 
     out: Path
@@ -51,6 +53,9 @@ class Options:
     calls: Sequence[CallRecord] = ()
     new_calls: Sequence[CallRecord] = ()
     debug: Sequence[str] = ()
+    no_deadline: Sequence[str] = ()
+    admits_external: bool = False
+    tickets: Mapping[str, Path] = field(default_factory=dict)
     in_process: bool = False
     owns_descriptors: bool = False
     profile: bool = False

@@ -10,6 +10,7 @@ from stepbus_schemas import WiringError
 
 from ..faults import FaultContext, parse_fault
 from ..model import (
+    EXTERNAL_SPAWN_S,
     LAST_TCP_PORT,
     BusSpec,
     Deadlines,
@@ -134,6 +135,7 @@ def _participant(
         on_fault=_ON_FAULT[row.on_fault] if isinstance(row.on_fault, str) else row.on_fault,
         bridge=row.bridge,
         files=row.files,
+        start=row.start,
     )
 
 
@@ -143,8 +145,9 @@ def _input(row: InputRow) -> InputSpec:
 
 
 def _deadlines(row: ParticipantRow) -> Deadlines:
+    default_s = EXTERNAL_SPAWN_S if row.start == "external" else Deadlines.spawn_s
     return Deadlines(
-        spawn_s=row.spawn_timeout_ns / 1e9,
+        spawn_s=default_s if row.spawn_timeout_ns is None else row.spawn_timeout_ns / 1e9,
         join_s=row.join_timeout_ns / 1e9,
         ready_s=row.ready_timeout_ns / 1e9,
         step_s=row.step_timeout_ns / 1e9,

@@ -22,6 +22,7 @@ from ..model import (
     OutputSpec,
     ParticipantSpec,
     Publishes,
+    Start,
 )
 from ..model import Scenario as Model
 
@@ -66,8 +67,11 @@ class ParticipantRow(Settings):
     params: dict[str, Any] = {}
     """For the participant alone; checked where it declares them
     ([parameters.md](parameters.md))."""
-    spawn_timeout_ns: Duration = round(Deadlines.spawn_s * 1e9)
-    """Until its process is on the bus."""
+    start: Start = ParticipantSpec.start
+    """Who starts it: the orchestrator, or you, with `stepbus join`
+    ([attach.md](../guide/attach.md)). Changes no result."""
+    spawn_timeout_ns: Duration | None = None
+    """Until its process is on the bus. Default: 20s, with `start: external` 2min."""
     join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
     """From there until it has joined."""
     ready_timeout_ns: Duration = round(Deadlines.ready_s * 1e9)

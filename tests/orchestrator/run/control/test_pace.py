@@ -112,7 +112,7 @@ def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
 
 def test_only_a_participant_can_be_debugged(tmp_path):
     scenario = load(write_scenario(tmp_path / "source"))
-    with pytest.raises(WiringError, match="no participant 'plnt' to debug"):
+    with pytest.raises(WiringError, match="no participant 'plnt'"):
         run(scenario, Options(out=tmp_path / "out", debug=("plnt",)))
 
 

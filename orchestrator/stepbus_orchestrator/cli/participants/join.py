@@ -1,0 +1,74 @@
+"""`stepbus join`: start a participant of a run that somebody else has started."""
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.processes.launcher import participant_environment
+from stepbus_orchestrator.processes.links.shared_ticket import JoinTicket, await_ticket
+from stepbus_orchestrator.scenario.program import command
+from stepbus_participant import parse_duration
+from stepbus_schemas import WiringError
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("ticket", type=Path, help="the ticket, as the run prints it")
+    parser.add_argument(
+        "--wait",
+        default="60s",
+        metavar="DURATION",
+        help="how long to wait for the run, where it is not there yet (default: 60s)",
+    )
+    parser.add_argument(
+        "program",
+        nargs="*",
+        help="command line of the program, after `--`; default: that of the scenario",
+    )
+
+
+def _execute(args: argparse.Namespace) -> int:
+    """Become the participant: this process is replaced by its program, and keeps its pid."""
+    ticket = await_ticket(args.ticket, parse_duration(args.wait) * 1e-9, _notify)
+    folder = Path.cwd() if args.program else Path(ticket.folder)
+    argv = _argv(ticket, args.program or ticket.exec, folder)
+    _notify(f"{ticket.name} of run {ticket.run}: {' '.join(argv)}")
+    sys.stdout.flush()
+    try:
+        os.chdir(folder)
+        os.execve(argv[0], argv, participant_environment(args.ticket.absolute()))  # noqa: S606  (no shell between us and the program, which keeps our pid)
+    except OSError as exc:
+        raise WiringError(f"{exc.filename or argv[0]}: {exc.strerror}") from exc
+
+
+def _argv(ticket: JoinTicket, words: list[str], folder: Path) -> tuple[str, ...]:
+    """Return the command line of a program, or of the bridge to it where the scenario has one."""
+    if not ticket.bridge:
+        return command(words, folder)
+    describe = ("--describe", json.dumps(ticket.describe)) if ticket.describe else ()
+    options = ("--format", ticket.bridge, *describe)
+    return command(("stepbus", "bridge", *options, "--", *words), folder)
+
+
+def _notify(sentence: str) -> None:
+    sys.stderr.write(f"stepbus join: {sentence}\n")
+    sys.stderr.flush()
+
+
+COMMAND = Command(
+    name="join",
+    summary="start a participant of a run from another terminal, container or debugger",
+    description="Waits for the run of a ticket, then becomes the program: in its own place, with "
+    "this terminal, as the run would have started it (bridge included). The run waits for it: "
+    "`stepbus run --external NAME`, or `start: external` in the scenario. Either may be first "
+    "(docs/guide/attach.md). The exit code is that of the program.",
+    examples=(
+        "stepbus join runs/two_link-20260101-120000/controller.ticket",
+        "stepbus join /tmp/c.ticket -- python my_controller.py",
+        "stepbus join /tmp/c.ticket --wait 10min -- python -m pdb my_controller.py",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

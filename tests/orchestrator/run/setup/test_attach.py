@@ -1,0 +1,382 @@
+"""Participants that somebody else starts: the same bytes, and the same blame, as with children."""
+
+import contextlib
+import json
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from support.messages.recordings import messages
+from support.paths import CHECKOUT
+from support.runs.elsewhere import JOIN, SHORT, Elsewhere, run_with_external
+from support.runs.joints import PROGRAM, fault, run_joints, write_scenario
+
+from stepbus_orchestrator import ExitCode, Options, load
+from stepbus_orchestrator.run.control import invitations
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_schemas import WiringError
+
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
+TICKET = "out/controller.ticket"
+
+
+@pytest.fixture(scope="module")
+def as_child(tmp_path_factory):
+    """Return the result of the run whose participants are all started by the orchestrator."""
+    return run_joints(tmp_path_factory.mktemp("child"), *SHORT)
+
+
+@pytest.fixture
+def elsewhere():
+    found = Elsewhere()
+    yield found
+    found.close()
+
+
+def wait_for(condition):
+    """Wait until something is so, however slow the machine."""
+    give_up = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < give_up
+        time.sleep(0.01)
+
+
+def test_a_participant_that_waits_for_its_run_gives_the_bytes_of_a_child(
+    tmp_path, elsewhere, as_child
+):
+    ticket = tmp_path / "c.ticket"
+    process = elsewhere.join(ticket, "--wait", "60s")
+    assert "no ticket there" in elsewhere.wait_until_it_waits(process)
+    result, _ = run_with_external(tmp_path, tickets={"controller": ticket})
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+    assert process.wait(20) == 0
+    assert not ticket.exists()
+
+
+def test_a_participant_that_comes_later_gives_the_bytes_of_a_child(
+    tmp_path, elsewhere, as_child, monkeypatch
+):
+    monkeypatch.setattr(invitations, "_REMIND_S", 0.2)
+    result, told = run_with_external(
+        tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET), words="is not there yet"
+    )
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+    assert f"stepbus join {tmp_path / TICKET}" in told[0]
+    assert "is not there yet" in told[1]
+
+
+def test_all_participants_may_be_started_elsewhere(tmp_path, elsewhere, as_child):
+    names = ("plant", "controller", "mission")
+
+    def invited():
+        for name in names:
+            elsewhere.join(tmp_path / f"out/{name}.ticket")
+
+    result, _ = run_with_external(tmp_path, names=names, invited=invited)
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+
+
+def test_on_tcp_too(tmp_path, elsewhere, as_child):
+    result, _ = run_with_external(
+        tmp_path, "bus.transport=tcp", invited=lambda: elsewhere.join(tmp_path / TICKET)
+    )
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+
+
+def test_who_never_comes_is_named(tmp_path, elsewhere):
+    result, _ = run_with_external(tmp_path, "controller.spawn_timeout=500ms")
+    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
+    assert "controller (external) is not there" in result.reason
+    assert f"stepbus join {tmp_path / TICKET}" in result.reason
+
+
+def test_who_is_killed_is_named(tmp_path, elsewhere):
+    processes = []
+    result, _ = run_with_external(
+        tmp_path,
+        invited=lambda: processes.append(elsewhere.join(tmp_path / TICKET)),
+        paused=lambda: os.kill(processes[0].pid, signal.SIGKILL),
+    )
+    assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
+    assert f"controller (external, pid {processes[0].pid}) has left the bus" in result.reason
+    assert "its output is where it was started" in result.reason
+    assert result.at_step == 30
+
+
+def test_who_is_frozen_is_named(tmp_path, elsewhere):
+    processes = []
+    result, _ = run_with_external(
+        tmp_path,
+        "controller.step_timeout=500ms",
+        invited=lambda: processes.append(elsewhere.join(tmp_path / TICKET)),
+        paused=lambda: processes[0].send_signal(signal.SIGSTOP),
+    )
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "has been stopped by a signal or a debugger" in result.reason
+    # It is not ours: it lives, and ends by itself once it continues.
+    assert processes[0].poll() is None
+    processes[0].send_signal(signal.SIGCONT)
+    # The `Stop` may have come before its link was cut.
+    assert processes[0].wait(20) in (0, 1)
+
+
+def test_a_fault_that_it_reports_ends_the_run(tmp_path, elsewhere):
+    processes = []
+    result, _ = run_with_external(
+        tmp_path,
+        fault("controller", "controller", "raise", 7),
+        invited=lambda: processes.append(elsewhere.join(tmp_path / TICKET)),
+    )
+    assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")
+    assert "the knee is bent the wrong way" in result.reason
+    assert processes[0].wait(20) == 1
+
+
+def test_who_comes_twice_is_let_in_once(tmp_path, elsewhere, as_child):
+    seconds = []
+
+    def paused():
+        second = elsewhere.join(tmp_path / TICKET)
+        seconds.append(second.wait(60))
+
+    result, _ = run_with_external(
+        tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET), paused=paused
+    )
+    assert seconds[0] != 0
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+
+
+def test_a_run_is_ended_while_it_waits(tmp_path):
+    interrupt = threading.Event()
+    result, _ = run_with_external(tmp_path, invited=interrupt.set, interrupt=interrupt)
+    assert result.exit_code == ExitCode.INTERRUPTED
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "logs", "result.json", "run.mcap", "timing.mcap",
+    ]  # fmt: skip
+
+
+def test_whoever_is_left_by_a_killed_orchestrator_ends(tmp_path, own_temp, elsewhere):
+    ticket = tmp_path / "c.ticket"
+    run_it = ("run", "two_link", "--external", f"controller={ticket}", "--out", tmp_path / "out")
+    program = (sys.executable, "-m", "stepbus_orchestrator.cli")
+    orchestrator = elsewhere.start(*program, *run_it, "--set", "duration=1h")
+    process = elsewhere.join(ticket)
+    recording = tmp_path / "out/run.mcap"
+    wait_for(lambda: recording.exists() and recording.stat().st_size > 50_000)
+    orchestrator.kill()
+    assert process.wait(60) == 1
+    wait_for(lambda: not list(own_temp.iterdir()))
+    # The lock on its ticket went with the run.
+    late = elsewhere.join(ticket, "--wait", "200ms")
+    assert late.wait(60) == ExitCode.SCENARIO
+    assert "of a run that has ended" in late.stderr.read()
+
+
+def test_a_fallback_replaces_one_that_has_left(tmp_path, elsewhere):
+    hold = "controller.on_fault=hold"
+    pids = []
+
+    def invited():
+        pids.append(elsewhere.join(tmp_path / "a" / TICKET).pid)
+
+    result, _ = run_with_external(
+        tmp_path / "a", hold, invited=invited, paused=lambda: os.kill(pids[0], signal.SIGKILL)
+    )
+    child, _ = run_with_external(tmp_path / "b", hold, "faults=['kill controller at 30']", names=())
+    assert (result.exit_code, child.exit_code) == (ExitCode.DIED, ExitCode.DIED)
+    assert "its commands were held from step" in result.reason
+    assert messages(result.recording) == messages(child.recording)
+
+
+def test_no_fallback_speaks_for_one_that_may_speak_itself(tmp_path, elsewhere):
+    processes = []
+    result, _ = run_with_external(
+        tmp_path,
+        "controller.on_fault=hold",
+        "controller.step_timeout=500ms",
+        invited=lambda: processes.append(elsewhere.join(tmp_path / TICKET)),
+        paused=lambda: processes[0].send_signal(signal.SIGSTOP),
+    )
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "held from" not in result.reason
+
+
+def debug(terminal, *commands):
+    """Give pdb its commands, each at its prompt, and read until its end."""
+    shown = ""
+    with contextlib.suppress(OSError):
+        for command in commands:
+            while "(Pdb)" not in shown:
+                shown += os.read(terminal, 4096).decode(errors="replace")
+            # Longer than its deadline for a step.
+            time.sleep(0.4)
+            shown = ""
+            os.write(terminal, command)
+        while os.read(terminal, 4096):
+            continue
+
+
+def test_without_deadlines_a_debugger_may_hold_it(tmp_path, elsewhere, as_child):
+    mine, its = pty.openpty()
+    lines = PROGRAM.read_text().splitlines()
+    line = lines.index('        state = step.read("joint_state", JointState)') + 1
+    commands = (f"break {line}\n".encode(), b"continue\n", b"clear 1\n", b"continue\n", b"quit\n")
+    debugger = threading.Thread(target=debug, args=(mine, *commands))
+
+    def invited():
+        words = ("--", "python", "-m", "pdb", "joints.py", "controller")
+        streams = {"stdin": its, "stdout": its, "stderr": its}
+        elsewhere.join(tmp_path / TICKET, *words, cwd=tmp_path / "source", **streams)
+        os.close(its)
+        debugger.start()
+
+    try:
+        result, _ = run_with_external(
+            tmp_path, "controller.step_timeout=200ms", invited=invited, no_deadline=["controller"]
+        )
+    finally:
+        elsewhere.close()
+        debugger.join()
+        os.close(mine)
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256), result.reason
+
+
+def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
+    tmp_path, elsewhere, as_child
+):
+    if shutil.which("node") is None:
+        pytest.skip("needs node")
+    scenario = load(CHECKOUT / "examples/controllers/javascript/scenario.yaml", SHORT)
+    child = run(scenario, Options(out=tmp_path / "child"))
+    assert child.exit_code == 0, child.reason
+    ticket = tmp_path / "c.ticket"
+    elsewhere.join(ticket)
+    external = load(
+        CHECKOUT / "examples/controllers/javascript/scenario.yaml",
+        [*SHORT, "controller.start=external"],
+    )
+    options = Options(out=tmp_path / "out", admits_external=True, tickets={"controller": ticket})
+    result = run(external, options)
+    assert (result.exit_code, result.sha256) == (0, child.sha256)
+
+
+def can_unshare():
+    words = ["unshare", "--user", "--map-current-user", "--mount", "--pid", "--net", "--fork"]
+    done = shutil.which("unshare") and subprocess.run(
+        [*words, "true"], check=False, capture_output=True
+    )
+    return words if done and done.returncode == 0 else []
+
+
+@pytest.mark.parametrize("what", ["works", "frozen", "killed"])
+def test_in_a_container(tmp_path, elsewhere, as_child, what):
+    """It has namespaces of its own: processes, network, mounts, users."""
+    words = can_unshare()
+    if not words:
+        pytest.skip("needs user namespaces")
+    processes = []
+    numbers = {"frozen": signal.SIGSTOP, "killed": signal.SIGKILL}
+
+    def paused():
+        if what != "works":
+            os.killpg(processes[0].pid, numbers[what])
+
+    result, _ = run_with_external(
+        tmp_path,
+        *(["controller.step_timeout=500ms"] if what == "frozen" else []),
+        invited=lambda: processes.append(elsewhere.start(*words, *JOIN, tmp_path / TICKET)),
+        paused=paused,
+    )
+    if what == "works":
+        assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+        return
+    code = {"frozen": ExitCode.STEP_TIMEOUT, "killed": ExitCode.DIED}[what]
+    assert (result.exit_code, result.participant) == (code, "controller"), result.reason
+    # Its process id is that of another namespace, and not shown as one of ours.
+    assert "controller (external)" in result.reason
+
+
+def test_as_a_service(tmp_path, elsewhere, as_child):
+    """It has no terminal, no environment and another folder, as under systemd."""
+    script = tmp_path / "out/join-controller.sh"
+    result, _ = run_with_external(
+        tmp_path, invited=lambda: elsewhere.start("/usr/bin/env", "-i", script, cwd="/")
+    )
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+
+
+def test_the_exit_code_of_the_program_is_that_of_join(tmp_path, elsewhere):
+    codes = []
+
+    def invited():
+        codes.append(elsewhere.join(tmp_path / TICKET, "--", "sh", "-c", "exit 7").wait(60))
+
+    result, _ = run_with_external(tmp_path, "controller.spawn_timeout=500ms", invited=invited)
+    assert (codes, result.exit_code) == ([7], ExitCode.START)
+
+
+def test_a_recording_of_it_is_run_again_and_replayed(tmp_path, elsewhere):
+    result, _ = run_with_external(tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET))
+    program = (sys.executable, "-m", "stepbus_orchestrator.cli")
+    again = elsewhere.start(
+        *program, "rerun", result.recording, "--trust", "--out", tmp_path / "again"
+    )
+    assert again.wait(60) == 0, again.stderr.read()
+    replayed = elsewhere.start(
+        *program, "replay", result.recording, "--participant", "controller", "--trust"
+    )
+    assert replayed.wait(60) == 0, replayed.stderr.read()
+    sha256 = json.loads((tmp_path / "again/result.json").read_text())["sha256"]
+    assert sha256 == result.sha256
+
+
+def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
+    result = run_joints(tmp_path, *SHORT, "controller.start=external")
+    assert result.exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "overrides", "sentence"),
+    [
+        ({"in_process": True}, [], "leave out --in-process"),
+        ({"debug": ("controller",)}, [], "--no-deadline controller"),
+        ({}, ["faults=['freeze controller at 7']"], "sends no signal to a process"),
+        ({"tickets": {"controler": Path("x")}}, [], "did you mean 'controller'"),
+        ({"no_deadline": ("controler",)}, [], "did you mean 'controller'"),
+    ],
+)
+def test_what_cannot_be_done_to_it_is_refused(tmp_path, options, overrides, sentence):
+    scenario = load(write_scenario(tmp_path), ["controller.start=external", *overrides])
+    with pytest.raises(WiringError, match=sentence):
+        run(scenario, Options(out=tmp_path / "out", admits_external=True, **options))
+    shutil.rmtree(tmp_path)
+
+
+def test_a_ticket_replaces_nothing_else(tmp_path):
+    kept = tmp_path / "controller.py"
+    kept.write_text("print('mine')")
+    result, _ = run_with_external(tmp_path, tickets={"controller": kept})
+    assert result.exit_code == ExitCode.START
+    assert "which is no ticket" in result.reason
+    assert kept.read_text() == "print('mine')"
+
+
+def test_two_runs_do_not_share_a_ticket(tmp_path):
+    ticket = tmp_path / "c.ticket"
+    second = []
+
+    def invited():
+        second.append(run_with_external(tmp_path / "b", tickets={"controller": ticket})[0])
+
+    run_with_external(
+        tmp_path / "a", "controller.spawn_timeout=500ms", tickets={"controller": ticket},
+        invited=invited,
+    )  # fmt: skip
+    assert "is the ticket of another run, which still lasts" in second[0].reason
