@@ -17,7 +17,7 @@ from stepbus_orchestrator.run.run_scenario import run
 ROBOTS = ("cv2", "eaik", "ompl", "toppra", "xacro")
 NEED_ROBOTS = [
     "services/motion/ik/test_analytic.py",
-    "services/motion/manipulator/test_manipulator.py",
+    "services/motion/manipulator",
     "services/motion/test_paths.py",
     "participant/files/test_models.py",
     "services/perception/test_accuracy.py",
@@ -26,11 +26,10 @@ NEED_ROBOTS = [
     "services/perception/test_participant.py",
     "services/planner/test_participant.py",
     "services/planner/test_run.py",
-    "services/motion/manipulator/test_self_collision.py",
     "services/planner/test_paths.py",
     "scenarios/store/test_scene.py",
 ]
-"""Files whose imports need what the extra `robots` installs."""
+"""Files and folders whose imports need what the extra `robots` installs."""
 
 collect_ignore = [] if all(map(find_spec, ROBOTS)) else NEED_ROBOTS
 
