@@ -14,8 +14,10 @@ import pytest
 from mcap.reader import make_reader
 from support.messages.recordings import messages
 
+from stepbus_orchestrator import Options, Pace, load, run_scenario
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
+from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_schemas import JointState, encode
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
@@ -130,14 +132,43 @@ def overwrite(recording):
     ],
 )
 def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
-    process, recording = start(tmp_path, "--no-report", "--set", "duration=60s")
-    change(recording)
-    _, errors = process.communicate(timeout=60)
-    assert f"the recording {recording} {sentence}: somebody changed it" in errors
-    assert "Traceback" not in errors
-    assert process.returncode == ExitCode.RECORDING == 8
+    """The run is paused at a step while it is changed."""
+    pace = Pace(50)
+    options = Options(out=tmp_path / "run", pace=pace, in_process=True)
+    changer = Changer(lambda: change(recording), pace)
+    recording = tmp_path / "run" / "run.mcap"
+    result = run_scenario(load("two_link", ["duration=500ms"]), options, changer)
+    assert changer.is_done
+    assert f"the recording {recording} {sentence}: somebody changed it" in result.reason
+    assert result.exit_code == ExitCode.RECORDING == 8
     if recording.parent.is_dir():
         assert json.loads((recording.parent / "result.json").read_text())["exit_code"] == 8
+
+
+class Changer(Silent):
+    """Changes something once a run is paused, and lets it continue."""
+
+    def __init__(self, change, pace):
+        self.is_done = False
+        self.change = change
+        self.pace = pace
+
+    def progress(self, progress):
+        """Change it in the first pause."""
+        if progress.phase == "paused" and not self.is_done:
+            self.is_done = True
+            self.change()
+            self.pace.resume()
+
+
+def test_the_command_says_that_a_recording_was_changed(tmp_path):
+    freeze = ["--fault", "freeze controller at 200 for 2s"]
+    process, recording = start(tmp_path, "--no-report", "--set", "duration=2s", *freeze)
+    overwrite(recording)
+    _, errors = process.communicate(timeout=60)
+    assert f"the recording {recording} has another content than was written" in errors
+    assert "Traceback" not in errors
+    assert process.returncode == ExitCode.RECORDING
 
 
 def test_a_killed_orchestrator_has_recorded_what_was_complete_a_moment_before(tmp_path):
