@@ -166,6 +166,8 @@ def findings(recording: Recording) -> list[str]:
 def _goal_lines(recording: Recording, plants: Iterable[Mapping[str, Joint]]) -> Iterator[str]:
     """Yield the joints that goals send beyond a stop."""
     joints = {name: joint for plant in plants for name, joint in plant.items()}
+    # Goals name joints as the model does, without the prefix of one of two robots.
+    joints = {name.rpartition("/")[2]: joint for name, joint in joints.items()} | joints
     counts: dict[tuple[str, str], _Count] = {}
     for topic, name, value in goal_targets(recording):
         if name in joints:

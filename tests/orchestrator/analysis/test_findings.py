@@ -76,10 +76,10 @@ def test_degrees_in_a_parameter_that_no_message_shows_are_asked_for(tmp_path):
     ]
 
 
-def goals(tmp_path, *sent, joint_type="revolute"):
+def goals(tmp_path, *sent, joint_type="revolute", joint="elbow"):
     """Return the findings of a recording with goals for a joint with stops at ±2."""
     limits = {"lower": [-2.0], "upper": [2.0]}
-    elbow = Description(names=["elbow"], limits=limits, details={"type": [joint_type]})
+    elbow = Description(names=[joint], limits=limits, details={"type": [joint_type]})
     joints = ("JointState/1", elbow, [JointState(position=[0.0])])
     path = write(tmp_path / "run.mcap", goal=("Goal/1", [], list(sent)), joints=joints)
     return findings(Recording(path))
@@ -91,6 +91,8 @@ def test_degrees_in_a_goal_are_asked_for(tmp_path):
     wrong = Goal(id=2, type="move_joints", joints=["elbow"], values=[90.0])
     sentence = "plant.goal: elbow is sent to 90 rad, beyond its stop at 2 rad; is it in degrees?"
     assert goals(tmp_path, right, wrong) == [f"{sentence} 90° is 1.571 rad"]
+    (line,) = goals(tmp_path, wrong, joint="left/elbow")
+    assert line.startswith("plant.goal: elbow is sent to 90 rad, beyond its stop")
     millimetres = Goal(id=2, type="move_joints", joints=["elbow"], values=[300.0])
     (line,) = goals(tmp_path, millimetres, joint_type="prismatic")
     assert line.endswith("beyond its stop at 2 m; is it in mm? 300 mm is 0.3 m")
