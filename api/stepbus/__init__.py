@@ -131,6 +131,7 @@ __all__ = [
     "Share",
     "Spiral",
     "StartFailed",
+    "Steering",
     "Step",
     "StepTimeout",
     "StepbusError",
