@@ -79,7 +79,7 @@ def main() -> None:
     environment = {**os.environ, "PYTHONPATH": path}
     kept = args.out / "measured.jsonl"
     rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
-    done = {(row["round"], row["case"]) for row in rows}
+    done = {(row["round"], row["case"]) for row in rows if "failed" not in row}
     cases = all_cases()
     for number in range(args.rounds):
         for case in cases if number % 2 == 0 else reversed(cases):

@@ -46,7 +46,7 @@ def peers() -> list[Case]:
 
 def two_link() -> list[Case]:
     """Return the arm under stepbus."""
-    delayed = ["controller.inputs.joint_state.delay=1"]
+    delayed = ["controller.inputs.joint_state={from: plant.joint_state, delay: 1}"]
     return [
         *(_stepbus(f"two_link, window {w}", window=w) for w in (64, 16, 4, 1)),
         _stepbus("two_link, window 64, delayed coupling", window=64, overrides=delayed),
