@@ -112,6 +112,7 @@ def _run_once(case: Case, seed: str, patience: float, undisturbed: Reference | N
 
 def _await_moment(box: Sandbox, moment: str, chance: random.Random) -> None:
     if moment == "start":
+        box.wait_for(box.takes_signals, HANG_S)
         time.sleep(chance.uniform(0.0, 2.0))
         return
     box.notes["stepped"] = box.wait_for(box.is_stepping, HANG_S)

@@ -108,6 +108,19 @@ class Sandbox:
             time.sleep(0.005)
         return True
 
+    def takes_signals(self) -> bool:
+        """Return whether the program has come to its first line; before, it is Python that starts.
+
+        A wrapper takes none.
+        """
+        if "wrapper" in self.notes:
+            return True
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            status = Path(f"/proc/{self.orchestrator.pid}/status").read_text()
+            caught = int(status.partition("SigCgt:")[2].split()[0], 16)
+            return bool(caught >> (signal.SIGTERM - 1) & 1)
+        return False
+
     def is_stepping(self) -> bool:
         """Return whether steps have reached the recording, which is long behind its attachments."""
         recording = self.out / "run.mcap"

@@ -44,6 +44,6 @@ def _check_open_files(participants: int) -> None:
     allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed not in {resource.RLIM_INFINITY, -1} and allowed < needed:
         raise StartFailed(
-            f"a run of {participants} participants needs {needed} open files, and this shell "
-            f"allows {allowed}; raise the limit with `ulimit -n {max(256, 2 * needed)}`"
+            f"a run of {participants} participant{'s' * (participants > 1)} needs {needed} open "
+            f"files, and this shell allows {allowed}; raise the limit with `ulimit -n {max(256, 2 * needed)}`"
         )

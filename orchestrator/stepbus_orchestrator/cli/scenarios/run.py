@@ -129,6 +129,8 @@ def _load(args: argparse.Namespace) -> Scenario:
 
 
 def _execute(args: argparse.Namespace) -> int:
+    # Else it would be the scenario that cannot be read.
+    check_limits(1)
     scenario = _load(args)
     if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
         raise WiringError(
