@@ -45,5 +45,6 @@ def _check_open_files(participants: int) -> None:
     if allowed not in {resource.RLIM_INFINITY, -1} and allowed < needed:
         raise StartFailed(
             f"a run of {participants} participant{'s' * (participants > 1)} needs {needed} open "
-            f"files, and this shell allows {allowed}; raise the limit with `ulimit -n {max(256, 2 * needed)}`"
+            f"files, and this shell allows {allowed}; raise the limit with "
+            f"`ulimit -n {max(256, 2 * needed)}`"
         )
