@@ -32,6 +32,7 @@ from .bus.session import Session, open_bus
 from .control.injector import Injector
 from .control.invitations import Invitations
 from .control.live_file import Live, forget
+from .control.real_time import RealTime
 from .inprocess import LocalRun, check_scenario, surroundings
 from .kernel.gates import Gate
 from .loop.loop import Controls, Records, RunLoop
@@ -83,6 +84,9 @@ def run_with(
     if not options.admits_external:
         scenario = as_children(scenario)
     check_external(scenario, options)
+    if options.real_time is not None:
+        # Each step begins when all have finished the one before, and its time has come.
+        scenario = dataclasses.replace(scenario, window=1, batch=1)
     scenario = without_deadlines(scenario, [*options.debug, *options.no_deadline])
     check_limits(len(scenario.participants))
     return _Run(
@@ -123,6 +127,8 @@ class _Run:
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
         self._invitations = Invitations(out, observer)
+        factor = options.real_time
+        self._real_time = None if factor is None else RealTime(scenario.step_ns, factor)
         self._recorder = Recorder(
             self._file, order, scenario.step_ns, self._events.take, scenario.types
         )
@@ -290,6 +296,7 @@ class _Run:
             calls=self._options.calls,
             new_calls=self._options.new_calls,
             invitations=self._invitations,
+            real_time=self._real_time,
         )
 
     def _result(self, reason: str, failure: RunFailure | None) -> Result:
@@ -323,4 +330,5 @@ class _Run:
             versions=own_versions(),
             file=str(scenario.file),
             overrides=scenario.overrides,
+            real_time=None if self._real_time is None else self._real_time.lateness(),
         )

@@ -18,6 +18,7 @@ LAST_TCP_PORT = 65535
 Publishes = Literal["first", "last"]
 Transport = Literal["unix", "tcp"]
 Start = Literal["child", "external"]
+OnLate = Literal["count", "fail"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +114,8 @@ class ParticipantSpec:
     it reads its inputs. on_fault: how the run continues when it fails; None: it ends. bridge: how
     the program is reached where it does not speak Zenoh itself. files: patterns of files that it
     loads and that nothing names. start: whether the orchestrator starts it, or somebody else does
-    with its ticket; changes no result.
+    with its ticket; changes no result. real_time, on_late: whether it has to keep time in a run in
+    real time, and what happens if it does not.
     """
 
     name: str
@@ -128,6 +130,8 @@ class ParticipantSpec:
     bridge: BridgeSpec | None = None
     files: tuple[str, ...] = ()
     start: Start = "child"
+    real_time: bool = False
+    on_late: OnLate = "count"
 
     @property
     def is_external(self) -> bool:

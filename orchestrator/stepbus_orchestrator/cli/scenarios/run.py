@@ -13,6 +13,7 @@ from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.reports.lateness import Lateness
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import (
     Options,
@@ -71,6 +72,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="give a participant no deadlines, e.g. one that you start in a debugger",
     )
     parser.add_argument(
+        "--real-time",
+        type=_factor,
+        nargs="?",
+        const=1.0,
+        metavar="FACTOR",
+        help="let steps begin on the wall clock's grid, FACTOR times as fast (default: 1), and "
+        "count who is late (docs/guide/real_time.md)",
+    )
+    parser.add_argument(
         "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
     )
     parser.add_argument(
@@ -97,6 +107,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-report", action="store_true", help="make no report.png, only figures")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+
+
+def _factor(text: str) -> float:
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not 1e-3 <= factor <= 1e3:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number from 0.001 to 1000")
+    return factor
 
 
 def _overrides(args: argparse.Namespace) -> list[str]:
@@ -149,6 +169,7 @@ def _execute(args: argparse.Namespace) -> int:
         debug=args.debug,
         no_deadline=args.no_deadline,
         admits_external=True,
+        real_time=args.real_time,
         tickets={name: Path(path) for name, path in _externals(args).items() if path},
         in_process=args.in_process,
         owns_descriptors=args.in_process and not args.debug,
@@ -207,6 +228,8 @@ def _summarise(result: Result, lines: list[str]) -> None:
             f"wall time {result.wall_s:.2f} s ({result.steps / result.wall_s:.0f} steps/s), "
             f"real-time factor {result.real_time_factor:.2f}, start-up {result.start_s:.2f} s"
         )
+    if result.real_time is not None:
+        say(_lateness(result.real_time))
     for line in lines:
         say(line)
     dropped = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
@@ -218,6 +241,15 @@ def _summarise(result: Result, lines: list[str]) -> None:
         say(f"faults injected: {', '.join(result.faults)}")
     if result.sha256:
         say(f"recording {result.recording}\nsha256    {result.sha256}")
+
+
+def _lateness(found: Lateness) -> str:
+    held = ", ".join(f"{count} by {name}" for name, count in found.late.items())
+    rows = ", ".join(f"≤ {bound} µs: {count}" for bound, count in found.histogram.items() if count)
+    return (
+        f"lateness  p50 {found.p50_us:.0f} µs, p99 {found.p99_us:.0f} µs, max {found.max_us:.0f} µs"
+        f"; steps held past their time: {held or 'none'}\n          {rows}"
+    ).replace("≤ more µs", "more")
 
 
 def _warnings(result: Result) -> list[str]:

@@ -15,6 +15,7 @@ from stepbus_orchestrator.run.control.calls import Calls
 from stepbus_orchestrator.run.control.injector import Injector
 from stepbus_orchestrator.run.control.invitations import Invitations
 from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.control.real_time import RealTime
 from stepbus_orchestrator.run.fallback.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.failures import death, kept_thread, took_nothing
 from stepbus_orchestrator.run.kernel.gates import Gate, step_limit
@@ -55,7 +56,7 @@ class Controls:
     observer: is notified of progress. interrupt: ends it when it is set. injector: of faults.
     pace: pauses it. prefix: holds it before its first live step. calls: of a recording, made
     again. new_calls: made at their steps; one that fails ends the run. invitations: of participants
-    that somebody else starts.
+    that somebody else starts. real_time: lets steps begin on the grid of the wall clock.
     """
 
     observer: Observer = field(default_factory=Silent)
@@ -66,6 +67,7 @@ class Controls:
     calls: Sequence[CallRecord] = ()
     new_calls: Sequence[CallRecord] = ()
     invitations: Invitations | None = None
+    real_time: RealTime | None = None
 
 
 class RunLoop:
@@ -115,8 +117,10 @@ class RunLoop:
 
         check: of deadlines; gets the time since the last check [s].
         """
-        self.session.inbox.receive(TICK_S)
-        self.release(always=False)
+        clock = self.controls.real_time if self.state.phase.is_stepping else None
+        wait_s = TICK_S if clock is None else clock.wait_s(self.state.released, TICK_S)
+        self.session.inbox.receive(wait_s)
+        self.release(always=clock is not None)
         if self.controls.interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
         elapsed_s = time.monotonic() - self._checked_at
@@ -167,8 +171,14 @@ class RunLoop:
         self.recorder.write_below(min(state.barrier.completed, state.last_step))
 
     def _send_trigger(self) -> None:
-        limit = step_limit(self.state.barrier, self._gates, self.state.released)
-        if limit > self.state.released:
+        released, clock = self.state.released, self.controls.real_time
+        limit = step_limit(self.state.barrier, self._gates, released)
+        if clock is not None:
+            clock.follow(self.state, others=limit)
+            limit = max(released, min(limit, clock.limit(released)))
+        if limit > released:
+            if clock is not None:
+                clock.began(self.state, released, limit)
             self.state.released = limit
             self.announcer.trigger(limit)
             self.timing.trigger(limit)
@@ -229,7 +239,10 @@ class RunLoop:
         """Return how far the run is."""
         state = self.state
         participants = state.participants.values()
-        is_paused = state.phase.is_stepping and state.is_held
+        # Until the next step is due, a run in real time is held too.
+        in_time = self.controls.real_time is not None
+        in_time = in_time and not (self.controls.pace is not None and self.controls.pace.paused)
+        is_paused = state.phase.is_stepping and state.is_held and not in_time
         is_moving = state.phase.is_stepping and not is_paused
         return Progress(
             phase="paused" if is_paused else state.phase.shown,

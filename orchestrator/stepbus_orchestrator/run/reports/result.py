@@ -13,6 +13,7 @@ import msgspec
 from stepbus_orchestrator.recording import layout
 
 from .events import Warned
+from .lateness import Lateness
 
 RESULT_FILE = "result.json"
 
@@ -27,7 +28,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     unauthenticated: messages without the run's token; they changed nothing. drops: messages each
     participant dropped. faults: those that were injected on purpose. warning_count: warnings and
     errors that participants reported. warnings: the first fifty of each output. file, overrides:
-    of the scenario, on this machine.
+    of the scenario, on this machine. real_time: how late the steps were, in a run in real time.
     """
 
     scenario: str
@@ -54,6 +55,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     versions: Mapping[str, str] = {}
     file: str = ""
     overrides: Sequence[str] = ()
+    real_time: Lateness | None = None
 
     @property
     def recording(self) -> Path:

@@ -43,6 +43,7 @@ class Options:
     participants in this process, over a bus in memory. owns_descriptors: then descriptors 1 and 2
     are nobody else's, and what libraries in C print goes to a log. profile: measure where the time
     of each step goes. speedscope: names of participants whose stack is sampled too.
+    real_time: steps begin on the grid of the wall clock, so many times faster than it.
     """
 
     out: Path
@@ -55,6 +56,7 @@ class Options:
     debug: Sequence[str] = ()
     no_deadline: Sequence[str] = ()
     admits_external: bool = False
+    real_time: float | None = None
     tickets: Mapping[str, Path] = field(default_factory=dict)
     in_process: bool = False
     owns_descriptors: bool = False

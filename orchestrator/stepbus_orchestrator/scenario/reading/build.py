@@ -136,6 +136,8 @@ def _participant(
         bridge=row.bridge,
         files=row.files,
         start=row.start,
+        real_time=row.real_time,
+        on_late=row.on_late,
     )
 
 

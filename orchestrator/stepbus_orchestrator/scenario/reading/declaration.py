@@ -19,6 +19,7 @@ from ..model import (
     Deadlines,
     HoldSpec,
     InputSpec,
+    OnLate,
     OutputSpec,
     ParticipantSpec,
     Publishes,
@@ -70,6 +71,11 @@ class ParticipantRow(Settings):
     start: Start = ParticipantSpec.start
     """Who starts it: the orchestrator, or you, with `stepbus join`
     ([attach.md](../guide/attach.md)). Changes no result."""
+    real_time: bool = ParticipantSpec.real_time
+    """Whether it has to keep time in a run in real time
+    ([real_time.md](../guide/real_time.md)). Changes no result."""
+    on_late: OnLate = ParticipantSpec.on_late
+    """With `real_time`, whether the run counts its late steps, or fails at the first."""
     spawn_timeout_ns: Duration | None = None
     """Until its process is on the bus. Default: 20s, with `start: external` 2min."""
     join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)

@@ -1,0 +1,107 @@
+"""Real time: steps begin on the grid of the wall clock, and who is late is counted.
+
+It only chooses when a trigger is sent: inputs are fixed by their step numbers, so it changes no
+result.
+"""
+
+import time
+from array import array
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+
+from stepbus_orchestrator.errors import StepTimeout
+from stepbus_orchestrator.run.kernel.failures import at
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports.lateness import Lateness
+
+_BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
+
+
+class RealTime:
+    """A gate: step k begins `k · step / factor` after the first, without drift.
+
+    step_ns: length of a step [ns]. factor: 2 is twice as fast as real time. clock: monotonic [ns].
+    """
+
+    def __init__(
+        self, step_ns: int, factor: float, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._period_ns = step_ns / Fraction(factor).limit_denominator(1_000_000)
+        self._factor = factor
+        self._clock = clock
+        self._origin_ns: int | None = None
+        self._lateness_ns = array("q")
+        self._holders: set[str] = set()
+        self._late: dict[str, int] = {}
+
+    def limit(self, released: int) -> int:
+        """Return the first step whose time has not come; released: not used."""
+        return int((self._clock() - self._origin()) // self._period_ns) + 1
+
+    def wait_s(self, released: int, longest_s: float) -> float:
+        """Return how long to wait for messages, at most until the next step is due [s]."""
+        left_s = (self._due_ns(released) - self._clock()) * 1e-9
+        return min(left_s, longest_s) if left_s > 0 else longest_s
+
+    def follow(self, state: RunState, *, others: int) -> None:
+        """Record who holds the next step past its time; others: the limit of all other gates."""
+        released, now = state.released, self._clock()
+        if now < self._due_ns(released):
+            return
+        if state.barrier.step_limit <= released:
+            self._holders.update(state.barrier.holders())
+        elif others <= released:
+            # A pause or a call holds the run: the grid starts anew behind it.
+            self._origin_ns = self._origin() + now - self._due_ns(released)
+
+    def began(self, state: RunState, first: int, limit: int) -> None:
+        """Record that the steps from `first` to `limit` begin now.
+
+        Raises StepTimeout where a participant was late that may not be.
+        """
+        now = self._clock()
+        for step in range(first, limit):
+            self._lateness_ns.append(max(0, now - self._due_ns(step)))
+        late, self._holders = sorted(self._holders), set()
+        for name in late:
+            self._late[name] = self._late.get(name, 0) + 1
+        self._check(state, first, late)
+
+    def _check(self, state: RunState, step: int, late: Iterable[str]) -> None:
+        for name in late:
+            participant = state.participants[name]
+            if participant.spec.real_time and participant.spec.on_late == "fail":
+                raise StepTimeout(
+                    f"{at(step - 1, state.scenario.step_ns)}: {participant.who()} was "
+                    f"{self._lateness_ns[-1] * 1e-6:.3f} ms late for real time "
+                    f"(participants.{name}.on_late); {participant.where_it_prints()}",
+                    participant=name,
+                    step=step - 1,
+                )
+
+    def lateness(self) -> Lateness | None:
+        """Return how late the steps were; None before the first."""
+        found = sorted(self._lateness_ns)
+        if not found:
+            return None
+        histogram = dict.fromkeys([*map(str, _BOUNDS_US), "more"], 0)
+        for value in found:
+            bound = next((str(us) for us in _BOUNDS_US if value <= us * 1000), "more")
+            histogram[bound] += 1
+        return Lateness(
+            factor=self._factor,
+            steps=len(found),
+            p50_us=found[len(found) // 2] * 1e-3,
+            p99_us=found[len(found) * 99 // 100] * 1e-3,
+            max_us=found[-1] * 1e-3,
+            histogram=histogram,
+            late=self._late,
+        )
+
+    def _origin(self) -> int:
+        if self._origin_ns is None:
+            self._origin_ns = self._clock()
+        return self._origin_ns
+
+    def _due_ns(self, step: int) -> int:
+        return self._origin() + int(step * self._period_ns)

@@ -1,0 +1,131 @@
+"""Steps begin on the grid of the clock, who is late is counted, and no byte changes."""
+
+from fractions import Fraction
+
+import pytest
+from support.runs.joints import fault, run_joints
+from support.runs.kernel import scenario, states
+
+from stepbus_orchestrator import ExitCode
+from stepbus_orchestrator.run.control.real_time import RealTime
+from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.state import RunState
+
+MS = 1_000_000
+
+
+class Clock:
+    """Shows what a test sets [ns]."""
+
+    def __init__(self):
+        self.now = 7 * MS
+
+    def __call__(self):
+        return self.now
+
+
+def made(factor=1.0, step_ns=5 * MS):
+    clock = Clock()
+    gate = RealTime(step_ns, factor, clock)
+    gate.limit(0)
+    return clock, gate
+
+
+def test_steps_begin_on_the_grid_of_the_clock():
+    clock, gate = made()
+    limits = []
+    for ms in (0, 4, 5, 9, 10, 26):
+        clock.now = (7 + ms) * MS
+        limits.append(gate.limit(0))
+    assert limits == [1, 1, 2, 2, 3, 6]
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
+def test_the_grid_has_no_drift(factor):
+    clock, gate = made(factor, 1_000_003)
+    steps = 10_000_000
+    due = Fraction(steps) * 1_000_003 / Fraction(factor).limit_denominator(1_000_000)
+    clock.now = 7 * MS + int(due) - 1
+    assert gate.limit(0) == steps
+    clock.now += 2
+    assert gate.limit(0) == steps + 1
+
+
+def test_it_waits_for_messages_until_the_next_step_is_due():
+    clock, gate = made()
+    clock.now += 2 * MS
+    assert gate.wait_s(1, 0.05) == pytest.approx(0.003)
+    clock.now += 4 * MS
+    assert gate.wait_s(1, 0.05) == 0.05
+
+
+def late_state(**options):
+    state = RunState(scenario(window=1))
+    state.participants = states(state.scenario)
+    state.released = 1
+    return state
+
+
+def test_whoever_holds_a_step_past_its_time_is_counted():
+    clock, gate = made()
+    state = late_state()
+    gate.began(state, 0, 1)
+    clock.now += 6 * MS
+    gate.follow(state, others=1)
+    clock.now += 1 * MS
+    gate.began(state, 1, 2)
+    found = gate.lateness()
+    assert (found.steps, found.max_us, found.p50_us) == (2, 2000.0, 2000.0)
+    assert found.late == dict.fromkeys(state.barrier.holders(), 1)
+    assert {bound: n for bound, n in found.histogram.items() if n} == {"100": 1, "2000": 1}
+
+
+def test_a_pause_moves_the_grid():
+    clock, gate = made()
+    state = late_state()
+    for name in state.participants:
+        for step in range(0, 4, state.scenario.participant(name).every):
+            state.barrier.report(name, step)
+    clock.now += 1000 * MS
+    gate.follow(state, others=1)
+    gate.began(state, 1, 2)
+    assert gate.lateness().max_us == 0.0
+    assert gate.lateness().late == {}
+
+
+def test_a_gate_without_a_step_has_no_lateness():
+    assert made()[1].lateness() is None
+    assert made()[1].limit(0) < FAR
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return run_joints(tmp_path_factory.mktemp("plain"))
+
+
+def test_a_run_in_real_time_has_the_same_bytes_and_takes_its_time(tmp_path, plain):
+    result = run_joints(tmp_path, real_time=2.0)
+    assert (result.exit_code, result.sha256) == (0, plain.sha256)
+    assert result.real_time.steps == 100
+    assert sum(result.real_time.histogram.values()) == 100
+    # 99 steps of 2.5 ms lie between the first and the last.
+    assert result.wall_s >= 0.2475
+
+
+def test_in_one_process_too(tmp_path, plain):
+    result = run_joints(tmp_path, real_time=2.0, in_process=True)
+    assert (result.exit_code, result.sha256) == (0, plain.sha256)
+    assert result.wall_s >= 0.2475
+
+
+def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
+    nap = fault("controller", "controller", "nap", 7)
+    keeps = ("controller.real_time=true", "controller.on_late=fail")
+    result = run_joints(tmp_path, nap, *keeps, real_time=0.02)
+    assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
+    assert "late for real time (participants.controller.on_late)" in result.reason
+
+
+def test_without_a_clock_nobody_has_to_keep_time(tmp_path, plain):
+    keeps = ("controller.real_time=true", "controller.on_late=fail")
+    assert run_joints(tmp_path, *keeps).sha256 == plain.sha256
