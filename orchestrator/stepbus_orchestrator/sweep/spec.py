@@ -126,7 +126,7 @@ def _beside(folder: Path, value: Any) -> Any:
 
 def make_spec(options: Mapping[str, Any]) -> Spec:
     """Return a sweep from its settings alone; raises SettingsError with every problem."""
-    from stepbus_participant.parameters.problems import Problems  # noqa: PLC0415
+    from stepbus_participant import Problems  # noqa: PLC0415
 
     problems = Problems()
     spec = read(Spec, dict(options), problems)
