@@ -27,6 +27,7 @@ from .content import Content
 from .trial import Row, Trials, failed_row
 
 _MARK = ".reach"
+_TEMPORARY = "stepbus-ray-"
 _WAIT_S = 0.25
 _LOOK_S = 5.0
 _MOST_DEATHS = 3
@@ -80,7 +81,7 @@ class _Runner:
     def __init__(self, content: Content, keep: str, home: str, mark: str, temporary: str) -> None:
         # A folder of that name on another machine is another folder.
         path = Path(home)
-        is_here = (path / _MARK).is_file() and (path / _MARK).read_text() == mark
+        is_here = (path / _MARK).is_file() and (path / _MARK).read_text().startswith(mark)
         self._trials = Trials(
             content, keep=keep, home=path if is_here else None, temporary=temporary or None
         )
@@ -124,16 +125,17 @@ class Pool:
 
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
-        (self._terms.home / _MARK).write_text(self._mark)
+        self._sweep_up()
         options: dict[str, Any] = {"address": self._terms.address}
         if not self._terms.address:
-            self._temporary = tempfile.mkdtemp(prefix="stepbus-ray-", dir=_short_folder())
+            self._temporary = tempfile.mkdtemp(prefix=_TEMPORARY, dir=_short_folder())
             options = {
                 "num_cpus": self._terms.jobs or os.cpu_count(),
                 "include_dashboard": False,
                 "_temp_dir": self._temporary,
                 "object_store_memory": 200_000_000,
             }
+        (self._terms.home / _MARK).write_text(f"{self._mark}\n{self._temporary}\n")
         try:
             self._ray.init(
                 **options,
@@ -154,6 +156,14 @@ class Pool:
     def __exit__(self, *_: object) -> None:
         """End all workers, and the Ray that was started here."""
         self._end()
+
+    def _sweep_up(self) -> None:
+        """Remove what a pool that was killed has left on this machine."""
+        mark = self._terms.home / _MARK
+        left = mark.read_text().splitlines()[1:] if mark.is_file() else []
+        for folder in map(Path, left):
+            if folder.name.startswith(_TEMPORARY):
+                shutil.rmtree(folder, ignore_errors=True)
 
     def _set_environment(self) -> None:
         """Tell Ray, which reads it when it is imported, to call nobody and to let nobody in."""
