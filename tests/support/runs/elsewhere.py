@@ -6,10 +6,11 @@ import sys
 import threading
 from pathlib import Path
 
+from support.runs.joints import write_scenario
+
 from stepbus_orchestrator import Options, Pace, load
 from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
-from support.runs.joints import write_scenario
 
 JOIN = (sys.executable, "-m", "stepbus_orchestrator.cli", "join")
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}

@@ -4,10 +4,10 @@ import textwrap
 from pathlib import Path
 
 import psutil
+from support.paths import PROGRAMS
 
 from stepbus_orchestrator import Observer, Options, Result, load
 from stepbus_orchestrator.run.run_scenario import run
-from support.paths import PROGRAMS
 
 PROGRAM = PROGRAMS / "joints.py"
 

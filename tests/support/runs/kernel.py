@@ -1,7 +1,7 @@
 """Scenarios, processes and a bus in memory, to test the run loop without starting anything."""
 
-from queue import SimpleQueue
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 
@@ -10,8 +10,8 @@ from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
-from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
+from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.scenario import (
     InputSpec,
     OutputSpec,

@@ -1,14 +1,15 @@
 """Signals and recordings to plot."""
 
-from stepbus_orchestrator.analysis.signals import read_tracking
 import math
 import subprocess
 import sys
 import tracemalloc
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from support.messages.recordings import write
+
 from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.analysis.report.curves.curve import Curve
 from stepbus_orchestrator.analysis.report.curves.devices import Devices
@@ -23,7 +24,7 @@ from stepbus_orchestrator.analysis.report.panels.tracking import (
 )
 from stepbus_orchestrator.analysis.report.report import draw_report
 from stepbus_orchestrator.analysis.report.summary import Summary
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, tracking_pieces
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_pieces
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader import source
 from stepbus_participant import extra_hint
@@ -37,8 +38,6 @@ from stepbus_schemas import (
     JointState,
     Poses,
 )
-
-
 
 
 def arm(mode="position", **state):
