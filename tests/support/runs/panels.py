@@ -1,42 +1,13 @@
 """Signals and recordings to plot."""
 
-import math
-import subprocess
-import sys
-import tracemalloc
-
 import numpy as np
-import pytest
-from matplotlib.figure import Figure
-from support.messages.recordings import write
 
-from stepbus_orchestrator.analysis.report import write_report
-from stepbus_orchestrator.analysis.report.curves.curve import Curve
-from stepbus_orchestrator.analysis.report.curves.devices import Devices
-from stepbus_orchestrator.analysis.report.curves.pose_errors import draw_pose_errors, pose_errors
 from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
-from stepbus_orchestrator.analysis.report.panels.devices import device_panels, holding_spans
-from stepbus_orchestrator.analysis.report.panels.joints import draw_panels
-from stepbus_orchestrator.analysis.report.panels.tracking import (
-    draw_error,
-    draw_torque,
-    draw_tracking,
-)
-from stepbus_orchestrator.analysis.report.report import draw_report
-from stepbus_orchestrator.analysis.report.summary import Summary
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_pieces
-from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.recording.reader import source
-from stepbus_participant import extra_hint
+from stepbus_orchestrator.analysis.signals import Signal, Tracking
 from stepbus_schemas import (
-    BaseState,
-    Goal,
-    GoalStatus,
-    GripperState,
     JointCommand,
     JointReference,
     JointState,
-    Poses,
 )
 
 
