@@ -309,6 +309,18 @@ def test_what_moves_into_a_way_that_was_found_is_told_at_once(planner):
     assert text.endswith(" m ahead of tip")
 
 
+def test_a_route_of_the_base_does_not_end_the_monitoring_of_an_arm_s_path(planner):
+    stand, _ = planner()
+    far, near = (scenery((*PILLAR[:2], at))[1] for at in ((0.0, 3.0, 0.5), (0.6, 0.0, 0.5)))
+    drive = PlanRequest(id=2, start=[], goal=[], base=((0.0, 0.0, 0.0), (0.0, -2.0, 0.0)))
+    found = []
+    for k in range(80):
+        new = {4: ANYWHERE, 32: drive}.get(k)
+        out = stand.update(k, poses=far if k < 60 else near, **({"request": new} if new else {}))
+        found += [(out["plan"].id, out["plan"].cause)] if "plan" in out else []
+    assert found == [(1, ""), (2, ""), (1, "blocked")]
+
+
 def test_what_moves_while_the_way_is_sought_is_told_right_after_the_plan(planner):
     assert after_the_pillar_moves(planner, (0.6, 0.0, 0.5), moves_at=10)[0] == [
         (29, 1, ""),
