@@ -11,7 +11,7 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.errors import RecordingFailed, StartFailed
 from stepbus_participant import last_error
 
 from .activity import Activity, activity
@@ -67,6 +67,13 @@ class Child:
                     start_new_session=True,
                 )
         except OSError as exc:
+            if not log.parent.is_dir():
+                raise RecordingFailed(
+                    f"{log.parent} is gone: somebody changed the run's folder while it started; "
+                    "run again, and leave it alone until it ends"
+                ) from exc
+            if not cwd.is_dir():
+                raise StartFailed(f"{cwd} is gone, in which {name} starts") from exc
             is_script = exc.errno == errno.ENOEXEC
             hint = "; a script begins with #! and its interpreter" if is_script else ""
             raise StartFailed(

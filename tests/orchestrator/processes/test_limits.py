@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.errors import ExitCode, StartFailed
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
+from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.links.endpoints import private_folder
 from stepbus_orchestrator.run.run_scenario import run
@@ -81,6 +82,19 @@ def test_a_path_that_is_no_text_is_refused(tmp_path, word):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == ExitCode.SCENARIO
     assert "is no UTF-8, in which all is recorded" in done.stderr
+
+
+def started_in(cwd, log):
+    return Child("plant", [sys.executable, "-c", ""], cwd=cwd, log=log, environment={})
+
+
+def test_a_folder_that_is_gone_at_the_start_is_nobodys_mistake(tmp_path):
+    with pytest.raises(RecordingFailed, match="logs is gone: somebody changed") as caught:
+        started_in(tmp_path, tmp_path / "logs" / "plant.log")
+    assert caught.value.participant is None
+    with pytest.raises(StartFailed, match="none is gone, in which plant starts") as caught:
+        started_in(tmp_path / "none", tmp_path / "plant.log")
+    assert caught.value.participant is None
 
 
 def test_without_a_reaper_the_private_folder_goes(monkeypatch, tmp_path):
