@@ -76,8 +76,8 @@ class BusSpec(Settings):
     """First TCP port: the orchestrator has it, the participants have those after it; only with
     `tcp`. Default: any free ones."""
     low_latency: bool | None = None
-    """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB. Default: the
-    orchestrator chooses."""
+    """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB; never
+    over TCP. Default: the orchestrator chooses."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -136,3 +136,11 @@ def test_dropped_messages_are_counted_in_words(tmp_path, capsys):
     words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
     assert main([*words, "--fault", "duplicate controller at 5"]) == 0
     assert "messages dropped: 1 by plant; unauthenticated: 0" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("options", [[], ["--wait", "10min"]])
+def test_a_program_to_join_with_may_follow_options(options: list[str]) -> None:
+    program = ["python", "-m", "pdb", "my.py", "--wait"]
+    found = make_parser(["join"]).parse_args(["join", "c.ticket", *options, "--", *program])
+    assert found.program == program
+    assert str(found.ticket) == "c.ticket"

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.processes.launcher import participant_environment
@@ -27,6 +28,17 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         help="command line of the program, after `--`; default: that of the scenario",
     )
+    usual = parser.parse_known_args
+
+    def parse(args: Any = None, namespace: Any = None) -> Any:
+        """Take everything after `--` as the program, also where options stand before it."""
+        words = list(args or [])
+        end = words.index("--") if "--" in words else len(words)
+        found, others = usual(words[:end], namespace)
+        found.program += words[end + 1 :]
+        return found, others
+
+    parser.parse_known_args = parse  # type: ignore[method-assign]  (argparse cannot do it)
 
 
 def _execute(args: argparse.Namespace) -> int:

@@ -2,6 +2,7 @@
 
 import argparse
 import threading
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -161,6 +162,11 @@ def _execute(args: argparse.Namespace) -> int:
         raise WiringError("--speedscope needs --profile")
     check_names(scenario, args.speedscope, "sample")
     check_limits(len(scenario.participants))
+    # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
+    is_read = not (args.json and args.no_report)
+    if is_read:
+        # Where memory is short, its library ends this process: rather now than behind a run.
+        _writer()
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
     options = Options(
@@ -188,8 +194,6 @@ def _execute(args: argparse.Namespace) -> int:
         keys = nullcontext() if args.json or args.debug else controlled(pace, interrupt)
         with display as shown, keys:
             result = run(scenario, options, shown, interrupt)
-        # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
-        is_read = not (args.json and args.no_report)
         lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
         if args.json:
             say_json(result)
@@ -199,6 +203,13 @@ def _execute(args: argparse.Namespace) -> int:
     return result.exit_code
 
 
+def _writer() -> Callable[..., list[str]]:
+    """Return what writes the report. It loads NumPy, and for plots Matplotlib."""
+    from stepbus_orchestrator.analysis.report import write_report  # noqa: PLC0415
+
+    return write_report
+
+
 def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> list[str]:
     """Make the plots, and return the lines of the summary about the recording."""
     if not result.recording.exists() or result.steps == 0:
@@ -206,11 +217,8 @@ def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> l
     if interrupt.is_set() and not result.exit_code:
         return [_NO_REPORT]
     try:
-        # It loads NumPy, and for plots Matplotlib.
-        from stepbus_orchestrator.analysis.report import write_report  # noqa: PLC0415
-
         with abortable():
-            return write_report(result.recording, has_plots=has_plots)
+            return _writer()(result.recording, has_plots=has_plots)
     except KeyboardInterrupt:
         return [_NO_REPORT]
 
