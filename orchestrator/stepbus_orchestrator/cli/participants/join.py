@@ -38,7 +38,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         found.program += words[end + 1 :]
         return found, others
 
-    parser.parse_known_args = parse  # type: ignore[method-assign]  (argparse cannot do it)
+    # argparse itself takes no words behind an option that follows another word.
+    parser.parse_known_args = parse  # type: ignore[method-assign]
 
 
 def _execute(args: argparse.Namespace) -> int:
