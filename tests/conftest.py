@@ -68,6 +68,13 @@ def no_processes(request):
         yield
 
 
+@pytest.fixture
+def starts_a_process(request):
+    """With `--unit`, skip the test where nothing else lets it: a run reports the skip as a fault."""
+    if request.config.getoption("--unit"):
+        pytest.skip("starts a process")
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call():
     """Skip what fails for want of the extra `robots`, as the sentence says that a user gets."""

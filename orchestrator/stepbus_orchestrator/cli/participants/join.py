@@ -80,7 +80,7 @@ COMMAND = Command(
     examples=(
         "stepbus join runs/two_link-20260101-120000/controller.ticket",
         "stepbus join /tmp/c.ticket -- python my_controller.py",
-        "stepbus join /tmp/c.ticket --wait 10min -- python -m pdb my_controller.py",
+        "stepbus join --wait 10min /tmp/c.ticket -- python -m pdb my_controller.py",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

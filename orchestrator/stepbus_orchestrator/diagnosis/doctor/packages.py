@@ -17,6 +17,8 @@ EXTRAS = {
     "sim": "physics and dynamics: the plant, the controller, motion and planning that ship",
     "report": "the plots of a run, report.png",
     "robots": "models, inverse kinematics, planning, vision: the scenarios baxter and store",
+    "sweep": "many runs of one scenario: tables, a page, an optimizer, a cluster",
+    "gym": "environments of Gymnasium",
     "docs": "the documentation site",
     "dev": "the tests, the type checker and the linter",
 }

@@ -7,6 +7,8 @@ from support.runs.bridge import processes_in, run_bridged
 
 from stepbus_orchestrator.errors import ExitCode
 
+pytestmark = pytest.mark.usefixtures("starts_a_process")
+
 
 @pytest.mark.parametrize("form", ["json", "raw"])
 def test_a_bridged_program_keeps_its_process(tmp_path, separate, form):

@@ -4,6 +4,7 @@ import pybullet
 import pytest
 from support.services.plant import LIMIT, make_plant
 
+from stepbus_participant import Endpoint, Ticket
 from stepbus_plant.world.models import loadable
 from stepbus_schemas import WiringError
 
@@ -80,8 +81,12 @@ def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
 
 def test_the_copy_of_a_model_is_in_the_private_folder_of_the_run(tmp_path, monkeypatch):
     """There it goes even when the plant is killed."""
-    monkeypatch.setenv("STEPBUS_TICKET", str(tmp_path / "private" / "plant.ticket"))
-    (tmp_path / "private").mkdir()
+    private = tmp_path / "private"
+    private.mkdir()
+    endpoint = Endpoint(listen=[f"unixsock-stream/{private}/1.sock"], connect=[])
+    ticket = private / "plant.ticket"
+    Ticket(run="run", name="plant", token="", endpoint=endpoint).save(ticket)
+    monkeypatch.setenv("STEPBUS_TICKET", str(ticket))
     path = tmp_path / "half.urdf"
     path.write_text('<robot name="half"><link name="only"/></robot>')
     with loadable(path) as copy:
