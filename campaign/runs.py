@@ -104,6 +104,8 @@ def _run_once(case: Case, seed: str, patience: float, undisturbed: Reference | N
         _await_moment(box, case.moment, chance)
         box.faulted_at = time.monotonic()
         fault.strike(box, chance)
+        # What strikes may have to start first, or wait between two blows.
+        box.faulted_at = time.monotonic()
         verdict = judge(box, fault, _limit_s(case, undisturbed, patience))
         for descriptor in box.notes["opened"]:
             os.close(descriptor)

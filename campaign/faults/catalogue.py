@@ -15,7 +15,7 @@ STOPPED = frozenset({3, 6})
 LIMITED = frozenset({0, 1, 3, 4, 5, 6, 7, 8, 9})
 """A process may meet a limit anywhere."""
 KEPT = frozenset({0, 8})
-"""A file may be cut where nothing has been written for good; then the recording must be whole."""
+"""A file may be hit where nothing has been written for good; then the recording must be whole."""
 
 PARTICIPANTS = {
     "kill a participant": Fault(
@@ -160,7 +160,7 @@ DISKS = {
         strike=disks.replace("run.mcap"), codes=frozenset({8}), endless=False, when=MIDDLE,
     ),
     "the recording is damaged": Fault(
-        strike=disks.damage, codes=frozenset({8}), endless=False, when=MIDDLE,
+        strike=disks.damage, codes=KEPT, endless=False, when=MIDDLE,
     ),
     "the timing is cut or replaced": Fault(
         strike=disks.replace("timing.mcap"), codes=KEPT, endless=False, when=MIDDLE,

@@ -8,7 +8,7 @@ from stepbus_orchestrator.errors import StartFailed
 _OWN_FILES = 21
 """Open files of an orchestrator without participants; each of these adds a link."""
 
-_OWN_MEMORY_BYTES = 512 << 20
+_OWN_MEMORY_BYTES = 1024 << 20
 """Address space that a run takes further: threads, heaps of their own, libraries for numbers."""
 
 

@@ -61,7 +61,7 @@ def test_too_little_memory_to_load_a_library_is_one_sentence(tmp_path):
 def test_too_little_memory_is_one_sentence_before_anything_is_made(tmp_path):
     done = limited(tmp_path, "-v 500000", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert "a run needs 512 MB of address space besides what is loaded" in done.stderr
+    assert "a run needs 1024 MB of address space besides what is loaded" in done.stderr
     assert "this shell allows 488 MB in all" in done.stderr
     assert list(tmp_path.iterdir()) == []
 
