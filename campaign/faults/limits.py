@@ -37,7 +37,7 @@ def small_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
 
 def little_memory(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
     """Give each process little address space (ulimit -v)."""
-    return _limit(resource.RLIMIT_AS, chance.randrange(60, 1200) << 20)
+    return _limit(resource.RLIMIT_AS, chance.randrange(60, 2000) << 20)
 
 
 def little_time(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
