@@ -1,6 +1,7 @@
 """Start-up: participants are started, admitted and ready; then the clock starts (P4)."""
 
 import time
+from pathlib import Path
 
 from stepbus_orchestrator.errors import BusFailed, ParticipantFault, StartFailed
 from stepbus_orchestrator.processes.links.endpoints import gone
@@ -11,6 +12,9 @@ from stepbus_orchestrator.run.kernel.phase import RunPhase
 from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_schemas import Start, encode
 
+_LEAVING_S = 3.0
+_CHECK_S = 0.05
+
 
 def start_up(loop: RunLoop) -> RunPhase:
     """Start every participant, wait until all are ready, and publish the `Start`.
@@ -20,18 +24,29 @@ def start_up(loop: RunLoop) -> RunPhase:
     try:
         return _start(loop)
     except (StartFailed, ParticipantFault) as exc:
-        participants = loop.state.participants
+        lost = _lost(loop, exc.participant)
+        if lost is None:
+            raise
+        raise BusFailed(f"{gone(lost)} ({exc})") from exc
+
+
+def _lost(loop: RunLoop, blamed: str | None) -> Path | None:
+    """Return what somebody removed of what the start needs; None: nothing.
+
+    Whoever ends, since it was refused, takes its socket away a moment before.
+    """
+    participants = loop.state.participants
+    end_s = time.monotonic() + _LEAVING_S
+    while True:
         alive = [
             name
             for name, participant in participants.items()
             if participant.phase > Phase.SPAWNED and participant.process.exit_code() is None
         ]
-        lost = loop.strategy.lost(
-            exc.participant if exc.participant in participants else None, alive
-        )
-        if lost is None:
-            raise
-        raise BusFailed(f"{gone(lost)} ({exc})") from exc
+        lost = loop.strategy.lost(blamed if blamed in participants else None, alive)
+        if lost is None or time.monotonic() > end_s:
+            return lost
+        time.sleep(_CHECK_S)
 
 
 def _start(loop: RunLoop) -> RunPhase:
