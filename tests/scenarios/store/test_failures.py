@@ -215,11 +215,12 @@ def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
     assert "mission: 1 of 1 sales are done" in result.reason
     plans = arm_plans(recording)
     assert plans[0].startswith("straight path of ")
-    assert plans[1].startswith("pillar_post blocks the path ")
-    assert plans[2].startswith("detour of ")
-    (said,) = [text for text in texts(recording, "mission/events") if "another" in text]
-    assert said.startswith(f"sale 1 ({ITEM}): pillar_post blocks the path ")
-    assert said.endswith("; stopped, asked for another path (1 of 3)")
+    blocked = next(n for n, plan in enumerate(plans) if plan.startswith("pillar_post blocks the"))
+    assert plans[blocked + 1].startswith("detour of ")
+    # The arm's own sensors see the post first, then the planner does on the path that it finds.
+    said = [text for text in texts(recording, "mission/events") if "asked for another path" in text]
+    assert all(text.startswith(f"sale 1 ({ITEM}): ") and "pillar_post" in text for text in said)
+    assert said[-1].startswith(f"sale 1 ({ITEM}): pillar_post blocks the path ")
     assert_nothing_was_touched(recording, "pillar_post")
 
 
