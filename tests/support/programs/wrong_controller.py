@@ -326,7 +326,9 @@ def main(mistake):
     if mistake == "ExitsZeroWithoutTicket" and "STEPBUS_TICKET" not in os.environ:
         return 0
     if mistake == "OnlyFloats":
-        CHECKS[NUMBERS] = lambda value: all(isinstance(item, float) for item in value)
+        CHECKS[NUMBERS] = lambda value: (
+            isinstance(value, list) and all(isinstance(item, float) for item in value)
+        )
     if mistake == "StrictFields":
         by_the_page.check = strict_fields
     by_the_page.Source = SOURCES.get(mistake, Source)
