@@ -41,21 +41,24 @@ PATIENT = [f"{name}.step_timeout=120s" for name in STORE]
 """A busy machine is nobody's fault here."""
 
 
-class TestStore:
+@pytest.fixture(scope="module")
+def sale(tmp_path_factory):
     """A sale, with cameras, contacts and a planner."""
+    return store(tmp_path_factory.mktemp("sale"), *PATIENT, scenario="store").recording
+
+
+@pytest.fixture(scope="module")
+def grasp(sale):
+    """The step in the middle of the grasp: the gripper closes, and does not hold yet."""
+    gripper = Recording(sale)["plant.gripper"]
+    held = next(step for step, message in gripper.messages() if message.holding)
+    return held - 5
+
+
+class TestStore:
+    """Branches of a sale."""
 
     pytestmark: ClassVar = [*slow_with_robots, pytest.mark.timeout(1800)]
-
-    @pytest.fixture(scope="class")
-    def sale(self, tmp_path_factory):
-        return store(tmp_path_factory.mktemp("sale"), *PATIENT, scenario="store").recording
-
-    @pytest.fixture(scope="class")
-    def grasp(self, sale):
-        """The step in the middle of the grasp: the gripper closes, and does not hold yet."""
-        gripper = Recording(sale)["plant.gripper"]
-        held = next(step for step, message in gripper.messages() if message.holding)
-        return held - 5
 
     def test_a_branch_without_a_change_is_the_recording(self, sale, tmp_path):
         assert unequal(sale, tmp_path, 2, "store", PATIENT) == []
