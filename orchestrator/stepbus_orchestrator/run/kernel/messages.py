@@ -64,6 +64,7 @@ class MessageHandler:
         if participant is None:
             self._state.unauthenticated += is_alive and name != ORCHESTRATOR
         elif not is_alive:
+            participant.has_left = True
             if participant.external is not None:
                 participant.external.left()
             # Its process may have ended; that is seen at the next check, which need not wait.

@@ -10,6 +10,8 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.loop.loop import SHORT_TICK_S, RunLoop
 from stepbus_orchestrator.scenario import Deadlines
 
+_LAST_S = 0.5
+"""How long the last messages of a process may come behind its end [s]."""
 _LEAVE_S = 1.0
 """How long a run that has failed waits for a process that somebody else has started [s]."""
 
@@ -35,9 +37,19 @@ def shut_down(loop: RunLoop, failure: RunFailure | None) -> list[ParticipantStat
     ]
     late = _await_ends(loop, waits_for, has_failed=failure is not None)
     _end_all(participants.values())
-    loop.receive_after_failure(0.0)
+    _take_last(loop, waits_for)
     loop.announcer.close()
     return late
+
+
+def _take_last(loop: RunLoop, participants: Collection[ParticipantState]) -> None:
+    """Take what participants published before they ended; it may arrive after their exit codes."""
+    give_up = time.monotonic() + _LAST_S
+    loop.receive_after_failure(0.0)
+    while time.monotonic() < give_up and not all(
+        participant.has_left or _is_external(participant) for participant in participants
+    ):
+        loop.receive_after_failure(SHORT_TICK_S)
 
 
 def _end_all(participants: Collection[ParticipantState]) -> None:
