@@ -34,6 +34,7 @@ _MODULES = {
     "rerun": "recordings.rerun",
     "branch": "recordings.branch",
     "recover": "recordings.recover",
+    "export": "recordings.export",
     "conformance": "participants.conformance",
     "bridge": "participants.bridge",
     "join": "participants.join",

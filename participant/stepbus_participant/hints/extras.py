@@ -11,7 +11,8 @@ from stepbus_schemas import WiringError
 _EXTRAS = {
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "report": ("matplotlib",),
-    "sweep": ("optuna", "plotly", "pyarrow", "ray", "scipy"),
+    "export": ("av", "foxglove", "pyarrow", "rosbags"),
+    "sweep": ("optuna", "plotly", "ray", "scipy"),
     "gym": ("gymnasium",),
     "robots": ("cv2", "eaik", "example-robot-data", "ompl", "toppra", "xacro"),
 }

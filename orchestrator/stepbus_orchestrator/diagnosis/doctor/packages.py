@@ -16,6 +16,7 @@ from .finding import Finding
 EXTRAS = {
     "sim": "physics and dynamics: the plant, the controller, motion and planning that ship",
     "report": "the plots of a run, report.png",
+    "export": "tables, video, and files for ROS 2 and Foxglove",
     "robots": "models, inverse kinematics, planning, vision: the scenarios baxter and store",
     "sweep": "many runs of one scenario: tables, a page, an optimizer, a cluster",
     "gym": "environments of Gymnasium",

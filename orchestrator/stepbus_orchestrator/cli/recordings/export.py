@@ -1,0 +1,79 @@
+"""`stepbus export`: a recording for other programs."""
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import print_error, say
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.viewing.exports import Exported, export_tables, progress_bar
+from stepbus_schemas import WiringError
+
+Export = Callable[[Recording, Path, Callable[[int], None]], Exported]
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    parser.add_argument(
+        "--parquet",
+        type=Path,
+        metavar="PATH",
+        help="tables: a folder gets a file for each port, a .parquet file a row for each value",
+    )
+    parser.add_argument("--csv", type=Path, metavar="PATH", help="the same as CSV")
+
+
+def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
+    """Return what to export: option → target and what writes it."""
+    rows: dict[str, tuple[Path | None, Export]] = {
+        "parquet": (args.parquet, partial(_tables, "parquet")),
+        "csv": (args.csv, partial(_tables, "csv")),
+    }
+    return {name: (path, export) for name, (path, export) in rows.items() if path is not None}
+
+
+def _tables(
+    form: str, recording: Recording, target: Path, reached: Callable[[int], None]
+) -> Exported:
+    return export_tables(recording, target, form, reached)
+
+
+def _execute(args: argparse.Namespace) -> int:
+    wanted = _wanted(args)
+    if not wanted:
+        raise WiringError("nothing to export; name a target, e.g. --parquet tables")
+    with Recording(args.recording) as recording:
+        for name, (target, export) in wanted.items():
+            with progress_bar(name, recording.last_step) as reached:
+                done = export(recording, target, reached)
+            for line in done.problems:
+                print_error(line)
+            say(f"wrote {_listed(target, done)}")
+        if recording.damage:
+            print_error(
+                f"{recording.path} is damaged: {recording.damage}; exported up to step "
+                f"{recording.last_step}"
+            )
+    return 0
+
+
+def _listed(target: Path, done: Exported) -> str:
+    size = sum(path.stat().st_size for path in done.paths) / 1e6
+    files = f", {len(done.paths)} files" if len(done.paths) > 1 else ""
+    return f"{target} ({size:.1f} MB{files})"
+
+
+COMMAND = Command(
+    name="export",
+    summary="write a recording for other programs",
+    description="Writes a recording as tables for pandas, polars and DuckDB. A damaged recording "
+    "is exported up to its damage.",
+    examples=(
+        "stepbus export run.mcap --parquet tables",
+        "stepbus export runs/arm --csv all.csv",
+    ),
+    add_arguments=_add_arguments,
+    execute=_execute,
+)

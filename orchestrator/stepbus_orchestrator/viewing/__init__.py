@@ -1,0 +1,1 @@
+"""Shows recordings: pages, pictures and files for other programs."""
