@@ -87,13 +87,23 @@ def origin_of(recording: Recording) -> Origin:
 
 def attached(recording: Recording) -> tuple[bytes, Mapping[str, bytes]]:
     """Return the scenario that a recording holds, and its files; raises as `origin_of`."""
-    if SCENARIO_ATTACHMENT not in recording.attachments:
+    return attached_files(recording.path, recording.attachments)
+
+
+def attached_files(
+    recording: Path, attachments: Mapping[str, bytes]
+) -> tuple[bytes, Mapping[str, bytes]]:
+    """Return the scenario among the attachments of a recording, and its files.
+
+    Raises as `origin_of`.
+    """
+    if SCENARIO_ATTACHMENT not in attachments:
         raise RecordingFailed(
-            f"{recording.path} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
+            f"{recording} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
         )
-    files = _files(recording.path, recording.attachments)
-    scenario = recording.attachments[SCENARIO_ATTACHMENT]
-    _refuse_modules(recording.path, scenario)
+    files = _files(recording, attachments)
+    scenario = attachments[SCENARIO_ATTACHMENT]
+    _refuse_modules(recording, scenario)
     return scenario, files
 
 

@@ -13,6 +13,7 @@ _EXTRAS = {
     "report": ("matplotlib",),
     "export": ("av", "foxglove", "pyarrow", "rosbags"),
     "sweep": ("optuna", "plotly", "ray", "scipy"),
+    "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),
     "robots": ("cv2", "eaik", "example-robot-data", "ompl", "toppra", "xacro"),
 }

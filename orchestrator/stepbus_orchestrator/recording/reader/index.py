@@ -39,11 +39,15 @@ _TAIL_BYTES = HEAD.size + _FOOTER.size + len(MAGIC)
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A chunk, or a message outside of one: offset and length [bytes], channels in it."""
+    """A chunk, or a message outside of one: offset and length [bytes], channels in it.
+
+    start_ns: time of its first message [ns].
+    """
 
     offset: int
     length: int
     channels: frozenset[int]
+    start_ns: int
 
 
 @dataclass(kw_only=True)
@@ -97,9 +101,11 @@ def _scan(path: Path) -> Index:
     for scanned in scanner.scan():
         for record in scanned.records:
             index.add(record)
-        channels = frozenset(r.channel_id for r in scanned.records if isinstance(r, Message))
-        if channels:
-            index.blocks.append(Block(scanned.offset, scanned.length, channels))
+        messages = [record for record in scanned.records if isinstance(record, Message)]
+        if messages:
+            channels = frozenset(message.channel_id for message in messages)
+            start_ns = min(message.log_time for message in messages)
+            index.blocks.append(Block(scanned.offset, scanned.length, channels, start_ns))
     index.damage = scanner.damage
     return index
 
@@ -165,14 +171,14 @@ class _Summary:
                 self._index.add(record)
 
     def _take_chunk(self, content: bytes) -> None:
-        *_, offset, length, size = _CHUNK_INDEX.unpack_from(content)
+        start_ns, _, offset, length, size = _CHUNK_INDEX.unpack_from(content)
         if offset + length > self._size:
             raise DamagedRecord("a chunk lies behind the end of the file")
         rows = content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size]
         channels = frozenset(channel for channel, _ in _MESSAGE_INDEX.iter_unpack(rows))
         # A long recording has many chunks and few sets of channels.
         channels = self._channel_sets.setdefault(channels, channels)
-        self._index.blocks.append(Block(offset, length, channels))
+        self._index.blocks.append(Block(offset, length, channels, start_ns))
 
     def _is_complete(self) -> bool:
         """Return whether the summary lists all that the statistics count."""

@@ -93,6 +93,14 @@ class Port:
         """Yield each message undecoded."""
         return self._source.entries(self.channels)
 
+    def latest(self, t_ns: int) -> tuple[int, Message] | None:
+        """Return (step, message) of the newest message at a time [ns] or before.
+
+        None without any. It reads one chunk. Raises as `messages`.
+        """
+        entry = self._source.latest(self.channels, t_ns)
+        return None if entry is None else (entry.step, Decoder(self.message_class)(entry.data))
+
     def messages(self) -> Iterator[tuple[int, Message]]:
         """Yield (step, message).
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import weakref
+from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
@@ -57,6 +58,7 @@ class Source:
         self.index = read_index(path, self._file)
         self.damage = self.index.damage
         self._blocks = self.index.blocks
+        self._blocks_of: dict[frozenset[int], list[Block]] = {}
         self._cache = _Cache()
 
     def rows(self, channels: frozenset[int] | None = None) -> Iterator[Row]:
@@ -78,6 +80,26 @@ class Source:
         for _, step, t_ns, data in self.rows(channels):
             yield Entry(step=step, t_ns=t_ns, data=data)
 
+    def latest(self, channels: frozenset[int], t_ns: int) -> Entry | None:
+        """Return the newest message of some channels at a time or before; None without any.
+
+        It reads the one chunk that has it.
+        """
+        blocks = self._blocks_of.get(channels)
+        if blocks is None:
+            blocks = [block for block in self._blocks if block.channels & channels]
+            self._blocks_of[channels] = blocks
+        for number in range(bisect_right(blocks, t_ns, key=_start), 0, -1):
+            block = blocks[number - 1]
+            try:
+                found = [row for row in self._in_block(block, channels) if row[2] <= t_ns]
+            except DamagedRecord as exc:
+                self._end_before(block, exc)
+                continue
+            if found:
+                return Entry(step=found[-1][1], t_ns=found[-1][2], data=found[-1][3])
+        return None
+
     def last_step(self, channels: frozenset[int]) -> int:
         """Return the newest step of some channels; −1 without a message."""
         for block in reversed(self._blocks):
@@ -92,6 +114,7 @@ class Source:
         """End the recording before a block that turned out to be damaged."""
         self.damage = str(exc)
         self._blocks = [other for other in self._blocks if other.offset < block.offset]
+        self._blocks_of.clear()
 
     def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[Row]:
         if not self.close.alive:
@@ -117,6 +140,10 @@ class Source:
             )
         checked = self.index.is_ours
         return chunk_content(data[HEAD.size :], checked=checked) if opcode == Opcode.CHUNK else data
+
+
+def _start(block: Block) -> int:
+    return block.start_ns
 
 
 def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:

@@ -1,0 +1,148 @@
+"""What a frame looks like: meshes of files and of primitives."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from .pose import Pose
+
+Color = tuple[int, int, int]
+"""Red, green, blue, 0 to 255."""
+GREY: Color = (176, 178, 184)
+
+_SEGMENTS = 24
+_MOST_FACES = 4000
+_CELLS = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Triangles of one colour. vertices: shape (n, 3) [m]. faces: shape (m, 3)."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    color: Color | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visual:
+    """A mesh at a place in its frame. color: of the mesh where that has none of its own."""
+
+    mesh: Mesh
+    pose: Pose = field(default_factory=Pose)
+    color: Color = GREY
+
+    @property
+    def shown_color(self) -> Color:
+        """Return the colour to draw."""
+        return self.mesh.color or self.color
+
+
+def _box(size: Sequence[float]) -> Any:
+    return trimesh.creation.box(extents=size)
+
+
+def _cylinder(size: Sequence[float]) -> Any:
+    return trimesh.creation.cylinder(radius=size[0], height=size[1], sections=_SEGMENTS)
+
+
+def _sphere(size: Sequence[float]) -> Any:
+    return trimesh.creation.icosphere(subdivisions=2, radius=size[0])
+
+
+def _capsule(size: Sequence[float]) -> Any:
+    made = trimesh.creation.capsule(height=size[1], radius=size[0], count=(_SEGMENTS, 12))
+    # Some versions put its lower end, not its middle, at the origin.
+    made.apply_translation(-made.bounds.mean(axis=0))
+    return made
+
+
+_PRIMITIVES: dict[str, Callable[[Sequence[float]], Any]] = {
+    "box": _box,
+    "capsule": _capsule,
+    "cylinder": _cylinder,
+    "sphere": _sphere,
+}
+
+
+@lru_cache(maxsize=512)
+def primitive(shape: str, size: tuple[float, ...]) -> Mesh | None:
+    """Return a box (x, y, z), capsule or cylinder (radius, length) or sphere (radius) [m].
+
+    None for any other shape.
+    """
+    make = _PRIMITIVES.get(shape)
+    return None if make is None else _mesh(make(size), None)
+
+
+@lru_cache(maxsize=256)
+def mesh_file(path: Path, scale: tuple[float, float, float]) -> tuple[Mesh, ...]:
+    """Return the meshes of a file, one of each colour; raises ValueError when it has none."""
+    try:
+        # Textures are not shown, and their files need not be there.
+        loaded = trimesh.load(path, skip_materials=path.suffix.lower() == ".obj")
+        found = _by_color(loaded)
+    except Exception as exc:
+        raise ValueError(f"{path.name} cannot be read: {exc}") from exc
+    if not found:
+        raise ValueError(f"{path.name} has no triangles")
+    return tuple(_scaled(mesh, scale) for mesh in found)
+
+
+def _by_color(loaded: Any) -> list[Mesh]:
+    parts = loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]
+    groups: dict[Color | None, list[Any]] = {}
+    for part in parts:
+        if isinstance(part, trimesh.Trimesh) and len(part.faces):
+            groups.setdefault(_color_of(part), []).append(part)
+    return [_mesh(trimesh.util.concatenate(group), color) for color, group in groups.items()]
+
+
+def _color_of(part: Any) -> Color | None:
+    """Return the colour of a mesh; None where its file gives it none."""
+    visual = part.visual
+    if not visual.defined:
+        return None
+    material = getattr(visual, "material", None)
+    color = visual.main_color if material is None else material.main_color
+    red, green, blue = (int(value) for value in color[:3])
+    return red, green, blue
+
+
+def _mesh(part: Any, color: Color | None) -> Mesh:
+    vertices = np.asarray(part.vertices, dtype=np.float32)
+    faces = np.asarray(part.faces, dtype=np.uint32)
+    if len(faces) > _MOST_FACES:
+        vertices, faces = _coarser(vertices, faces)
+    return Mesh(vertices=vertices, faces=faces, color=color)
+
+
+def _coarser(
+    vertices: NDArray[np.float32], faces: NDArray[np.uint32]
+) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Return triangles without what is smaller than a hundredth of them: a browser draws them.
+
+    Vertices in the same cell of a grid become one, where they are on average.
+    """
+    size = float(np.ptp(vertices, axis=0).max()) / _CELLS or 1.0
+    cells = np.floor((vertices - vertices.min(axis=0)) / size).astype(np.int64)
+    keys = (cells * np.array([1, 1024, 1024 * 1024])).sum(axis=1)
+    _, number, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(number, weights=vertices[:, axis]) for axis in range(3)]
+    middle = (np.stack(sums, axis=1) / counts[:, None]).astype(np.float32)
+    kept = number[faces].astype(np.uint32)
+    a, b, c = kept.T
+    return middle, kept[(a != b) & (b != c) & (a != c)]
+
+
+def _scaled(mesh: Mesh, scale: tuple[float, float, float]) -> Mesh:
+    if scale == (1.0, 1.0, 1.0):
+        return mesh
+    vertices = mesh.vertices * np.array(scale, dtype=np.float32)
+    return Mesh(vertices=vertices, faces=mesh.faces, color=mesh.color)

@@ -1,0 +1,244 @@
+"""A robot's model as it is drawn: its links, and how joints move them."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from stepbus_participant import mimics, package_path, parse_urdf, read_urdf_text
+from stepbus_schemas import WiringError
+
+from .meshes import GREY, Color, Visual, mesh_file, primitive
+from .pose import Pose, Vector, about, from_rpy, product, rotated, unit
+
+_SIZES = {
+    "box": ("size",),
+    "capsule": ("radius", "length"),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+}
+_TURNING = ("revolute", "continuous")
+_SLIDING = ("prismatic",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A joint of a model. origin: of its child in its parent, at position 0. rest: [rad or m].
+
+    mimic: joint that it follows, factor and offset; None: none.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: Vector
+    rest: float = 0.0
+    mimic: tuple[str, float, float] | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Return whether it has a position."""
+        return self.type in _TURNING or self.type in _SLIDING
+
+    def at(self, position: float) -> Pose:
+        """Return the pose of its child in its parent. position: [rad or m]."""
+        if self.type in _TURNING:
+            return Pose(self.origin.position, product(self.origin.wxyz, about(self.axis, position)))
+        if self.type in _SLIDING:
+            x, y, z = rotated(self.origin.wxyz, self.axis)
+            px, py, pz = self.origin.position
+            moved = (px + x * position, py + y * position, pz + z * position)
+            return Pose(moved, self.origin.wxyz)
+        return self.origin
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A model. links: name → what it looks like. joints: parents first. root: its first link.
+
+    notes: what cannot be shown as it is, a sentence each.
+    """
+
+    root: str
+    links: Mapping[str, tuple[Visual, ...]]
+    joints: tuple[Joint, ...]
+    notes: tuple[str, ...] = ()
+    above: Mapping[str, Joint] = field(default_factory=dict)
+
+    def position(self, joint: Joint, positions: Mapping[str, float]) -> float:
+        """Return where a joint is; one that nobody measures is where it rests or what it mimics."""
+        if joint.name in positions:
+            return positions[joint.name]
+        if joint.mimic is not None:
+            name, factor, offset = joint.mimic
+            leader = next((other for other in self.joints if other.name == name), None)
+            if leader is not None and leader is not joint:
+                return factor * self.position(leader, positions) + offset
+        return joint.rest
+
+    def pose(self, link: str, positions: Mapping[str, float]) -> Pose:
+        """Return the pose of a link in the root link."""
+        found = Pose()
+        while (joint := self.above.get(link)) is not None:
+            found = joint.at(self.position(joint, positions)) @ found
+            link = joint.parent
+        return found
+
+
+def load_model(path: Path, rest: Mapping[str, float] = {}) -> Model:
+    """Return the model of a URDF, SDF or xacro.
+
+    rest: joint → its position where nobody measures it. Raises WiringError as `read_urdf_text`.
+    """
+    reader = _Reader(path, parse_urdf(read_urdf_text(path)), rest)
+    return reader.read()
+
+
+class _Reader:
+    def __init__(self, path: Path, root: ET.Element, rest: Mapping[str, float]) -> None:
+        self._path = path
+        self._root = root
+        self._rest = rest
+        self._notes: dict[str, None] = {}
+        self._palette = {
+            material.get("name", ""): _rgb(color)
+            for material in root.iter("material")
+            if (color := material.find("color")) is not None
+        }
+
+    def read(self) -> Model:
+        joints = {joint.child: joint for joint in self._joints()}
+        links = {
+            link.get("name", ""): tuple(self._visuals(link)) for link in self._root.findall("link")
+        }
+        root = next((name for name in links if name not in joints), next(iter(links), ""))
+        return Model(
+            root=root,
+            links=links,
+            joints=tuple(_parents_first(root, joints)),
+            notes=tuple(self._notes),
+            above=joints,
+        )
+
+    def _joints(self) -> Iterator[Joint]:
+        followers = mimics(self._root)  # type: ignore[arg-type]  # what parse_urdf returned
+        for element in self._root.findall("joint"):
+            name = element.get("name", "")
+            mimic = followers.get(name)
+            yield Joint(
+                name=name,
+                type=element.get("type", "fixed"),
+                parent=_link(element, "parent"),
+                child=_link(element, "child"),
+                origin=_origin(element),
+                axis=unit(_numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0))),
+                rest=self._rest.get(name, _rest(element)),
+                mimic=None if mimic is None else (mimic.joint, mimic.multiplier, mimic.offset),
+            )
+
+    def _visuals(self, link: ET.Element) -> Iterator[Visual]:
+        """Yield what a link looks like: its visuals, or its collision shapes."""
+        shown = link.findall("visual") or link.findall("collision")
+        for element in shown:
+            geometry = element.find("geometry/*")
+            if geometry is not None:
+                yield from self._shapes(link.get("name", ""), element, geometry)
+
+    def _shapes(self, link: str, element: ET.Element, geometry: ET.Element) -> Iterator[Visual]:
+        pose, color = _origin(element), self._color(element)
+        if geometry.tag == "mesh":
+            yield from self._mesh(link, geometry, pose, color)
+            return
+        keys = _SIZES.get(geometry.tag, ())
+        size = tuple(x for key in keys for x in _numbers(geometry, key, ()))
+        mesh = primitive(geometry.tag, size)
+        if mesh is None:
+            self._notes[f"link {link}: <{geometry.tag}> is not shown"] = None
+        else:
+            yield Visual(mesh=mesh, pose=pose, color=color or GREY)
+
+    def _mesh(
+        self, link: str, geometry: ET.Element, pose: Pose, color: Color | None
+    ) -> Iterator[Visual]:
+        name = geometry.get("filename", "")
+        x, y, z = _numbers(geometry, "scale", (1.0, 1.0, 1.0))
+        try:
+            for mesh in mesh_file(self._file(name), (x, y, z)):
+                yield Visual(mesh=mesh, pose=pose, color=color or GREY)
+        except (WiringError, ValueError, OSError) as exc:
+            self._notes[f"link {link} is a grey box: {exc}"] = None
+            box = primitive("box", (0.08, 0.08, 0.08))
+            if box is not None:
+                yield Visual(mesh=box, pose=pose)
+
+    def _file(self, name: str) -> Path:
+        folder = self._path.parent
+        if name.startswith("package://"):
+            path = package_path(name, folder)
+        else:
+            path = folder / name.removeprefix("file://")
+        if not path.is_file():
+            raise ValueError(f"no mesh {name}")
+        return path
+
+    def _color(self, element: ET.Element) -> Color | None:
+        material = element.find("material")
+        if material is None:
+            return None
+        own = material.find("color")
+        return self._palette.get(material.get("name", "")) if own is None else _rgb(own)
+
+
+def _parents_first(root: str, joints: Mapping[str, Joint]) -> Iterator[Joint]:
+    below: dict[str, list[Joint]] = {}
+    for joint in joints.values():
+        below.setdefault(joint.parent, []).append(joint)
+    waiting, seen = [root], set()
+    while waiting:
+        for joint in below.get(waiting.pop(0), []):
+            if joint.child not in seen:
+                seen.add(joint.child)
+                waiting.append(joint.child)
+                yield joint
+
+
+def _link(joint: ET.Element, side: str) -> str:
+    found = joint.find(side)
+    return "" if found is None else found.get("link", "")
+
+
+def _origin(element: ET.Element) -> Pose:
+    origin = element.find("origin")
+    x, y, z = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
+    return Pose((x, y, z), from_rpy(_numbers(origin, "rpy", (0.0, 0.0, 0.0))))
+
+
+def _rest(joint: ET.Element) -> float:
+    """Return the position nearest to 0 within the limits, where a plant starts a joint too."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") == "continuous":
+        return 0.0
+    (lower,) = _numbers(limit, "lower", (0.0,))
+    (upper,) = _numbers(limit, "upper", (0.0,))
+    return min(max(0.0, lower), upper)
+
+
+def _rgb(color: ET.Element) -> Color:
+    red, green, blue, *_ = (round(255 * x) for x in _numbers(color, "rgba", (0.7, 0.7, 0.7, 1.0)))
+    return red, green, blue
+
+
+def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the numbers of an attribute; the default where it is absent or is none."""
+    text = None if element is None else element.get(key)
+    if text is None:
+        return default
+    try:
+        found = tuple(float(word) for word in text.split())
+    except ValueError:
+        return default
+    is_whole = len(found) == len(default) or not default
+    return found if is_whole and all(map(math.isfinite, found)) else default

@@ -1,0 +1,173 @@
+"""How messages move frames: poses of links, states and targets of joints, odometry of a base."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from stepbus_schemas import (
+    BaseState,
+    GripperState,
+    JointCommand,
+    JointReference,
+    JointState,
+    Message,
+    Poses,
+)
+
+from .model import Joint, Model
+from .pose import Pose, about, from_xyzw
+from .scene import Messages
+
+Positions = Mapping[str, float]
+"""Joint → its position [rad or m]."""
+Reader = Callable[[Message], Sequence[float] | None]
+"""Returns the positions in a message; None where it has none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSource:
+    """A port that says where joints are. names: of its vectors."""
+
+    topic: str
+    names: Sequence[str]
+    read: Reader
+
+    def positions(self, messages: Messages) -> Positions:
+        """Return where its joints are; nothing where the message does not say."""
+        latest = messages.get(self.topic)
+        values = None if latest is None else self.read(latest.message)
+        if values is None or len(values) != len(self.names):
+            return {}
+        return {
+            name: value
+            for name, value in zip(self.names, values, strict=True)
+            if math.isfinite(value)
+        }
+
+
+def measured(message: Message) -> Sequence[float] | None:
+    """Return the positions that a message reports."""
+    if isinstance(message, JointState):
+        return message.position
+    if isinstance(message, GripperState):
+        return [message.width / 2, message.width / 2]
+    return None
+
+
+def wanted(message: Message) -> Sequence[float] | None:
+    """Return the positions that a message asks for."""
+    if isinstance(message, JointReference):
+        return message.position
+    if isinstance(message, JointCommand) and message.mode in {"position", "teleport"}:
+        return message.values
+    return None
+
+
+def all_positions(sources: Sequence[JointSource], messages: Messages) -> Positions:
+    """Return where joints are by all sources; the first one that knows a joint counts."""
+    found: dict[str, float] = {}
+    for source in reversed(sources):
+        found |= source.positions(messages)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkMotion:
+    """Places links where ports of type Poses/1 say. ports: topic → frame of each of its links."""
+
+    ports: Mapping[str, Sequence[str | None]]
+    topics: frozenset[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "topics", frozenset(self.ports))
+
+    def poses(self, messages: Messages) -> Mapping[str, Pose]:
+        """Return the newest pose of each link."""
+        found: dict[str, Pose] = {}
+        known = [topic for topic in self.ports if topic in messages]
+        for topic in sorted(known, key=lambda name: messages[name].step):
+            found |= link_poses(self.ports[topic], messages[topic].message)
+        return found
+
+
+def link_poses(frames: Sequence[str | None], message: Message) -> dict[str, Pose]:
+    """Return frame → pose, of a message of type Poses/1 that fits."""
+    if not isinstance(message, Poses) or len(message.position) != len(frames):
+        return {}
+    rows = zip(frames, message.position, message.orientation, strict=True)
+    return {frame: from_xyzw(p, q) for frame, p, q in rows if frame is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointMotion:
+    """Moves the links of a model by its joints.
+
+    prefix: of its frames. sources: that know joints, the best one first. joints: those that move.
+    """
+
+    model: Model
+    prefix: str
+    sources: Sequence[JointSource]
+    joints: Sequence[Joint]
+    topics: frozenset[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        topics = frozenset(source.topic for source in self.sources)
+        object.__setattr__(self, "topics", topics)
+
+    def poses(self, messages: Messages) -> Mapping[str, Pose]:
+        """Return the pose of each link that a joint moves, in the link before it."""
+        found = all_positions(self.sources, messages)
+        return {
+            self.prefix + joint.child: joint.at(self.model.position(joint, found))
+            for joint in self.joints
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class RootMotion:
+    """Places the root of a model: by the pose of one of its links, or by odometry.
+
+    frame: of its root. start: where it is without. link: and the ports that have its pose, each
+    with the number of the link there. odometry: topic of a BaseState. sources: of its joints.
+    """
+
+    frame: str
+    model: Model
+    start: Pose
+    link: str = ""
+    ports: Mapping[str, int] = field(default_factory=dict)
+    odometry: str = ""
+    sources: Sequence[JointSource] = ()
+    topics: frozenset[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        own = {*self.ports, *([self.odometry] if self.odometry else [])}
+        topics = frozenset(own | {source.topic for source in self.sources})
+        object.__setattr__(self, "topics", topics)
+
+    def poses(self, messages: Messages) -> Mapping[str, Pose]:
+        """Return the pose of the root."""
+        pose = self._by_link(messages) or self._by_odometry(messages)
+        return {} if pose is None else {self.frame: pose}
+
+    def _by_link(self, messages: Messages) -> Pose | None:
+        known = [topic for topic in self.ports if topic in messages]
+        if not known:
+            return None
+        newest = max(known, key=lambda name: messages[name].step)
+        message, number = messages[newest].message, self.ports[newest]
+        if not isinstance(message, Poses) or number >= len(message.position):
+            return None
+        pose = from_xyzw(message.position[number], message.orientation[number])
+        positions = all_positions(self.sources, messages)
+        return pose @ self.model.pose(self.link, positions).inverse()
+
+    def _by_odometry(self, messages: Messages) -> Pose | None:
+        latest = messages.get(self.odometry)
+        if latest is None or not isinstance(latest.message, BaseState):
+            return None
+        state = latest.message
+        if not all(map(math.isfinite, (state.x, state.y, state.yaw))):
+            return None
+        return self.start @ Pose((state.x, state.y, 0.0), about((0.0, 0.0, 1.0), state.yaw))

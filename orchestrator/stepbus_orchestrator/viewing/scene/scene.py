@@ -1,0 +1,83 @@
+"""A scene: frames with what they look like, and where they are when messages say so."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from stepbus_schemas import Message
+
+from .meshes import Visual
+from .pose import Pose
+
+GHOST = "target"
+"""Prefix of the frames that show where joints should be."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Latest:
+    """The newest message of a port: its step, and itself."""
+
+    step: int
+    message: Message
+
+
+Messages = Mapping[str, Latest]
+"""Topic → its newest message, of the ports that have one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """A frame: its parent, where it is at the start, and what it looks like.
+
+    name: unique. parent: name of a frame that precedes it; empty: the world. label: for the
+    reader. is_ghost: shows where something should be, not where it is. item: type, of something
+    in stock.
+    """
+
+    name: str
+    parent: str = ""
+    pose: Pose = field(default_factory=Pose)
+    visuals: tuple[Visual, ...] = ()
+    label: str = ""
+    body: str = ""
+    is_ghost: bool = False
+
+
+class Motion(Protocol):
+    """Moves some frames of a scene."""
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """Return the ports that it reads."""
+
+    def poses(self, messages: Messages) -> Mapping[str, Pose]:
+        """Return frame → its pose in its parent, of the frames that the messages place."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A scene. frames: parents first. notes: what cannot be shown as it is, a sentence each."""
+
+    frames: Sequence[Frame]
+    motions: Sequence[Motion]
+    notes: Sequence[str] = ()
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """Return the ports that move it."""
+        return frozenset[str]().union(*(motion.topics for motion in self.motions))
+
+    def poses(self, messages: Messages) -> dict[str, Pose]:
+        """Return frame → its pose in its parent, of the frames that the messages place."""
+        found: dict[str, Pose] = {}
+        for motion in self.motions:
+            found |= motion.poses(messages)
+        return found
+
+    def world_poses(self, messages: Messages) -> dict[str, Pose]:
+        """Return frame → its pose in the world, of all frames."""
+        moved, found = self.poses(messages), dict[str, Pose]()
+        for frame in self.frames:
+            pose = moved.get(frame.name, frame.pose)
+            found[frame.name] = found[frame.parent] @ pose if frame.parent else pose
+        return found
