@@ -1,6 +1,13 @@
-"""What a process imports to take part in a run."""
+"""What a process imports to take part in a run.
 
-from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, LoopbackBus, Queue, Request, ZenohBus
+What only some participants need, such as models of robots, is imported when it is first used:
+each is a process, and loads this at every start.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, Queue, Request, ZenohBus
 from .bus.ticket import (
     TICKET_VARIABLE,
     Endpoint,
@@ -14,27 +21,30 @@ from .calls.methods import CallError, Method
 from .calls.steering import Steering
 from .config import Config, Ports
 from .config.plugins import make_plugin
-from .files import (
-    Mimic,
-    find_file,
-    last_error,
-    mimics,
-    package_path,
-    parse_urdf,
-    read_urdf_text,
-    urdf_warnings,
-)
+from .files import find_file, last_error, package_path
 from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
+from .hints.installed import installed_version
 from .hints.suggestions import suggest
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
-from .parameters.types_file import load_types
 from .participant import Participant, PortType
 from .process.hosting import HOST, Host
 from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
 from .step import InputAbsent, InvalidInput, Step
+
+if TYPE_CHECKING:
+    from .bus.loopback import LoopbackBus
+    from .files import Mimic, mimics, parse_urdf, read_urdf_text, urdf_warnings
+    from .parameters.types_file import load_types
+
+_MODULES = {
+    "bus.loopback": ("LoopbackBus",),
+    "files": ("Mimic", "mimics", "parse_urdf", "read_urdf_text", "urdf_warnings"),
+    "parameters.types_file": ("load_types",),
+}
+_WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "HOST",
@@ -95,6 +105,7 @@ __all__ = [
     "format_duration",
     "import_error_hint",
     "install_command",
+    "installed_version",
     "last_error",
     "load_ticket",
     "load_types",
@@ -115,3 +126,9 @@ __all__ = [
     "urdf_warnings",
     "when",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        return getattr(import_module(f".{_WHERE[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,11 +1,13 @@
-"""The contract of stepbus: message types, protocol envelopes and their codec."""
+"""The contract of stepbus: message types, protocol envelopes and their codec.
 
-from .bridge.formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
-from .bridge.raw_layout import RawField, RawLayout, raw_fields
+What only schemas, tables, vectors and the bridge need is imported when it is first used: each
+participant is a process, and loads this at every start.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .codec import Decoder, encode, encoding_of, message_class, type_name
-from .derived.schema import json_schema, not_null
-from .derived.tables import raw_table, types_page
-from .derived.vectors import types_vectors
 from .errors import MessageError, RunError, StepbusError, WiringError
 from .messages import *
 from .protocol import *
@@ -13,6 +15,22 @@ from .schedule import due_step
 from .shapes import Shape, parse_shapes
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
 from .types.wrong_words import explained
+
+if TYPE_CHECKING:
+    from .bridge.formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
+    from .bridge.raw_layout import RawField, RawLayout, raw_fields
+    from .derived.schema import json_schema, not_null
+    from .derived.tables import raw_table, types_page
+    from .derived.vectors import types_vectors
+
+_MODULES = {
+    "bridge.formats": ("BRIDGE_FORMATS", "BridgeFormat", "raw_problem"),
+    "bridge.raw_layout": ("RawField", "RawLayout", "raw_fields"),
+    "derived.schema": ("json_schema", "not_null"),
+    "derived.tables": ("raw_table", "types_page"),
+    "derived.vectors": ("types_vectors",),
+}
+_WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "BRIDGE_FORMATS",
@@ -105,3 +123,9 @@ __all__ = [
     "types_page",
     "types_vectors",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        return getattr(import_module(f".{_WHERE[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -33,7 +33,6 @@ from .control.injector import Injector
 from .control.invitations import Invitations
 from .control.live_file import Live, forget
 from .control.real_time import RealTime
-from .inprocess import LocalRun, check_scenario, surroundings
 from .kernel.gates import Gate
 from .loop.loop import Controls, Records, RunLoop
 from .loop.strategy import Strategy
@@ -116,6 +115,8 @@ class _Run:
         self._loop: RunLoop | None = None
         self._processes: set[int] = set()
         if options.in_process:
+            from .inprocess import check_scenario  # noqa: PLC0415  see `_with_hub`
+
             check_scenario(scenario)
         claim(options.out)
         if options.profile:
@@ -211,6 +212,9 @@ class _Run:
         return self._with_hub() if self._options.in_process else self._with_processes()
 
     def _with_hub(self) -> str:
+        # A run in processes of their own is quicker to start without it.
+        from .inprocess import LocalRun, surroundings  # noqa: PLC0415  see above
+
         logs = self._options.out.resolve() / LOGS_FOLDER
         local = LocalRun(
             run=self._run,

@@ -2,7 +2,6 @@
 
 from .faulty_bus import FaultyBus, FaultyPublisher
 from .interface import Bus, BusError, Queue, Request
-from .loopback import LoopbackBus
 from .zenoh_bus import ONE_THREAD, ZenohBus, zenoh_settings
 
 __all__ = [
@@ -11,7 +10,6 @@ __all__ = [
     "BusError",
     "FaultyBus",
     "FaultyPublisher",
-    "LoopbackBus",
     "Queue",
     "Request",
     "ZenohBus",

@@ -1,9 +1,25 @@
-"""Files that participants read: by the names of a scenario, models of robots, logs."""
+"""Files that participants read: by the names of a scenario, models of robots, logs.
+
+What reads models is imported when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from .last_error import last_error
 from .paths import find_file, package_path
-from .urdf import read_urdf_text, urdf_warnings
-from .urdf_check import Mimic, mimics, parse_urdf
+
+if TYPE_CHECKING:
+    from .urdf import read_urdf_text, urdf_warnings
+    from .urdf_check import Mimic, mimics, parse_urdf
+
+_WHERE = {
+    "Mimic": "urdf_check",
+    "mimics": "urdf_check",
+    "parse_urdf": "urdf_check",
+    "read_urdf_text": "urdf",
+    "urdf_warnings": "urdf",
+}
 
 __all__ = [
     "Mimic",
@@ -15,3 +31,9 @@ __all__ = [
     "read_urdf_text",
     "urdf_warnings",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        return getattr(import_module(f".{_WHERE[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

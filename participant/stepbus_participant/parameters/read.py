@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 
 from msgspec import inspect
 
-from stepbus_participant.files import find_file, read_urdf_text
+from stepbus_participant import files
+from stepbus_participant.files import find_file
 from stepbus_participant.hints.suggestions import suggest
 
 from .durations import parse_duration
@@ -221,7 +222,7 @@ class _Reader:
     def _model(self, node: Any, data: Any, keys: Keys) -> Path:
         found = self._file(node, data, keys)
         if self.folder is not None and found != Path():
-            self.problems.attempt(keys, partial(read_urdf_text, found))
+            self.problems.attempt(keys, lambda: files.read_urdf_text(found))
         return found
 
     def _names(self, node: Any, data: Any, keys: Keys) -> tuple[str, ...]:

@@ -3,10 +3,10 @@
 import os
 import time
 from collections.abc import Mapping
-from importlib.metadata import version
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import Ticket
+from stepbus_participant.hints.installed import installed_version
 from stepbus_schemas import (
     PROTOCOL_VERSION,
     SHIPPED,
@@ -52,7 +52,7 @@ def join(
         token=ticket.token,
         pid=os.getpid(),
         language="python",
-        sdk=f"stepbus {version('stepbus')}",
+        sdk=f"stepbus {installed_version('stepbus')}",
         inputs=None if inputs is None else dict(inputs),
         outputs=None if outputs is None else dict(outputs),
         types=dict(types.declarations),

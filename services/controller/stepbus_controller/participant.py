@@ -2,13 +2,20 @@
 
 import math
 from collections.abc import Mapping
-from importlib.metadata import version
 from typing import Any, cast
 
 import numpy as np
 
 from stepbus_kinematics import Smoother, Vector, delay_warning, joint_orders, make_smoother
-from stepbus_participant import Config, Method, Participant, Ports, Steering, Step
+from stepbus_participant import (
+    Config,
+    Method,
+    Participant,
+    Ports,
+    Steering,
+    Step,
+    installed_version,
+)
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -122,7 +129,7 @@ class ControllerParticipant(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the torques."""
-        return {"numpy": np.__version__, "pinocchio": version("pin")}
+        return {"numpy": np.__version__, "pinocchio": installed_version("pin")}
 
     def _read(self, step: Step) -> None:
         """Read what is new on both inputs; the rest is held."""

@@ -2,10 +2,9 @@
 
 import logging
 from collections.abc import Mapping
-from importlib.metadata import version
 
 from stepbus_kinematics import JointOrder
-from stepbus_participant import Config, Participant, Step
+from stepbus_participant import Config, Participant, Step, installed_version
 from stepbus_schemas import (
     Description,
     Detections,
@@ -143,7 +142,7 @@ class PerceptionParticipant(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
-        versions = {name: version(name) for name in ("numpy", "pin")}
+        versions = {name: installed_version(name) for name in ("numpy", "pin")}
         if isinstance(self._settings.source, CameraSettings):
             # OpenCV comes in packages with different names.
             import cv2  # noqa: PLC0415  source truth works without it

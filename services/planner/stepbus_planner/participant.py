@@ -4,10 +4,9 @@ import threading
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any, Literal
 
-from stepbus_participant import Config, Participant, Ports, Step, need
+from stepbus_participant import Config, Participant, Ports, Step, installed_version, need
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
 
 from .base.path import BasePlanner
@@ -195,7 +194,9 @@ class PlannerParticipant(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the plans."""
-        return {name: version(name) for name in ("numpy", "pin", "coal", "ompl", "toppra")}
+        return {
+            name: installed_version(name) for name in ("numpy", "pin", "coal", "ompl", "toppra")
+        }
 
     def close(self) -> None:
         """Cancel the request in progress."""

@@ -2,10 +2,17 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Literal
 
-from stepbus_participant import Config, Method, Participant, Problems, Step, format_duration
+from stepbus_participant import (
+    Config,
+    Method,
+    Participant,
+    Problems,
+    Step,
+    format_duration,
+    installed_version,
+)
 from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
 
 from .devices import camera
@@ -202,7 +209,7 @@ class PlantParticipant(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that the physics depend on."""
-        return {name: version(name) for name in ("numpy", "pybullet", "stepbus")}
+        return {name: installed_version(name) for name in ("numpy", "pybullet", "stepbus")}
 
     def close(self) -> None:
         """Disconnect from the physics engine."""

@@ -3,13 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import JointOrder, RobotModel
-from stepbus_participant import Config, Participant, Ports, Step, suggest
+from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
 from stepbus_schemas import (
     BaseState,
     Description,
@@ -191,7 +190,7 @@ class WorldModelParticipant(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
-        return {name: version(name) for name in ("numpy", "pin")}
+        return {name: installed_version(name) for name in ("numpy", "pin")}
 
 
 def _find_ports(ports: Ports) -> _PortNames:

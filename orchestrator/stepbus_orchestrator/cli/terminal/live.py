@@ -1,19 +1,23 @@
 """Show the progress of a run: a live table, or plain lines without a terminal."""
 
+from __future__ import annotations
+
 import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from queue import SimpleQueue
-
-from rich.console import Console
-from rich.live import Live
-from rich.table import Table
+from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.run.reports.progress import Progress
 
 from .keys import HELP
+
+# With --json, nothing is shown; else rich is imported when there is something to show.
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 _PLAIN_EVERY_S = 2.0
 _LAST_S = 2.0
@@ -46,6 +50,8 @@ class LiveTable(Display):
     """Shows progress as a table, drawn again with each report."""
 
     def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
+        from rich.live import Live  # noqa: PLC0415  see above
+
         super().__init__(title, console, degrees=degrees)
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._live.start()
@@ -118,6 +124,8 @@ def displayed(
     if quiet and not invites:
         yield None
         return
+    from rich.console import Console  # noqa: PLC0415  see above
+
     console = Console(stderr=quiet)
     shown = Display if plain or quiet else LiveTable if console.is_terminal else PlainLines
     with contextlib.closing(Aside(shown(title, console, degrees=degrees))) as display:
@@ -143,6 +151,8 @@ def _headline(progress: Progress) -> str:
 
 
 def _table(title: str, progress: Progress, angles: str = "") -> Table:
+    from rich.table import Table  # noqa: PLC0415  see above
+
     table = Table(
         title=f"{title}: {_headline(progress)}{angles}",
         title_justify="left",

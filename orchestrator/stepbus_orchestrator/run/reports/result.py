@@ -5,12 +5,12 @@ import hashlib
 import platform
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
 
 from stepbus_orchestrator.recording import layout
+from stepbus_participant import installed_version
 
 from .events import Warned
 from .lateness import Lateness
@@ -106,8 +106,8 @@ def own_versions() -> dict[str, str]:
 
 def _version(name: str) -> str:
     try:
-        return version(name)
-    except PackageNotFoundError:
+        return installed_version(name)
+    except ModuleNotFoundError:
         return "not installed"
 
 

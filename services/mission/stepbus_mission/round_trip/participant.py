@@ -7,13 +7,12 @@ motors and gravity.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from stepbus_participant import Config, Participant, Ports, Step, suggest
+from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
 from stepbus_schemas import (
     Description,
     Event,
@@ -206,7 +205,7 @@ class RoundTrip(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that the poses depend on."""
-        return {"numpy": np.__version__, "pinocchio": version("pin")}
+        return {"numpy": np.__version__, "pinocchio": installed_version("pin")}
 
 
 def _target(goal: Goal | None) -> Any:

@@ -1,7 +1,6 @@
 """Carries out goals of an arm."""
 
 from collections.abc import Mapping
-from importlib.metadata import version
 
 from stepbus_kinematics import delay_warning
 from stepbus_motion.goals.executor import GoalExecutor
@@ -9,7 +8,7 @@ from stepbus_motion.goals.joint_sensor import JointReading, JointSensor
 from stepbus_motion.goals.measured import Measured
 from stepbus_motion.goals.parts import Parts
 from stepbus_motion.manipulator.build import searching_manipulator
-from stepbus_participant import Config, Participant, Ports, Step
+from stepbus_participant import Config, Participant, Ports, Step, installed_version
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -128,4 +127,4 @@ class ArmController(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""
-        return {name: version(name) for name in ("numpy", "pin", "coal", "ruckig")}
+        return {name: installed_version(name) for name in ("numpy", "pin", "coal", "ruckig")}

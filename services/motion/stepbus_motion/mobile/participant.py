@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from importlib.metadata import version
 
 import msgspec
 
@@ -19,7 +18,7 @@ from stepbus_motion.gripper.gripper import Gripper
 from stepbus_motion.gripper.scale import Scale
 from stepbus_motion.ik.analytic import AnalyticChain
 from stepbus_motion.manipulator.build import branching_manipulator
-from stepbus_participant import Config, Participant, Step
+from stepbus_participant import Config, Participant, Step, installed_version
 from stepbus_schemas import (
     BaseState,
     Contacts,
@@ -190,7 +189,7 @@ class MobileController(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the motion."""
-        return {name: version(name) for name in ("numpy", "pin", "ruckig")}
+        return {name: installed_version(name) for name in ("numpy", "pin", "ruckig")}
 
 
 def _named_without(prefix: str, contacts: Contacts) -> Contacts:
