@@ -23,6 +23,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="tables: a folder gets a file for each port, a .parquet file a row for each value",
     )
     parser.add_argument("--csv", type=Path, metavar="PATH", help="the same as CSV")
+    parser.add_argument(
+        "--scene",
+        type=Path,
+        metavar="FILE",
+        help="robot and world in motion, with a time slider: one HTML file that opens offline",
+    )
 
 
 def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
@@ -30,6 +36,7 @@ def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
     rows: dict[str, tuple[Path | None, Export]] = {
         "parquet": (args.parquet, partial(_tables, "parquet")),
         "csv": (args.csv, partial(_tables, "csv")),
+        "scene": (args.scene, _scene),
     }
     return {name: (path, export) for name, (path, export) in rows.items() if path is not None}
 
@@ -38,6 +45,13 @@ def _tables(
     form: str, recording: Recording, target: Path, reached: Callable[[int], None]
 ) -> Exported:
     return export_tables(recording, target, form, reached)
+
+
+def _scene(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:
+    # It loads viser, of another extra.
+    from stepbus_orchestrator.viewing.scene_file import export_scene  # noqa: PLC0415
+
+    return export_scene(recording, target, reached)
 
 
 def _execute(args: argparse.Namespace) -> int:
@@ -68,11 +82,13 @@ def _listed(target: Path, done: Exported) -> str:
 COMMAND = Command(
     name="export",
     summary="write a recording for other programs",
-    description="Writes a recording as tables for pandas, polars and DuckDB. A damaged recording "
+    description="Writes a recording as tables for pandas, polars and DuckDB, "
+    "or its scene as one HTML file. A damaged recording "
     "is exported up to its damage.",
     examples=(
         "stepbus export run.mcap --parquet tables",
         "stepbus export runs/arm --csv all.csv",
+        "stepbus export run.mcap --scene scene.html",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

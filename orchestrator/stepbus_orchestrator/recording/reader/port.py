@@ -12,7 +12,7 @@ from stepbus_schemas import SHIPPED, Decoder, Description, Message, Types, Wirin
 
 from .arrays import array_of
 from .descriptions import Names
-from .source import Entry, Source
+from .source import LATEST_NS, Entry, Source
 
 
 class Port:
@@ -92,6 +92,11 @@ class Port:
     def entries(self) -> Iterator[Entry]:
         """Yield each message undecoded."""
         return self._source.entries(self.channels)
+
+    @property
+    def last(self) -> Entry | None:
+        """Return its last message, undecoded; None without any. It reads one chunk."""
+        return self._source.latest(self.channels, LATEST_NS)
 
     def latest(self, t_ns: int) -> tuple[int, Message] | None:
         """Return (step, message) of the newest message at a time [ns] or before.

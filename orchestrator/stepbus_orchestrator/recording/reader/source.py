@@ -26,7 +26,7 @@ from stepbus_orchestrator.recording.mcap.records import (
 from .index import Block, read_index
 
 _CACHE_BYTES = 8 * 1024 * 1024
-_LATEST_NS = 2**63 - 1
+LATEST_NS = 2**63 - 1
 _RECORD = struct.Struct(HEAD.format + MESSAGE_HEAD.format[1:])
 """Of a message: opcode, length, channel, sequence, log time, publish time."""
 
@@ -156,7 +156,7 @@ def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
             continue
         _, length, channel, step, t_ns, _ = unpack(data, offset)
         end = offset + HEAD.size + length
-        if length < MESSAGE_HEAD.size or end > size or t_ns > _LATEST_NS:
+        if length < MESSAGE_HEAD.size or end > size or t_ns > LATEST_NS:
             raise _corrupt(data, offset)
         if channel in channels:
             yield channel, step, t_ns, data[offset + fixed : end]

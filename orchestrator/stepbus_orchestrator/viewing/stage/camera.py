@@ -1,0 +1,56 @@
+"""Where a viewer stands at the start: so that all that moves is seen."""
+
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.viewing.scene import Messages, Scene
+
+_AWAY = np.array([0.62, -0.62, 0.42])
+_FLOOR_M = 8.0
+_FEW = 40
+_APART = (4.0, 96.0)
+"""What is outside of these percentiles, such as a crate in a far corner, does not count."""
+
+
+def bounds(scene: Scene, messages: Messages) -> tuple[Any, Any]:
+    """Return the lower and upper corner of what a scene shows, shape (3,) [m].
+
+    Things over 8 m in size, such as a floor, do not count.
+    """
+    corners = []
+    poses = scene.world_poses(messages)
+    for frame in scene.frames:
+        for visual in frame.visuals:
+            vertices = visual.mesh.vertices
+            low, high = vertices.min(axis=0), vertices.max(axis=0)
+            if float(np.max(high - low)) < _FLOOR_M:
+                x, y, z = ((low + high) / 2).tolist()
+                placed = poses[frame.name] @ visual.pose
+                middle = np.array((placed @ type(placed)((x, y, z))).position)
+                reach = float(np.linalg.norm(high - low)) / 2
+                corners += [middle - reach, middle + reach]
+    if not corners:
+        return np.full(3, -1.0), np.full(3, 1.0)
+    if len(corners) < _FEW:
+        return np.min(corners, axis=0), np.max(corners, axis=0)
+    low, high = np.percentile(corners, _APART, axis=0)
+    return low, high
+
+
+def look_at(server: Any, scene: Scene, messages: Messages) -> None:
+    """Let new viewers look at the whole scene, and draw a floor below it."""
+    low, high = bounds(scene, messages)
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    camera = server.initial_camera
+    camera.look_at = tuple(middle.tolist())
+    camera.position = tuple((middle + _AWAY * size).tolist())
+    side = max(3.0, np.ceil(1.5 * size))
+    server.scene.add_grid(
+        "/floor",
+        width=side,
+        height=side,
+        position=(float(middle[0]), float(middle[1]), min(0.0, float(low[2]))),
+        cell_size=0.5,
+        section_size=1.0,
+    )

@@ -1,0 +1,62 @@
+"""Pages of ours in headless Chromium: what they ask for, what goes wrong, what is drawn."""
+
+import contextlib
+import io
+import shutil
+import time
+
+import pytest
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+_FLAGS = [
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+_OWN = ("data:", "blob:", "file:", "http://127.0.0.1:", "ws://127.0.0.1:")
+_LONGEST_S = 60.0
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+
+class Watched:
+    """A page that keeps a record. errors: of its console and its scripts. strangers: requests that
+    leave this machine.
+    """
+
+    def __init__(self, page):
+        self.page = page
+        self.errors, self.strangers = [], []
+        page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("request", lambda request: self._take(request.url))
+        page.on("websocket", lambda socket: self._take(socket.url))
+
+    def _take(self, url):
+        if not url.startswith(_OWN):
+            self.strangers.append(url)
+
+    def colours(self):
+        """Return how many colours the page shows now."""
+        image = Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
+        return len(image.getcolors(maxcolors=1 << 24))
+
+    def wait(self, is_done, what):
+        """Wait until something is true, however slow this machine is."""
+        deadline = time.monotonic() + _LONGEST_S
+        while not is_done():
+            assert time.monotonic() < deadline, f"waited for {what}; errors: {self.errors}"
+            self.page.wait_for_timeout(200)
+
+
+@contextlib.contextmanager
+def opened(address, width=800, height=600):
+    """Yield an address of ours in Chromium, watched."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_FLAGS)
+        try:
+            watched = Watched(browser.new_page(viewport={"width": width, "height": height}))
+            watched.page.goto(address)
+            yield watched
+        finally:
+            browser.close()
