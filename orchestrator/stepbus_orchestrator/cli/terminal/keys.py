@@ -18,7 +18,9 @@ _JOIN_S = 1.0
 
 def has_terminal() -> bool:
     """Return whether a user can press keys and see their effect."""
-    return sys.stdin.isatty() and sys.stdout.isatty()
+    # By descriptor: while a live display is on, Rich stands in for sys.stdout; before Rich 15,
+    # it says of itself that it is no terminal.
+    return sys.stdin.isatty() and os.isatty(sys.stdout.fileno())
 
 
 @contextlib.contextmanager
