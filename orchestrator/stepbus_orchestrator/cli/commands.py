@@ -34,6 +34,7 @@ _MODULES = {
     "rerun": "recordings.rerun",
     "branch": "recordings.branch",
     "recover": "recordings.recover",
+    "report": "recordings.report",
     "export": "recordings.export",
     "conformance": "participants.conformance",
     "bridge": "participants.bridge",

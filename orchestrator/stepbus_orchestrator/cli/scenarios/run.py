@@ -25,7 +25,7 @@ from stepbus_orchestrator.run.run_scenario import (
 )
 from stepbus_orchestrator.run.setup.options import check_names
 from stepbus_orchestrator.scenario import Scenario, load
-from stepbus_schemas import WiringError
+from stepbus_schemas import StepbusError, WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
@@ -106,7 +106,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PARTICIPANT",
         help="with --profile, sample the stack of a participant too, for speedscope.app",
     )
-    parser.add_argument("--no-report", action="store_true", help="make no report.png, only figures")
+    parser.add_argument(
+        "--no-report",
+        action="store_true",
+        help="make no report.html and no report.png, only figures",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
 
 
@@ -218,9 +222,20 @@ def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> l
         return [_NO_REPORT]
     try:
         with abortable():
-            return _writer()(result.recording, has_plots=has_plots)
+            lines = _writer()(result.recording, has_plots=has_plots)
+            return [*lines, *(_page(result, lines) if has_plots else [])]
     except KeyboardInterrupt:
         return [_NO_REPORT]
+
+
+def _page(result: Result, lines: list[str]) -> list[str]:
+    """Write report.html, and return the line of the summary about it."""
+    from stepbus_orchestrator.viewing.page import write_page  # noqa: PLC0415  (loads NumPy)
+
+    try:
+        return [f"report    {write_page([result.recording], lines=[lines])}"]
+    except StepbusError as exc:
+        return [f"no report {exc}"]
 
 
 def _summarise(result: Result, lines: list[str]) -> None:

@@ -1,7 +1,16 @@
 """Exports of a recording: Parquet and CSV."""
 
-from .files import Exported
+from .columns import CLOCK, Column, Table
+from .files import Exported, replaced
 from .progress import progress_bar
 from .tables import export_tables
 
-__all__ = ["Exported", "export_tables", "progress_bar"]
+__all__ = [
+    "CLOCK",
+    "Column",
+    "Exported",
+    "Table",
+    "export_tables",
+    "progress_bar",
+    "replaced",
+]

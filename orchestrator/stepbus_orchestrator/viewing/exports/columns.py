@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -108,12 +108,16 @@ class Table:
         self.columns = [*CLOCK, *(column for field in self.fields for column in field.columns)]
         port.message_class  # noqa: B018  (raises for an unknown type)
 
-    def values(self, batch: Batch) -> list[Cells]:
-        """Return the values of each column; raises MessageError or ValueError."""
-        arrays = batch.arrays(*(field.name for field in self.fields))
+    def values(self, batch: Batch, names: Collection[str] | None = None) -> list[Cells]:
+        """Return the values of each column; raises MessageError or ValueError.
+
+        names: of the fields; default: all.
+        """
+        fields = [field for field in self.fields if names is None or field.name in names]
+        arrays = batch.arrays(*(field.name for field in fields))
         t_ns = np.rint(batch.t * 1e9).astype(np.int64)
         found: list[Cells] = [batch.steps, t_ns, batch.t]
-        for field in self.fields:
+        for field in fields:
             found += field.values(batch, arrays[field.name])
         return found
 

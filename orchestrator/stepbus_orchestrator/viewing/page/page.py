@@ -1,0 +1,271 @@
+"""Writes report.html."""
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.viewing.exports import replaced
+from stepbus_schemas import Image
+
+from .arrays import Arrays
+from .run import RunPage, read_run
+from .svg import bars, figure, path_from_above
+from .timing import EDGES_US
+
+PAGE_FILE = "report.html"
+_WIDEST = 480
+"""Pixels of a camera still; a larger one is thinned."""
+
+
+def write_page(
+    paths: Sequence[Path], target: Path | None = None, lines: Sequence[Sequence[str]] = ()
+) -> Path:
+    """Write the page of a run, or of several beside each other; return its path.
+
+    paths: of recordings, or the folders of their runs. target: default: report.html beside the
+    first recording. lines: what the summary of each run says of its recording.
+
+    Raises RecordingFailed when a recording cannot be read or the page cannot be written.
+    """
+    arrays = Arrays()
+    known = lines or [()] * len(paths)
+    runs = [read_run(path, arrays, own) for path, own in zip(paths, known, strict=True)]
+    target = target or runs[0].path.with_name(PAGE_FILE)
+    room = files(__package__ or "") / "assets"
+    title = " · ".join(dict.fromkeys(run.name for run in runs))
+    labels = _labels(runs)
+    text = Template((room / "page.html").read_text("utf-8")).substitute(
+        title=escape(f"{title}: {'comparison' if len(runs) > 1 else 'report'}"),
+        head="".join(_head(run, label) for run, label in zip(runs, labels, strict=True)),
+        pictures=_section("Camera", "".join(map(_stills, runs))),
+        path=_section("Path of the base, from above", _paths(runs, labels)),
+        happenings=_section("Events and faults", _happenings(runs, labels)),
+        timing=_section("Step times", _timing(runs, labels)),
+        again=_section("Run it again", "".join(map(_again, runs))),
+        style="".join((room / name).read_text("utf-8") for name in ("uPlot.min.css", "page.css")),
+        library=(room / "uPlot.iife.min.js").read_text("utf-8"),
+        data=_script(_data(runs, labels, arrays)),
+        script=(room / "page.js").read_text("utf-8"),
+    )
+    with replaced(target) as part:
+        part.write_text(text, encoding="utf-8")
+    return target
+
+
+def _script(value: object) -> str:
+    """Return JSON that ends no script."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _labels(runs: Sequence[RunPage]) -> list[str]:
+    """Return a short name of each run: the folder, where that tells them apart."""
+    if len(runs) == 1:
+        return [""]
+    names = [run.path.parent.name or run.path.stem for run in runs]
+    return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
+
+
+def _data(runs: Sequence[RunPage], labels: Sequence[str], arrays: Arrays) -> Mapping[str, Any]:
+    return {
+        "groups": runs[0].groups if len(runs) == 1 else _merged(runs, labels),
+        "marks": [
+            {**one.row(), "run": number}
+            for number, run in enumerate(runs)
+            for one in run.happenings
+            if one.level != "info" or len(run.happenings) <= 30
+        ],
+        "end": max(run.end_s for run in runs),
+        "runs": labels,
+        "arrays": arrays.encoded(),
+    }
+
+
+def _merged(runs: Sequence[RunPage], labels: Sequence[str]) -> list[Mapping[str, Any]]:
+    """Return the groups of several runs: each chart once, with the lines of all in it.
+
+    What is the same for all, such as a reference, is there once.
+    """
+    groups: dict[str, dict[str, Any]] = {}
+    for number, (run, label) in enumerate(zip(runs, labels, strict=True)):
+        for group in run.groups:
+            into = groups.setdefault(group["title"], {**group, "charts": {}})
+            for chart in group["charts"]:
+                kept = into["charts"].setdefault(chart["key"], {**chart, "lines": []})
+                seen = {(line["t"], line["y"]) for line in kept["lines"]}
+                kept["lines"] += [
+                    {**line, "label": f"{label} {line['label']}", "run": number, "color": number}
+                    for line in chart["lines"]
+                    if (line["t"], line["y"]) not in seen or not line.get("dash")
+                ]
+    return [{**group, "charts": list(group["charts"].values())} for group in groups.values()]
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section><h2>{title}</h2>{content}</section>" if content else ""
+
+
+def _head(run: RunPage, label: str) -> str:
+    result = run.result
+    name = escape(run.name + (f" ({label})" if label else ""))
+    if result is None:
+        verdict, why = "unknown", "There is no result.json beside the recording."
+    else:
+        verdict, why = result.outcome, result.reason
+        why = "It ran to its end." if why == verdict else why
+        if result.exit_code and result.participant:
+            why += f" ({result.participant}, step {result.at_step}, exit code {result.exit_code})"
+    problems = "".join(f'<p class="problem">{escape(text)}</p>' for text in run.problems)
+    warnings = "".join(
+        f'<p class="problem">{escape(f"{w.level}: {w.source}, step {w.step}: {w.text}")}</p>'
+        for w in (result.warnings[:10] if result else ())
+    )
+    lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines if _is_shown(line))
+    cells = "".join(
+        f"<div><dt>{key}</dt><dd>{escape(value)}</dd></div>" for key, value in _facts(run)
+    )
+    return (
+        f'<header><h1>{name} <span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
+        f'<p class="reason">{escape(why)}</p>{problems}{warnings}<dl>{cells}</dl>'
+        f"{f'<ul>{lines}</ul>' if lines else ''}</header>"
+    )
+
+
+def _is_shown(line: str) -> bool:
+    return not line.startswith(("plots ", "no plots ", "profile ", "limit "))
+
+
+def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
+    result = run.result
+    yield "recording", str(run.path)
+    if result is None:
+        yield "last step", str(run.last_step)
+        return
+    yield "steps", f"{result.steps} of {result.step_ns * 1e-6:g} ms"
+    yield "simulated", f"{result.simulated_s:g} s"
+    speed = f"{result.wall_s:.2f} s, {result.real_time_factor:.2f} × real time"
+    yield "wall time", speed
+    yield "seed, window, transport", f"{result.seed}, {result.window}, {result.transport}"
+    if result.faults:
+        yield "faults", ", ".join(result.faults)
+    drops = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
+    if drops:
+        yield "dropped messages", drops
+    yield "sha256", result.sha256[:16]
+
+
+def _stills(run: RunPage) -> str:
+    rows = []
+    for stills in run.stills:
+        for t, image in stills.found:
+            pixels = _pixels(image)
+            if pixels is not None:
+                name = f"{stills.port.participant}.{stills.port.name}, t = {t:.2f} s"
+                rows.append(figure(pixels, name))
+    return f'<div class="stills">{"".join(rows)}</div>' if rows else ""
+
+
+def _pixels(image: Image) -> Any:
+    """Return an image in colours, shape (rows, columns, 3); a depth in grey; None: no image."""
+    size = (image.height, image.width)
+    depth = 3 if image.encoding == "rgb8" else 4
+    if not image.width or len(image.data) != depth * image.width * image.height:
+        return None
+    every = -(-image.width // _WIDEST)
+    if image.encoding == "rgb8":
+        return np.frombuffer(image.data, np.uint8).reshape(*size, 3)[::every, ::every]
+    meters = np.frombuffer(image.data, "<f4").reshape(size)[::every, ::every]
+    far = float(np.max(meters, initial=0.0, where=np.isfinite(meters))) or 1.0
+    near = np.clip(1 - np.nan_to_num(meters, posinf=far) / far, 0, 1)
+    return np.repeat((255 * near).astype(np.uint8)[:, :, None], 3, axis=2)
+
+
+def _paths(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
+    found = {
+        f"{label} {path.port.participant}.{path.port.name}".strip(): points
+        for run, label in zip(runs, labels, strict=True)
+        for path in run.paths
+        if len(points := path.points())
+    }
+    return path_from_above(found) if found else ""
+
+
+def _happenings(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
+    rows = "".join(
+        f'<tr class="{escape(one.level)}"><td>{one.t:.3f} s</td><td>{escape(label)}</td>'
+        f"<td>{escape(one.level)}</td><td>{escape(one.source)}</td><td>{escape(one.text)}</td></tr>"
+        for run, label in zip(runs, labels, strict=True)
+        for one in run.happenings
+    )
+    left = sum(run.left_out for run in runs)
+    more = f"<p>{left} more are in the recording.</p>" if left else ""
+    return f"<div class=scroll><table>{rows}</table></div>{more}" if rows else ""
+
+
+def _timing(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
+    return "".join(
+        (f"<h3>{escape(label)}</h3>" if label else "") + _times(run) + _lateness(run)
+        for run, label in zip(runs, labels, strict=True)
+        if run.times
+    )
+
+
+def _times(run: RunPage) -> str:
+    names = sorted(run.times, key=lambda name: -run.times[name].compute)
+    most = max((t.compute + t.wait) / max(1, t.steps) for t in run.times.values()) or 1.0
+    rows = []
+    for name in names:
+        one = run.times[name]
+        compute, wait = (x / max(1, one.steps) for x in (one.compute, one.wait))
+        rows.append(
+            f"<tr><td>{escape(name)}</td><td>{_duration(compute * 1e-3)}</td>"
+            f"<td>≤ {_duration(one.quantile_us(0.99))}</td>"
+            f"<td>{_duration(one.longest * 1e-3)}</td><td>{_duration(wait * 1e-3)}</td>"
+            f"<td class=bar>{_share('c0', compute / most)}{_share('wait', wait / most)}</td></tr>"
+        )
+    counts = {name: run.times[name].counts.tolist() for name in names}
+    edges = [_duration(edge) for edge in EDGES_US]
+    return (
+        "<div class=scroll><table><tr><th>participant</th><th>compute</th><th>p99</th>"
+        "<th>longest</th><th>wait</th><th>mean step: compute, wait</th></tr>"
+        f"{''.join(rows)}</table></div><h3>Compute time of a step</h3>{bars(counts, edges)}"
+    )
+
+
+def _share(name: str, share: float) -> str:
+    return f'<i class={name} style="width:{100 * share:.1f}%"></i>'
+
+
+def _duration(us: float) -> str:
+    for scale, unit in ((1e6, "s"), (1e3, "ms")):
+        if us >= scale:
+            return f"{us / scale:.3g} {unit}"
+    return f"{us:.3g} µs"
+
+
+def _lateness(run: RunPage) -> str:
+    late = run.result.real_time if run.result else None
+    if late is None:
+        return ""
+    labels = [f"{bound} µs" if bound.isdecimal() else bound for bound in late.histogram]
+    text = (
+        f"p50 {late.p50_us:.0f} µs, p99 {late.p99_us:.0f} µs, max {late.max_us:.0f} µs, "
+        f"at {late.factor:g} × real time"
+    )
+    chart = bars({"steps": list(late.histogram.values())}, labels)
+    return f"<h3>Lateness of steps</h3><p>{text}</p>{chart}"
+
+
+def _again(run: RunPage) -> str:
+    path = shlex.quote(str(run.path))
+    rows = [f"stepbus rerun {path}"]
+    if run.result is not None and run.result.file:
+        sets = "".join(f" --set {shlex.quote(text)}" for text in run.result.overrides)
+        rows.insert(0, f"stepbus run {shlex.quote(run.result.file)}{sets}")
+    return "".join(f"<pre>{escape(row)}</pre>" for row in rows)
