@@ -129,6 +129,7 @@ def branch(
     set: Overrides = (),  # noqa: A002  as --set on the command line
     faults: Sequence[str] = (),
     calls: Sequence[str] = (),
+    checkpoints: bool = True,
     in_process: bool = False,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
@@ -137,7 +138,8 @@ def branch(
 
     at: the first live step, or its time such as "6s". out: folder of the new run. set: as of
     `load`; a changed participant's own outputs count from `at` on. faults: such as "kill plant at
-    1300". calls: such as "controller set kp 90", made before step `at`.
+    1300". calls: such as "controller set kp 90", made before step `at`. checkpoints: whether
+    participants start from the newest state that the run has saved, instead of step 0.
 
     Below `at`, each participant gets its recorded inputs; the first that does not publish what is
     recorded is named in `result`. Raises RecordingFailed when the recording does not go so far,
@@ -150,6 +152,7 @@ def branch(
         overrides(set),
         faults=faults,
         calls=calls,
+        checkpoints=checkpoints,
         in_process=in_process,
         observer=observer,
         interrupt=interrupt,

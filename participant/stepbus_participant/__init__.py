@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, Queue, Request, ZenohBus
 from .bus.ticket import (
+    NO_CHECKPOINTS,
     TICKET_VARIABLE,
+    CheckpointOrder,
     Endpoint,
     MessageFault,
     ProfileOrder,
@@ -49,11 +51,13 @@ _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "HOST",
     "LONGEST_NS",
+    "NO_CHECKPOINTS",
     "ONE_THREAD",
     "TICKET_VARIABLE",
     "Bus",
     "BusError",
     "CallError",
+    "CheckpointOrder",
     "Config",
     "Count",
     "Duration",

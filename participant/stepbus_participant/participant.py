@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
-from stepbus_schemas import Description, Message
+from stepbus_schemas import Description, Message, RunError
 
 from .calls.methods import Method
 from .config import Config
@@ -59,6 +59,21 @@ class Participant:
         step reads: `Method(function, help, changes=True)`.
         """
         return {}
+
+    def save(self) -> bytes | None:
+        """Return all that the next step depends on, beside its inputs; None where that is unknown.
+
+        Called between two steps, where the scenario asks for checkpoints. What cannot be restored
+        so that every later output is equal to the bit is None: a branch then starts at step 0.
+        """
+        return None
+
+    def restore(self, state: bytes) -> None:
+        """Take a state that `save` returned in another process; called once, after `start`.
+
+        Raises RunError for one that does not fit.
+        """
+        raise RunError(f"{self.config.name} saves no state, so it can restore none")
 
     def versions(self) -> Mapping[str, str]:
         """Return library → version, of those that shape the result; the recording keeps them."""

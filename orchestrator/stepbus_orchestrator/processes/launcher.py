@@ -7,8 +7,10 @@ from pathlib import Path
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import (
+    NO_CHECKPOINTS,
     ONE_THREAD,
     TICKET_VARIABLE,
+    CheckpointOrder,
     Endpoint,
     MessageFault,
     ProfileOrder,
@@ -50,11 +52,13 @@ class Launcher:
         faults: Sequence[MessageFault] = (),
         has_terminal: bool = False,
         profile: ProfileOrder | None = None,
+        checkpoint: CheckpointOrder = NO_CHECKPOINTS,
     ) -> Child:
         """Start one participant.
 
         faults: on its messages. has_terminal: it gets our terminal, to be debugged.
-        profile: what to measure of its steps.
+        profile: what to measure of its steps. checkpoint: when to save its state, and from which to
+        start.
 
         Raises StartFailed when its program cannot be executed.
         """
@@ -66,6 +70,7 @@ class Launcher:
             join_timeout_s=spec.deadlines.join_s,
             faults=list(faults),
             profile=profile,
+            checkpoint=checkpoint,
         )
         path = self._folder / f"{spec.name}.ticket"
         try:
@@ -98,11 +103,12 @@ class Launcher:
         *,
         faults: Sequence[MessageFault] = (),
         profile: ProfileOrder | None = None,
+        checkpoint: CheckpointOrder = NO_CHECKPOINTS,
     ) -> External:
         """Put the ticket of one participant where somebody else picks it up.
 
-        ticket: the path. faults, profile: as of `start`. Raises StartFailed when it cannot be
-        written there.
+        ticket: the path. faults, profile, checkpoint: as of `start`. Raises StartFailed when it
+        cannot be written there.
         """
         content = JoinTicket(
             run=self._run,
@@ -112,6 +118,7 @@ class Launcher:
             join_timeout_s=spec.deadlines.join_s,
             faults=list(faults),
             profile=profile,
+            checkpoint=checkpoint,
             exec=list(spec.exec),
             folder=str(scenario_folder.absolute()),
             bridge="" if spec.bridge is None else spec.bridge.format,

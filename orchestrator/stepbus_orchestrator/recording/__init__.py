@@ -5,6 +5,7 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 
 from typing import TYPE_CHECKING, Any
 
+from .checkpoints import Checkpoints, CheckpointWriter, SavedState
 from .mcap.file import McapFile
 from .recorder import Recorder
 from .recover import Recovery, recover
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 __all__ = [
     "BATCH_BYTES",
     "Batch",
+    "CheckpointWriter",
+    "Checkpoints",
     "Descriptions",
     "Entry",
     "McapFile",
@@ -24,6 +27,7 @@ __all__ = [
     "Recorder",
     "Recording",
     "Recovery",
+    "SavedState",
     "Sink",
     "TimingRecorder",
     "recover",

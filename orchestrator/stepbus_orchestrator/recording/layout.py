@@ -6,6 +6,9 @@ from stepbus_schemas import CHAIN_EVERY
 
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
+CHECKPOINTS_FOLDER = "checkpoints"
+"""Beside the recording, and no part of it: states of participants, and an index of them."""
+CHECKPOINTS_INDEX = "index.json"
 
 PROFILE = ""
 LIBRARY = "stepbus 2"

@@ -17,7 +17,14 @@ from stepbus_orchestrator.processes.links.endpoints import (
     new_token,
     private_folder,
 )
-from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
+from stepbus_orchestrator.recording import (
+    CheckpointWriter,
+    McapFile,
+    Recorder,
+    Sink,
+    TimingRecorder,
+    layout,
+)
 from stepbus_orchestrator.scenario import (
     FaultSpec,
     Scenario,
@@ -133,6 +140,7 @@ class _Run:
         self._recorder = Recorder(
             self._file, order, scenario.step_ns, self._events.take, scenario.types
         )
+        self._checkpoints = CheckpointWriter(out) if scenario.checkpoint_steps else None
         self._injected: list[str] = []
         faults = self._live_scenario().faults
         self._injector = Injector(faults, self._add_fault) if faults else None
@@ -171,7 +179,16 @@ class _Run:
             result.save()
         except OSError as exc:
             self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
+        self._finish_checkpoints(result)
         return result
+
+    def _finish_checkpoints(self, result: Result) -> None:
+        """Bind the checkpoints to the recording; without, they are of no use, and no more."""
+        try:
+            if self._checkpoints is not None:
+                self._checkpoints.finish(result.sha256)
+        except RecordingFailed as exc:
+            self._observer.event("error", "orchestrator", result.steps, str(exc))
 
     def _translated(self, exc: OSError) -> RunFailure:
         """Return the failure for what nobody expected of a file, by the folder it is in."""
@@ -274,7 +291,7 @@ class _Run:
         loop = self._loop = RunLoop(
             session,
             strategy,
-            Records(recorder=recorder, timing=self._timing),
+            Records(recorder=recorder, timing=self._timing, checkpoints=self._checkpoints),
             self._controls(gate),
         )
         try:

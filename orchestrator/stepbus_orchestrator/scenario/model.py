@@ -145,7 +145,8 @@ class Scenario:
 
     step_ns: length of a communication step [ns]. steps: how many; none: until something ends the
     run. participants: in the order of the file. window: steps that may be in flight. batch:
-    outputs of a participant per log message. faults: what is done to it on purpose. types: message
+    outputs of a participant per log message. checkpoint_steps: how often participants save their
+    state, 0: never. faults: what is done to it on purpose. types: message
     types, with its own that ports have. type_files: files of the scenario → the types that each
     declares. folder: what relative file names are relative to. file: where it was read from.
     overrides: with which. Two scenarios are equal when all but `folder`, `file` and `overrides` is.
@@ -159,6 +160,7 @@ class Scenario:
     bus: BusSpec = field(default_factory=BusSpec)
     window: int = 64
     batch: int = 32
+    checkpoint_steps: int = 0
     faults: tuple[FaultSpec, ...] = ()
     types: Types = SHIPPED
     type_files: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

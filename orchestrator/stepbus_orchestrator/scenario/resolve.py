@@ -41,8 +41,8 @@ _Representer.add_representer(str, _Representer.represent_text)
 def resolved(scenario: Scenario) -> str:
     """Return the canonical YAML of what determines a scenario's result.
 
-    Bus, window, batch and deadlines are left out: they change no result. Loading the text beside
-    the same files gives an equal scenario but for these, and the same text again.
+    Bus, window, batch, checkpoints and deadlines are left out: they change no result. Loading the
+    text beside the same files gives an equal scenario but for these, and the same text again.
     """
     yaml = YAML(typ="safe", pure=True)
     yaml.Representer = _Representer

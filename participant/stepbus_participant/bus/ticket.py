@@ -52,6 +52,21 @@ class ProfileOrder(msgspec.Struct, frozen=True, kw_only=True):
     sampled: list[str] = []
 
 
+class CheckpointOrder(msgspec.Struct, frozen=True, kw_only=True):
+    """When to save the state, and from which to start (P16).
+
+    every: at the first step at or after each multiple of this, 0: never [steps]. state: path of a
+    state that this participant saved; empty: it starts at step 0. step: the one it does first then.
+    """
+
+    every: int = 0
+    step: int = 0
+    state: str = ""
+
+
+NO_CHECKPOINTS = CheckpointOrder()
+
+
 class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     """The identity of a process, and its run."""
 
@@ -62,6 +77,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     join_timeout_s: float = 10.0
     faults: list[MessageFault] = []
     profile: ProfileOrder | None = None
+    checkpoint: CheckpointOrder = NO_CHECKPOINTS
 
     def save(self, path: Path) -> None:
         """Write the ticket as JSON, readable by its owner only."""

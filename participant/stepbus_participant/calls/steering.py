@@ -50,6 +50,15 @@ class Steering(Generic[S]):
             ),
         }
 
+    def save(self) -> dict[str, Any]:
+        """Return the parameters, for a checkpoint."""
+        return dict(self._params)
+
+    def restore(self, params: Mapping[str, Any]) -> S:
+        """Take parameters that `save` returned, without applying them; return them as settings."""
+        self._params = dict(params)
+        return dataclasses.replace(self._config, params=self._params).read(self._settings)
+
     def get(self, key: str | None = None) -> Any:
         """Return a parameter as it was given, None where it was not; without a key, all."""
         if key is None:

@@ -66,7 +66,10 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     inputs, outputs = (_declared(factory, side) for side in ("inputs", "outputs"))
     types = Types.of(_classes(factory))
     welcome = join(bus, ticket, inputs, outputs, types)
-    Session(factory, welcome, bus, types, ticket.profile).work()
+    session = Session(
+        factory, welcome, bus, types, profile=ticket.profile, checkpoint=ticket.checkpoint
+    )
+    session.work()
 
 
 def _declared(factory: Factory, side: str) -> dict[str, str] | None:

@@ -1,7 +1,7 @@
 """The inputs of a participant: which message is due at a step, and which one is held."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from stepbus_schemas import (
@@ -28,7 +28,8 @@ class PeerFault(RunError):
 class Input:
     """One input port: it holds its newest due message until the next one is due (P6.3).
 
-    value: that message; None while the input is absent. fresh: whether it is new at this step.
+    value: that message; None while the input is absent. content: its bytes. fresh: whether it is
+    new at this step. pending: what is not due yet, each with its step.
     """
 
     def __init__(self, name: str, config: InputConfig, types: Types = SHIPPED) -> None:
@@ -36,8 +37,9 @@ class Input:
         self.config = config
         self.value: Message | None = None
         self.fresh = False
+        self.content: Any = None
+        self.pending: deque[tuple[int, Any]] = deque()
         self._decode = Decoder(message_class(config.type, types))
-        self._pending: deque[tuple[int, Any]] = deque()
 
     def due(self, step: int) -> int:
         """Return the step whose message is due at `step`; negative: none."""
@@ -45,7 +47,13 @@ class Input:
 
     def offer(self, step: int, data: Any) -> None:
         """Keep what the source published at a step until it is due (P6.2)."""
-        self._pending.append((step, data))
+        self.pending.append((step, data))
+
+    def restore(self, held: bytes | None, pending: Iterable[tuple[int, bytes]]) -> None:
+        """Hold a message, as saved at a checkpoint; raises MessageError for one of another type."""
+        self.content = held
+        self.value = None if held is None else self._decode(held)
+        self.pending = deque(pending)
 
     def settle(self, step: int) -> None:
         """Take the newest message that is due at a step.
@@ -53,13 +61,14 @@ class Input:
         Raises PeerFault when it is not of the port's type (P8.2).
         """
         self.fresh = False
-        pending = self._pending
+        pending = self.pending
         if not pending:
             return
         due = self.due(step)
         while pending and pending[0][0] <= due:
             source_step, data = pending.popleft()
             self.fresh = True
+            self.content = data
             try:
                 self.value = self._decode(data)
             except MessageError as exc:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 
 from stepbus_participant.bus import Bus
-from stepbus_participant.bus.ticket import ProfileOrder
+from stepbus_participant.bus.ticket import NO_CHECKPOINTS, CheckpointOrder, ProfileOrder
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
 from stepbus_participant.step import InvalidInput
@@ -25,6 +25,7 @@ from stepbus_schemas import (
 
 from .admission import await_delivery
 from .answers import Answers
+from .checkpoints import Checkpoints
 from .control import Control, OrchestratorLost, Stopped
 from .handshake import await_start
 from .inputs import PeerFault, make_inputs
@@ -45,7 +46,7 @@ class Session:
     """Runs one participant from its `Welcome` on.
 
     factory: makes the participant from its configuration. types: of its own classes. profile:
-    what to measure.
+    what to measure. checkpoint: when to save the state, and from which to start.
     """
 
     def __init__(
@@ -54,10 +55,13 @@ class Session:
         welcome: Welcome,
         bus: Bus,
         types: Types = SHIPPED,
+        *,
         profile: ProfileOrder | None = None,
+        checkpoint: CheckpointOrder = NO_CHECKPOINTS,
     ) -> None:
         self._factory = factory
         self._welcome = welcome
+        self._checkpoint = checkpoint
         self._bus = bus
         self._types = Types(welcome.types) | types
         self._inputs = make_inputs(welcome.inputs, self._types)
@@ -119,6 +123,14 @@ class Session:
             outbox=self._outbox,
             control=self._control,
             answers=Answers(participant.calls(), self._welcome, self._bus),
+            checkpoints=Checkpoints(
+                participant,
+                self._welcome,
+                self._bus,
+                order=self._checkpoint,
+                inputs=self._inputs,
+                sources=self._sources,
+            ),
         )
         try:
             with nullcontext() if profiler is None else profiler.writing(sys._getframe()):

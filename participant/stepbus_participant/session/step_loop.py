@@ -12,6 +12,7 @@ from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome
 
 from .answers import Answers
 from .bulk import read_stamp
+from .checkpoints import Checkpoints
 from .control import Control, Stopped
 from .inputs import Input, PeerFault
 from .outbox import Outbox, OutputError
@@ -37,6 +38,7 @@ class StepLoop:
         outbox: Outbox,
         control: Control,
         answers: Answers,
+        checkpoints: Checkpoints,
     ) -> None:
         self._participant = participant
         self._bus = bus
@@ -48,8 +50,10 @@ class StepLoop:
         self._outbox = outbox
         self._control = control
         self._answers = answers
+        self._checkpoints = checkpoints if checkpoints.are_due else None
         self._waited_ns = 0
         self.step = Step(inputs, welcome.step_ns)
+        self.step.index = checkpoints.restore()
 
     def run(self) -> None:
         """Step until the orchestrator stops the run; raises what the participant raises."""
@@ -67,6 +71,9 @@ class StepLoop:
         step = self.step
         started = _now_ns()
         self._waited_ns = 0
+        if self._checkpoints is not None:
+            # Before the wait, in which calls before this step are answered (P16.2).
+            self._checkpoints.save_if_due(step.index)
         if step.index >= self._control.step_limit:
             self._await_trigger(step.index)
         if self._first:

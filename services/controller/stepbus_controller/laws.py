@@ -10,6 +10,8 @@ from stepbus_participant import Config, PerName, make_plugin
 from .params import Params
 from .robot import Robot
 
+NOTHING: Vector = np.zeros(0)
+
 
 class Reference(NamedTuple):
     """Reference of the joints: position, velocity, acceleration [rad, rad/s, rad/s²]."""
@@ -40,6 +42,9 @@ class Law(Protocol):
 class Steered(Protocol):
     """A law whose gains may change while it works."""
 
+    integral: Vector
+    """What it has integrated, shape (n,) [N·m]; empty where it integrates nothing."""
+
     def set_gains(self, params: Params, /) -> None:
         """Take the gains of parameters; what the law has integrated stays."""
 
@@ -49,6 +54,8 @@ class PD:
 
     kp [N·m/rad], kd [N·m·s/rad].
     """
+
+    integral: Vector = NOTHING
 
     def __init__(self, robot: Robot, params: Params) -> None:
         self._robot = robot
@@ -80,7 +87,7 @@ class PID:
         self.set_gains(params)
         anti_windup = params.anti_windup == "conditional_integration"
         self._integrate_within = robot.effort_limit if anti_windup else np.inf
-        self._integral = np.zeros(len(robot.joints))
+        self.integral: Vector = np.zeros(len(robot.joints))
 
     def set_gains(self, params: Params) -> None:
         """See `Steered`."""
@@ -94,13 +101,13 @@ class PID:
         proportional = self._pd.torque(q, v, reference, dt)
         if self._inertia.any():
             proportional = proportional + self._inertia * reference.acceleration
-        integral = self._integral + self._ki * error * dt
+        integral = self.integral + self._ki * error * dt
         total = proportional + integral
         winds_up = (np.abs(total) > self._integrate_within) & (total * error > 0)
         if winds_up.any():
-            integral[winds_up] = self._integral[winds_up]
-        self._integral = integral
-        return proportional + self._integral
+            integral[winds_up] = self.integral[winds_up]
+        self.integral = integral
+        return proportional + self.integral
 
 
 class PDGravity:
@@ -108,6 +115,8 @@ class PDGravity:
 
     kp [N·m/rad], kd [N·m·s/rad]. Siciliano et al., Robotics, 2009, section 8.5.1.
     """
+
+    integral: Vector = NOTHING
 
     def __init__(self, robot: Robot, params: Params) -> None:
         self._pd = PD(robot, params)
@@ -125,6 +134,8 @@ class ComputedTorque:
     The error obeys ë + Kd ė + Kp e = 0, whatever the pose. kp [1/s²], kd [1/s]. Siciliano et al.,
     Robotics, 2009, section 8.5.2.
     """
+
+    integral: Vector = NOTHING
 
     def __init__(self, robot: Robot, params: Params) -> None:
         self._pd = PD(robot, params)

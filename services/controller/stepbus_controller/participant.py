@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 
 from stepbus_kinematics import Smoother, Vector, delay_warning, joint_orders, make_smoother
@@ -27,10 +28,10 @@ from stepbus_schemas import (
     due_step,
 )
 
-from .laws import Reference, Steered, check_gains, gains_of, make_law
+from .laws import LAWS, Reference, Steered, check_gains, gains_of, make_law
 from .params import Params
 from .robot import make_robot
-from .velocity import VelocityEstimator, make_estimator
+from .velocity import Sample, VelocityEstimator, make_estimator
 
 TORQUE_UNITS = {
     "kp": "N·m/rad",
@@ -39,6 +40,25 @@ TORQUE_UNITS = {
     "feed_forward": "N·m·s²/rad",
 }
 ACCELERATION_UNITS = {"kp": "1/s²", "kd": "1/s"}
+
+
+class Saved(msgspec.Struct):
+    """The state of a controller at a checkpoint; vectors of shape (n,).
+
+    params: with the gains that calls have set. integral: of the law. estimator, smoothers: what
+    they remember. motion: positions and velocities. position: as measured. reference: positions,
+    velocities and accelerations.
+    """
+
+    params: dict[str, Any]
+    integral: list[float]
+    estimator: list[Sample]
+    smoothers: list[list[list[float]]]
+    motion: list[list[float]] | None
+    position: list[float] | None
+    reference: list[list[float]] | None
+    saturated: list[bool]
+    has_reported_delay: bool
 
 
 class ControllerParticipant(Participant):
@@ -127,6 +147,46 @@ class ControllerParticipant(Participant):
         error: list[float] = (self._reference.position - position).tolist()
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
 
+    def save(self) -> bytes | None:
+        """Return gains, filters and integral; None with a law of one's own, which has no such."""
+        if type(self.law) not in LAWS.values():
+            return None
+        saved = Saved(
+            params=self._steering.save(),
+            integral=cast("Steered", self.law).integral.tolist(),
+            estimator=self._estimator.save() if self._estimator is not None else [],
+            smoothers=[item.save() for item in self._filters()],
+            motion=None if self._motion is None else [part.tolist() for part in self._motion],
+            position=_listed(self._position),
+            reference=None
+            if self._reference is None
+            else [part.tolist() for part in self._reference],
+            saturated=self._saturated,
+            has_reported_delay=self._has_reported_delay,
+        )
+        return msgspec.msgpack.encode(saved)
+
+    def restore(self, state: bytes) -> None:
+        """Take what `save` returned."""
+        saved = msgspec.msgpack.decode(state, type=Saved)
+        law = cast("Steered", self.law)
+        law.set_gains(self._steering.restore(saved.params))
+        law.integral = np.array(saved.integral)
+        if self._estimator is not None:
+            self._estimator.restore(saved.estimator)
+        for item, values in zip(self._filters(), saved.smoothers, strict=True):
+            item.restore(values)
+        if saved.motion is not None:
+            self._motion = np.array(saved.motion[0]), np.array(saved.motion[1])
+        self._position = None if saved.position is None else np.array(saved.position)
+        if saved.reference is not None:
+            self._reference = Reference(*map(np.array, saved.reference))
+        self._saturated = saved.saturated
+        self._has_reported_delay = saved.has_reported_delay
+
+    def _filters(self) -> list[Smoother]:
+        return [item for item in (self._smoother, self._velocity_smoother) if item is not None]
+
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the torques."""
         return {"numpy": np.__version__, "pinocchio": installed_version("pin")}
@@ -200,3 +260,8 @@ class ControllerParticipant(Participant):
             ]
             self._saturated = saturated
         return ControllerStatus(error=error, saturated=saturated, warnings=warnings)
+
+
+def _listed(vector: Vector | None) -> list[float] | None:
+    values: list[float] | None = None if vector is None else vector.tolist()
+    return values

@@ -9,6 +9,9 @@ from stepbus_kinematics import Vector
 
 from .params import Params
 
+Sample = tuple[list[float], int]
+"""A vector, shape (n,), and when it was measured [ns]."""
+
 
 class VelocityEstimator(Protocol):
     """Turns a series of positions into velocities."""
@@ -18,6 +21,14 @@ class VelocityEstimator(Protocol):
 
         position: shape (n,) [rad]. t_ns: when it was measured [ns], later than the one before.
         """
+        ...
+
+    def save(self) -> list[Sample]:
+        """Return what it remembers, for a checkpoint."""
+        ...
+
+    def restore(self, saved: list[Sample]) -> None:
+        """Take what `save` returned."""
         ...
 
 
@@ -35,6 +46,15 @@ class FiniteDifference:
         if last is None:
             return np.zeros_like(position)
         return (position - last) / ((t_ns - last_ns) * 1e-9)
+
+    def save(self) -> list[Sample]:
+        """See `VelocityEstimator`."""
+        return [] if self._position is None else [(self._position.tolist(), self._t_ns)]
+
+    def restore(self, saved: list[Sample]) -> None:
+        """See `VelocityEstimator`."""
+        for position, t_ns in saved:
+            self._position, self._t_ns = np.array(position), t_ns
 
 
 class FilteredDifference:
@@ -61,6 +81,18 @@ class FilteredDifference:
             self._velocity = keep * self._velocity + (1.0 - keep) * difference
         self._t_ns = t_ns
         return self._velocity
+
+    def save(self) -> list[Sample]:
+        """See `VelocityEstimator`."""
+        if self._velocity is None:
+            return []
+        return [*self._difference.save(), (self._velocity.tolist(), self._t_ns)]
+
+    def restore(self, saved: list[Sample]) -> None:
+        """See `VelocityEstimator`."""
+        if saved:
+            self._difference.restore(saved[:1])
+            self._velocity, self._t_ns = np.array(saved[1][0]), saved[1][1]
 
 
 def make_estimator(params: Params) -> VelocityEstimator | None:

@@ -21,6 +21,14 @@ class Smoother(Protocol):
         """Return the smoothed values; values: the newest measurement. Both of shape (n,)."""
         ...
 
+    def save(self) -> list[list[float]]:
+        """Return what it remembers, for a checkpoint."""
+        ...
+
+    def restore(self, saved: list[list[float]]) -> None:
+        """Take what `save` returned."""
+        ...
+
 
 class LowPass:
     """y_k = α y_{k−1} + (1 − α) x_k with α = exp(−Δt / τ), a first-order low-pass filter.
@@ -39,6 +47,14 @@ class LowPass:
         last = values if self._last is None else self._last
         self._last = self._keep * last + (1.0 - self._keep) * values
         return self._last
+
+    def save(self) -> list[list[float]]:
+        """See `Smoother`."""
+        return [] if self._last is None else [self._last.tolist()]
+
+    def restore(self, saved: list[list[float]]) -> None:
+        """See `Smoother`."""
+        self._last = np.array(saved[0]) if saved else None
 
 
 class SavitzkyGolay:
@@ -62,6 +78,14 @@ class SavitzkyGolay:
             self._samples.extend([values] * len(self._weights))
         self._samples.append(values)
         return self._weights @ np.array(self._samples)
+
+    def save(self) -> list[list[float]]:
+        """See `Smoother`."""
+        return [sample.tolist() for sample in self._samples]
+
+    def restore(self, saved: list[list[float]]) -> None:
+        """See `Smoother`."""
+        self._samples.extend(np.array(sample) for sample in saved)
 
 
 def delay_warning(smoother: Smoother | None) -> list[str]:

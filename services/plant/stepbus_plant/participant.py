@@ -4,6 +4,8 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+import msgspec
+
 from stepbus_participant import (
     Config,
     Method,
@@ -13,13 +15,22 @@ from stepbus_participant import (
     format_duration,
     installed_version,
 )
-from stepbus_schemas import Description, Event, InputConfig, JointState, Message, WiringError
+from stepbus_schemas import (
+    Description,
+    Event,
+    InputConfig,
+    JointMode,
+    JointState,
+    Message,
+    WiringError,
+)
 
 from .devices import camera
 from .devices import planogram as plan
 from .devices import registry as devices
 from .devices.registry import Driver
 from .devices.sensors import registry as sensors
+from .joints.commander import Commander
 from .params import Params
 from .plant import Plant
 from .world.file import load_world
@@ -31,6 +42,17 @@ _TYPES = {
         *(*devices.OUTPUTS, *sensors.SECTIONS),
     ),
 }
+
+
+class _Saved(msgspec.Struct):
+    """plant: its own state. modes: port → mode of the last command. warnings, events: pending."""
+
+    plant: bytes
+    modes: dict[str, JointMode | None]
+    warnings: list[str]
+    events: list[str]
+
+
 _log = logging.getLogger("stepbus_plant")
 
 
@@ -194,6 +216,27 @@ class PlantParticipant(Participant):
             self.plant.advance()
             self._report(self.plant.script.take_events(), self._events, logging.INFO)
         return self.output(step) if is_last else None
+
+    def save(self) -> bytes | None:
+        """Return the state of the world and of the drivers; None where it cannot be had."""
+        plant = self.plant.save()
+        if plant is None:
+            return None
+        modes = {
+            port: driver.mode
+            for port, driver in self._drivers.items()
+            if isinstance(driver, Commander)
+        }
+        return msgspec.msgpack.encode(_Saved(plant, modes, self._warnings, self._events))
+
+    def restore(self, state: bytes) -> None:
+        """Take what `save` returned."""
+        saved = msgspec.msgpack.decode(state, type=_Saved)
+        self.plant.restore(saved.plant)
+        for port, driver in self._drivers.items():
+            if isinstance(driver, Commander):
+                driver.mode = saved.modes[port]
+        self._warnings, self._events = saved.warnings, saved.events
 
     def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
         """Queue messages for the next output, or log them if there is no Event port."""

@@ -9,6 +9,7 @@ import msgspec
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import Description, JointState, Point, Poses, WiringError
 
+from .checkpoint import can_save, pack, unpack
 from .devices.camera import Cameras
 from .devices.lens import Lens
 from .devices.planogram import planogram
@@ -46,6 +47,7 @@ class Plant:
         found = problems.attempt((), lambda: world.physics_ns(period_ns, params.physics_step_ns))
         step_ns = found or period_ns
         self.world = world
+        self.params = params
         self._bodies = tuple(world.bodies)
         self._substeps = range(period_ns // step_ns)
         self._step_ns = step_ns
@@ -65,6 +67,7 @@ class Plant:
         self._sensors = Sensors(params, seed)
         self._drives = make_drives(self.physics.client, self.physics.joints, step_ns * 1e-9)
         self._owners: dict[str, str] = {}
+        self._efforts: Values = []
         self.warnings = Warnings()
         self._kinematics: Kinematics | None = None
         if params.dynamics == "off":
@@ -167,7 +170,8 @@ class Plant:
         states = self._read()
         position: Values = [state[0] for state in states]
         velocity: Values = [state[1] for state in states]
-        effort: Values = [state[3] for state in states]
+        # After a restart from a checkpoint, the engine does not know the torques of the last step.
+        effort: Values = self._efforts or [state[3] for state in states]
         if not math.isfinite(sum(position) + sum(velocity)):
             self._check_finite(position, velocity)
         for number, drive, index in self._unread:
@@ -201,6 +205,7 @@ class Plant:
 
         Raises PhysicsError when the physics engine fails.
         """
+        self._efforts = []
         self.script.run(self.t_ns)
         for _ in self._substeps:
             for drive in self._drives:
@@ -242,6 +247,30 @@ class Plant:
     def planogram(self, sensor: PoseSensor) -> Poses:
         """Return where the links of a pose sensor belong, see `devices.planogram`."""
         return planogram(sensor.names, sensor.sense(), self.world.items)
+
+    def save(self) -> bytes | None:
+        """Return all that the next step depends on, None where it cannot be had to the bit.
+
+        See `checkpoint.py`.
+        """
+        if not can_save(self.world, self.params, self.physics):
+            return None
+        return pack(
+            t_ns=self.t_ns,
+            physics=self.physics,
+            efforts=[state[3] for state in self._read()],
+            drives=self._drives,
+            sensors=self._sensors,
+            owners=self._owners,
+            warnings=self.warnings,
+        )
+
+    def restore(self, state: bytes) -> None:
+        """Take what `save` returned."""
+        saved = unpack(state, self.physics, self._drives, self._sensors, self.warnings)
+        self.t_ns, self._efforts = saved.t_ns, saved.efforts
+        self._owners.clear()
+        self._owners.update(saved.owners)
 
     def joint_calls(self) -> JointCalls:
         """Return the calls that query joints and teleport them."""

@@ -72,6 +72,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="host all participants in one process: quicker, the same recording",
     )
+    parser.add_argument(
+        "--no-checkpoints",
+        action="store_true",
+        help="repeat all from step 0, whatever the run has saved",
+    )
     parser.add_argument("--no-report", action="store_true", help="make no plots, only figures")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     add_trust(parser)
@@ -101,6 +106,7 @@ def _make(
         faults=args.fault,
         calls=args.call,
         trusted=trusted,
+        checkpoints=not args.no_checkpoints,
     )
     if not args.json:
         for note in plan.notes:
@@ -142,6 +148,9 @@ def _conclude(branch: Branch, *, has_plots: bool) -> None:
     if branch.way_s:
         rate = branch.at / branch.way_s
         say(f"live from step {branch.at}; {branch.way_s:.2f} s to get there ({rate:.0f} steps/s)")
+    if branch.restored:
+        rows = (f"{name} from step {step}" for name, step in branch.restored.items())
+        say(f"checkpoints: {', '.join(rows)}")
     if branch.equal:
         say(f"{result.steps} steps, byte for byte as recorded")
     elif result.exit_code == 0:
@@ -171,6 +180,7 @@ def _fields(branch: Branch) -> dict[str, Any]:
         "changed": list(branch.changed),
         "equal": branch.equal,
         "way_s": branch.way_s,
+        "restored": dict(branch.restored),
         "notes": list(branch.notes),
         "recorded_sha256": branch.recorded_sha256,
         "result": branch.result,

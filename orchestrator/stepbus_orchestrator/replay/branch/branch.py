@@ -1,17 +1,18 @@
 """Branches a recording at a step: the function behind `stepbus branch`, free of printing."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
 
+from .checkpoints import choose, to_be_made
 from .plan import Change, Plan, plan
 
 
@@ -21,7 +22,8 @@ class Branch:
 
     at: the first step that is not. changed: participants whose own outputs count from there on
     only. recorded_sha256: of the recording. way_s: how long the run took to get to `at` [s]; 0
-    where it did not get there.
+    where it did not get there. restored: participants that started from a checkpoint, each with its
+    step; all others started at step 0.
     """
 
     recording: Path
@@ -30,6 +32,7 @@ class Branch:
     recorded_sha256: str
     way_s: float
     result: Result
+    restored: Mapping[str, int] = field(default_factory=dict)
     notes: Sequence[str] = field(default=())
 
     @property
@@ -43,7 +46,8 @@ class BranchPlan:
 
     at: the first live step, or its time, such as `6s`. overrides: settings such as
     `controller.params.kp=90`. faults: such as `kill plant at 1300`. calls: such as
-    `controller set kp 90`, made before step `at`. trusted: fingerprint of the programs that may be
+    `controller set kp 90`, made before step `at`. checkpoints: whether participants start from the
+    newest state that the run has saved. trusted: fingerprint of the programs that may be
     started; None: any. scenario: what runs. notes: what may make it different from the recording.
 
     Raises RecordingFailed when the recording does not go so far, or `out` holds a run already;
@@ -61,10 +65,17 @@ class BranchPlan:
         faults: Sequence[str] = (),
         calls: Sequence[str] = (),
         trusted: str | None = None,
+        checkpoints: bool = True,
     ) -> None:
         opened = Recording(recording)
         change = Change(overrides=overrides, faults=faults, calls=calls)
         self._plan: Plan = plan(opened, at, out, change, trusted)
+        self._sha256 = file_sha256(opened.path)
+        self._restored: Mapping[str, SavedState] = {}
+        if checkpoints:
+            saved = Checkpoints(opened.path, self._sha256)
+            self._restored = choose(saved, self._plan)
+            self._plan.notes.extend(saved.problems)
         self._recording = opened
         self._out = out
         self.scenario: Scenario = self._plan.scenario
@@ -86,11 +97,12 @@ class BranchPlan:
     ) -> Branch:
         """Run; arguments as of `stepbus run`. A run that fails has its failure in `result`."""
         found = self._plan
-        prefix = RecordedPrefix(self._recording, found.at, found.counts_from)
+        restored = self._restored
+        prefix = RecordedPrefix(self._recording, found.at, found.counts_from, restored)
         options = Options(
             out=self._out,
             prefix=prefix,
-            calls=found.calls,
+            calls=to_be_made(found.calls, restored),
             new_calls=found.new_calls,
             debug=debug,
             in_process=in_process,
@@ -101,9 +113,10 @@ class BranchPlan:
             recording=self._recording.path,
             at=found.at,
             changed=found.changed,
-            recorded_sha256=file_sha256(self._recording.path),
+            recorded_sha256=self._sha256,
             way_s=prefix.took_s,
             result=result,
+            restored={name: item.step for name, item in restored.items()},
             notes=self.notes,
         )
 
@@ -116,6 +129,7 @@ def branch(
     *,
     faults: Sequence[str] = (),
     calls: Sequence[str] = (),
+    checkpoints: bool = True,
     in_process: bool = False,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
@@ -125,5 +139,7 @@ def branch(
     Up to `at`, each participant gets its recorded inputs and has to publish what is recorded;
     `result` has the first that does not. in_process: as of `run`.
     """
-    prepared = BranchPlan(recording, at, out, overrides, faults=faults, calls=calls)
+    prepared = BranchPlan(
+        recording, at, out, overrides, faults=faults, calls=calls, checkpoints=checkpoints
+    )
     return prepared.run(observer, interrupt, in_process=in_process)

@@ -50,7 +50,7 @@ class Plan:
     changed: Sequence[str]
     calls: Sequence[CallRecord]
     new_calls: Sequence[CallRecord]
-    notes: Sequence[str]
+    notes: list[str]
 
 
 def plan(

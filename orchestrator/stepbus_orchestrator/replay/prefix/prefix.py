@@ -3,8 +3,15 @@
 import time
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
-from stepbus_orchestrator.recording import Descriptions, Recording, Sink, TimingRecorder
+from stepbus_orchestrator.recording import (
+    Descriptions,
+    Recording,
+    SavedState,
+    Sink,
+    TimingRecorder,
+)
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.gates import Gate
@@ -24,13 +31,21 @@ class RecordedPrefix:
     """The steps of a recording below `at`, as the beginning of a run.
 
     counts_from: participants that are not those of the recording, each with the step (at most
-    `at`) from which its own outputs count; below, the recorded ones do. took_s: how long the run
-    took to get to `at` [s], 0 until it is there.
+    `at`) from which its own outputs count; below, the recorded ones do. restored: participants that
+    start from a checkpoint before a step below `at`; what is before it is taken as recorded.
+    took_s: how long the run took to get to `at` [s], 0 until it is there.
     """
 
-    def __init__(self, recording: Recording, at: int, counts_from: Mapping[str, int]) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        at: int,
+        counts_from: Mapping[str, int],
+        restored: Mapping[str, SavedState] = MappingProxyType({}),
+    ) -> None:
         self.at = at
         self.counts_from = counts_from
+        self.restored = restored
         self.took_s = 0.0
         self._recording = recording
 
@@ -47,14 +62,16 @@ class RecordedPrefix:
             expected,
             at=self.at,
             counts_from=self.counts_from,
+            restored=self.restored,
             calls=recorded_calls(self._recording),
         )
         strategy = _Branch(live, self)
         relay = Relay(
             session,
             expected,
+            sink,
             at=self.at,
-            is_repeated=sink.is_compared,
+            restored={name: item.step for name, item in self.restored.items()},
             on_live=lambda: self._record_live(strategy, timing),
         )
         strategy.peers = relay
@@ -81,6 +98,9 @@ class _Branch:
         self.state = self.peers.state = state
         state.is_prefix = True
         state.counts_from = self._prefix.counts_from
+        state.restored = self._prefix.restored
+        for name, checkpoint in state.restored.items():
+            state.barrier.start_at(name, checkpoint.step)
         state.barrier.window = max(WINDOW, state.scenario.window)
         self._live.launch(state)
 

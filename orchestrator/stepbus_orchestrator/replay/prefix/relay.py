@@ -5,7 +5,7 @@ whatever the others do; and from the first live step on, what its sources publis
 is. For the participants nothing changes: the same keys, the same messages, the same processes.
 """
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -15,9 +15,15 @@ from stepbus_orchestrator.replay.peers import Speaker
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Bus
+from stepbus_schemas import due_step
 
 from .expected import Expected
+from .sink import PrefixSink
+
+_CHUNK = 1024
+"""How many steps are read from the recording before those that are complete are written."""
 
 _Put = Callable[..., None]
 
@@ -26,7 +32,8 @@ class Relay:
     """Publishes for every participant that is a source: recorded outputs below `at`, then its own.
 
     Peers of a strategy and gate of a run: nobody is let into step `at` before all have repeated
-    what is below. is_repeated: says whether all outputs were compared. on_live: called then.
+    what is below. sink: compares it. restored: participants that start from a checkpoint, each with
+    its step. on_live: called when all are there.
     """
 
     names: Collection[str] = ()
@@ -36,9 +43,10 @@ class Relay:
         self,
         session: Session,
         expected: Expected,
+        sink: PrefixSink,
         *,
         at: int,
-        is_repeated: Callable[[], bool],
+        restored: Mapping[str, int],
         on_live: Callable[[], None],
     ) -> None:
         self.state: RunState | None = None
@@ -46,9 +54,12 @@ class Relay:
         self._step_ns = session.scenario.step_ns
         self._expected = expected
         self._at = at
-        self._is_repeated = is_repeated
+        self._sink = sink
+        self._restored = restored
+        self._needed = _needed(session.scenario, restored)
         self._on_live = on_live
         self._is_live = False
+        self._fed = 0
         self._speakers = _speakers(session)
         bus, into = session.bus, session.inbox.into
         for speaker in self._speakers:
@@ -83,15 +94,28 @@ class Relay:
         """Publish the recorded outputs of steps below `step`; be live once all are repeated."""
         if self._is_live:
             return
-        for speaker in self._speakers:
-            for fed, ports in self._expected.below(speaker.name, step):
-                speaker.publish(envelope(self._token, fed, self._step_ns, ports))
+        for first in range(min(self._fed, step), step, _CHUNK):
+            self._publish_below(min(first + _CHUNK, step))
+        self._fed = max(self._fed, step)
         state = self.state
-        if state is not None and state.barrier.completed >= self._at and self._is_repeated():
+        if state is not None and state.barrier.completed >= self._at and self._sink.is_compared():
             self._is_live = True
             state.is_prefix = False
             state.barrier.window = state.scenario.window
             self._on_live()
+
+    def _publish_below(self, step: int) -> None:
+        for speaker in self._speakers:
+            name = speaker.name
+            for fed, ports in self._expected.below(name, step):
+                outputs = envelope(self._token, fed, self._step_ns, ports)
+                if fed >= self._needed[name]:
+                    speaker.publish(outputs)
+                if fed < self._restored.get(name, 0):
+                    self._sink.offer_as_recorded(name, outputs)
+        if self.state is not None and self._restored:
+            # A participant that starts at 100,000 would else keep all below it in memory.
+            self._sink.write_below(min(step, self.state.barrier.completed))
 
     def close(self, step: int, names: Iterable[str], reported: dict[str, int]) -> None:
         """Raise Diverged where the run ends in what is recorded."""
@@ -100,6 +124,22 @@ class Relay:
                 f"{self.state.at(step)}: {self.state.reason}; the recording goes on there",
                 step=step,
             )
+
+
+def _needed(scenario: Scenario, restored: Mapping[str, int]) -> dict[str, int]:
+    """Return, for each participant, the first step whose outputs any other has still to get.
+
+    One that starts from a checkpoint has what was due before.
+    """
+    found = {spec.name: FAR for spec in scenario.participants}
+    for spec in scenario.participants:
+        last = restored.get(spec.name, 0) - spec.every
+        for item in spec.inputs.values():
+            every = scenario.participant(item.source).every
+            due = due_step(last, item.delay, every)
+            taken = due if due >= 0 else -every
+            found[item.source] = min(found[item.source], taken + every)
+    return found
 
 
 def _speakers(session: Session) -> list[Speaker]:

@@ -1,12 +1,13 @@
 """Compares what participants publish with the recording, up to where the run is live."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 import msgspec
 
 from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
 from stepbus_orchestrator.errors import Diverged
-from stepbus_orchestrator.recording import Descriptions, Recording, Sink
+from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink
 from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.run.kernel.failures import at as at_step
 from stepbus_orchestrator.scenario import Scenario
@@ -18,13 +19,18 @@ _WHY = (
     "it got its recorded inputs, so it is not deterministic, or not the program that was recorded; "
     "see docs/guide/branch.md"
 )
+_WHY_RESTORED = (
+    "it started from its checkpoint before step {step}, which does not have all of its state, or "
+    "it is not the program that was recorded; branch with --no-checkpoints"
+)
 
 
 class PrefixSink:
     """Takes the outputs of a run: below `at`, each has to be the recorded one, byte for byte.
 
     Of a participant in `counts_from`, the recorded outputs are taken instead of its own below its
-    step. recorder: gets all of them. calls: those that the recording has.
+    step; so they are of one in `restored` before its checkpoint. recorder: gets all of them. calls:
+    those that the recording has.
 
     Raises Diverged with the first difference, and the participant that made it.
     """
@@ -38,6 +44,7 @@ class PrefixSink:
         *,
         at: int,
         counts_from: Mapping[str, int],
+        restored: Mapping[str, SavedState],
         calls: Sequence[CallRecord],
     ) -> None:
         self._recorder = recorder
@@ -46,7 +53,9 @@ class PrefixSink:
         self._expected = expected
         self._at = at
         self._counts_from = counts_from
-        self._calls = [call for call in calls if call.step < at]
+        self._restored = restored
+        self._calls = [call for call in calls if call.step < at and not self._is_saved(call)]
+        self._saved_calls = deque(call for call in calls if self._is_saved(call))
         self._comparisons = {
             (spec.name, port): PortComparison(
                 topic_of(spec.name, port), output.type, Tolerance(), recording.types
@@ -56,6 +65,11 @@ class PrefixSink:
         }
         self._announced: dict[tuple[str, str, int], bytes] = {}
         self._early: dict[tuple[str, str, int], bytes] = {}
+
+    def _is_saved(self, call: CallRecord) -> bool:
+        """Return whether a checkpoint has what a call has changed."""
+        checkpoint = self._restored.get(call.participant)
+        return checkpoint is not None and call.step < checkpoint.step
 
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
@@ -106,7 +120,7 @@ class PrefixSink:
             return
         recorded = self._expected.take(name, step)
         if step < self._counts_from.get(name, 0):
-            self._offer_recorded(name, outputs, recorded)
+            self._record(name, outputs, recorded)
             return
         for port in self._scenario.participant(name).outputs:
             if port in outputs.bulk and port in recorded:
@@ -117,8 +131,12 @@ class PrefixSink:
                 self._compare(name, port, step, recorded.get(port), own)
         self._recorder.offer(name, outputs)
 
-    def _offer_recorded(self, name: str, outputs: Outputs, recorded: Ports) -> None:
-        """Record what the recording has instead of what a changed participant published."""
+    def offer_as_recorded(self, name: str, outputs: Outputs) -> None:
+        """Record what a participant published before the checkpoint that it starts from."""
+        self._record(name, outputs, self._expected.take(name, outputs.step))
+
+    def _record(self, name: str, outputs: Outputs, recorded: Ports) -> None:
+        """Record what the recording has, whatever the participant has published."""
         ports = self._scenario.participant(name).outputs
         bulk = {port: data for port, data in recorded.items() if ports[port].bulk}
         plain = {port: msgspec.Raw(data) for port, data in recorded.items() if port not in bulk}
@@ -155,9 +173,11 @@ class PrefixSink:
             return
         found = comparison.divergence.text("recording", "now")
         text = found.removeprefix(f"step {step}: ")
+        checkpoint = self._restored.get(name)
+        why = _WHY if checkpoint is None else _WHY_RESTORED.format(step=checkpoint.step)
         raise Diverged(
             f"{at_step(step, self._scenario.step_ns)}: {name} does not repeat the recording: "
-            f"{text}; {_WHY}",
+            f"{text}; {why}",
             participant=name,
             step=step,
         )
@@ -171,7 +191,11 @@ class PrefixSink:
         return self._recorder.bulk_complete()
 
     def write_below(self, step: int) -> None:
-        """Write all steps below `step`."""
+        """Write all steps below `step`, and the calls that nobody makes again before theirs."""
+        while self._saved_calls and self._saved_calls[0].step < step:
+            call = self._saved_calls.popleft()
+            self._recorder.write_below(call.step)
+            self._recorder.add_call(call)
         self._recorder.write_below(step)
 
     def flush(self) -> None:

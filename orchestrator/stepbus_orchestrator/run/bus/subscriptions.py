@@ -31,6 +31,8 @@ def subscribe(
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
     if any(output.bulk for output in outputs):
         bus.subscribe("bulk/*/*", into(lambda sample: _take_bulk(session, messages, sample)))
+    if session.scenario.checkpoint_steps:
+        bus.subscribe("checkpoint/*", into(lambda s: _take_checkpoint(session, messages, s)))
     alive = into(lambda item: messages.take_alive(*item))
     bus.watch_alive("alive/*", lambda key, is_alive: alive((_last(key), is_alive)))
     bus.declare_alive("alive/orchestrator")
@@ -61,3 +63,8 @@ def _take_bulk(session: Session, messages: MessageHandler, sample: Any) -> None:
     bus = session.bus
     _, name, port = bus.key(sample).split("/")
     messages.take_bulk(name, port, bus.attachment(sample), bus.payload(sample))
+
+
+def _take_checkpoint(session: Session, messages: MessageHandler, sample: Any) -> None:
+    bus = session.bus
+    messages.take_checkpoint(_last(bus.key(sample)), bus.attachment(sample), bus.payload(sample))

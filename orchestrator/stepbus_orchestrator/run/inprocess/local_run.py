@@ -118,13 +118,14 @@ class LocalRun:
         scenario = state.scenario
         self._state = state
         for name in self._options.start_order or [s.name for s in scenario.participants]:
-            hosted = self._host(scenario.participant(name), scenario)
+            hosted = self._host(scenario.participant(name), state)
             self.hosted[name] = hosted
             spec = scenario.participant(name)
             state.participants = {**state.participants, name: ParticipantState(spec, hosted)}
             self._timing.event("spawn", name, f"in process {hosted.pid}")
 
-    def _host(self, spec: ParticipantSpec, scenario: Scenario) -> HostedParticipant:
+    def _host(self, spec: ParticipantSpec, state: RunState) -> HostedParticipant:
+        scenario = state.scenario
         ticket = Ticket(
             run=self._run,
             name=spec.name,
@@ -133,6 +134,7 @@ class LocalRun:
             join_timeout_s=spec.deadlines.join_s,
             faults=message_faults(scenario, spec.name),
             profile=self._options.profile_order(),
+            checkpoint=state.checkpoint_order(spec.name),
         )
         command = start_command(spec, scenario.folder)[1:]
         try:

@@ -20,6 +20,17 @@ class Barrier:
         self._first = {s.name for s in scenario.participants if s.publishes == "first"}
         self._inputs = {spec.name: list(spec.inputs.values()) for spec in scenario.participants}
         self.reported = {name: -every for name, every in self._every.items()}
+        self._first_step = dict.fromkeys(self._every, 0)
+
+    def start_at(self, name: str, step: int) -> None:
+        """Let a participant start at a step, from a checkpoint: all below it is known."""
+        self.reported[name] = step - self._every[name]
+        self._first_step[name] = step
+
+    @property
+    def has_all_started(self) -> bool:
+        """Return whether every participant has reported its first step."""
+        return all(step >= self._first_step[name] for name, step in self.reported.items())
 
     def report(self, name: str, step: int) -> bool:
         """Count the outputs of a step; return whether it is the next one (P7.1)."""

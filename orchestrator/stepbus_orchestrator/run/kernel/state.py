@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.recording import SavedState
 from stepbus_orchestrator.scenario import Scenario
+from stepbus_participant import CheckpointOrder
 
 from .admission import max_message_bytes
 from .barrier import Barrier
@@ -27,6 +29,7 @@ class RunState:
     the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
     is_prefix: whether the steps are those of a recording still. counts_from: of a participant that
     was changed at a step: that step; what it does before is not part of the run.
+    restored: participants that start from a checkpoint, with it.
     is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
     """
 
@@ -43,6 +46,7 @@ class RunState:
     replaced: str | None = None
     is_prefix: bool = False
     counts_from: Mapping[str, int] = field(default_factory=dict)
+    restored: Mapping[str, SavedState] = field(default_factory=dict)
     is_check_due: bool = False
     is_release_due: bool = False
 
@@ -91,6 +95,13 @@ class RunState:
     def is_ready(self) -> bool:
         """Return whether every participant is ready."""
         return all(participant.phase == Phase.READY for participant in self.participants.values())
+
+    def checkpoint_order(self, name: str) -> CheckpointOrder:
+        """Return when a participant saves its state, and from which it starts."""
+        every, saved = self.scenario.checkpoint_steps, self.restored.get(name)
+        if saved is None:
+            return CheckpointOrder(every=every)
+        return CheckpointOrder(every=every, step=saved.step, state=str(saved.path))
 
     def at(self, step: int) -> str:
         """Return `step 1042 (t = 5.210 s)`."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
-from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.recording import CheckpointWriter, Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.bus.subscriptions import subscribe
 from stepbus_orchestrator.run.control.calls import Calls
@@ -43,10 +43,15 @@ _FLUSH_EVERY = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Records:
-    """Where a run is written. recorder: gets the outputs. timing: gets what the clock shows."""
+    """Where a run is written.
+
+    recorder: gets the outputs. timing: gets what the clock shows. checkpoints: gets the states that
+    participants save; None: nobody is asked to.
+    """
 
     recorder: Sink
     timing: TimingRecorder
+    checkpoints: CheckpointWriter | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +99,12 @@ class RunLoop:
         self.ended_at = 0.0
         self.is_recorded = False
         messages = MessageHandler(
-            self.state, session.token, records.recorder, records.timing, strategy.peers.names
+            self.state,
+            session.token,
+            records.recorder,
+            records.timing,
+            replayed=strategy.peers.names,
+            checkpoints=records.checkpoints,
         )
         self.safe_stop = SafeStop(session, self.state, messages)
         self.calls = Calls(

@@ -15,7 +15,7 @@ def step(loop: RunLoop) -> RunPhase:
         loop.turn(lambda elapsed_s: _check(loop, elapsed_s))
         if sum(reported.values()) == before:
             # A participant may have missed it: it was published before the link was complete.
-            loop.announcer.repeat(with_start=min(reported.values()) < 0)
+            loop.announcer.repeat(with_start=not state.barrier.has_all_started)
     return RunPhase.CLOSING
 
 

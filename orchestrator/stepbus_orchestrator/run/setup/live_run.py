@@ -10,7 +10,7 @@ from stepbus_orchestrator.run.control.invitations import Invitations
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
+from stepbus_orchestrator.scenario import ParticipantSpec, start_command
 
 from .faults import message_faults
 from .options import Options
@@ -39,12 +39,11 @@ class LiveRun:
         scenario = state.scenario
         for name in self._options.start_order or [s.name for s in scenario.participants]:
             spec = scenario.participant(name)
-            started = (
-                self._admit(spec, scenario) if spec.is_external else self._start(spec, scenario)
-            )
+            started = self._admit(spec, state) if spec.is_external else self._start(spec, state)
             state.participants = {**state.participants, name: started}
 
-    def _start(self, spec: ParticipantSpec, scenario: Scenario) -> ParticipantState:
+    def _start(self, spec: ParticipantSpec, state: RunState) -> ParticipantState:
+        scenario = state.scenario
         child = self._launcher.start(
             spec,
             start_command(spec, scenario.folder),
@@ -53,12 +52,14 @@ class LiveRun:
             faults=message_faults(scenario, spec.name),
             has_terminal=spec.name in self._options.debug,
             profile=self._options.profile_order(),
+            checkpoint=state.checkpoint_order(spec.name),
         )
         self._timing.event("spawn", spec.name, f"pid {child.pid}")
         return ParticipantState(spec, child)
 
-    def _admit(self, spec: ParticipantSpec, scenario: Scenario) -> ParticipantState:
+    def _admit(self, spec: ParticipantSpec, state: RunState) -> ParticipantState:
         """Let somebody else start a participant."""
+        scenario = state.scenario
         external = self._launcher.admit(
             spec,
             self._mesh.participants[spec.name],
@@ -66,6 +67,7 @@ class LiveRun:
             scenario.folder,
             faults=message_faults(scenario, spec.name),
             profile=self._options.profile_order(),
+            checkpoint=state.checkpoint_order(spec.name),
         )
         self._mesh.tickets[spec.name] = external.ticket.path
         self._timing.event("external", spec.name)

@@ -54,6 +54,7 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         bus=_bus(row, problems),
         window=row.window,
         batch=_batch(row, problems),
+        checkpoint_steps=-(-(row.checkpoint_ns or 0) // step_ns),
         faults=_faults(row.faults, FaultContext(participants, steps, row.seed), problems),
         types=own.used(row.participants),
         type_files=own.files,

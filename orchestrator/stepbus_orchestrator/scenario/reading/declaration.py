@@ -144,6 +144,9 @@ class ScenarioFile(Settings):
     batch: Count | None = None
     """Outputs of a participant per message to the recording; at most half the window, which is the
     default. Changes no result."""
+    checkpoint_ns: Duration | None = None
+    """How often participants save their state, so that a branch need not start at step 0
+    ([branch.md](../guide/branch.md#checkpoints)). Default: never. Changes no result."""
     bus: BusSpec = BusSpec()
     """How participants reach each other. Changes no result."""
     types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}

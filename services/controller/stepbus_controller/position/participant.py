@@ -95,6 +95,13 @@ class PositionController(Participant):
         status = ControllerStatus(error=error, saturated=[False] * len(error))
         return {self._status_port: status}
 
+    def save(self) -> bytes:
+        """Return nothing: each command follows from the inputs of its step."""
+        return b""
+
+    def restore(self, state: bytes) -> None:
+        """Take nothing."""
+
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the targets."""
         return {"numpy": np.__version__}

@@ -30,6 +30,11 @@ class Generator(Protocol):
         ...
 
 
+SineRow = tuple[float, float, float, float, float]
+"""Of one joint: amplitude [rad], omega [rad/s], phase, offset, and the angle that changes of omega
+have added to the phase [rad]."""
+
+
 class Sine:
     """q(t) = offset + amplitude · sin(omega t + phase), per joint."""
 
@@ -60,6 +65,15 @@ class Sine:
             )
         )
         return found
+
+    def save(self) -> list[SineRow]:
+        """Return a row for each joint, for a checkpoint."""
+        return [(*row, shift) for row, shift in zip(self._rows, self._shift, strict=True)]
+
+    def restore(self, rows: Sequence[SineRow]) -> None:
+        """Take what `save` returned."""
+        self._rows = tuple(row[:4] for row in rows)
+        self._shift = tuple(row[4] for row in rows)
 
     def at(self, t: float) -> JointReference:
         """See `Generator`."""

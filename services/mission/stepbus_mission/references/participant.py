@@ -3,13 +3,16 @@
 import math
 from collections.abc import Mapping
 from itertools import chain
+from typing import Any
+
+import msgspec
 
 from stepbus_participant import Config, Method, Participant, Ports, Steering, Step, make_plugin
 from stepbus_schemas import Description, Event, JointReference, Message, RunError
 
-from .generators import Generator, Sine, StepChange
+from .generators import Generator, Sine, SineRow, StepChange
 from .params import Params
-from .steering import Targets
+from .steering import SavedTargets, Targets
 from .trajectories import CsvTrajectory, Waypoints
 
 TASKS: dict[str, type[Generator]] = {
@@ -26,6 +29,18 @@ STEERED: Mapping[str, Mapping[str, str]] = {
     "step": {"target": "rad", "initial": "rad", "time": "s"},
 }
 """Task → its parameters that calls can set, with their units."""
+
+
+class Saved(msgspec.Struct):
+    """The state of a mission at a checkpoint.
+
+    params: with those that calls have set. sine, targets: of `Sine` and `Targets`.
+    """
+
+    params: dict[str, Any]
+    sine: list[SineRow]
+    targets: SavedTargets
+    is_done: bool
 
 
 class MissionParticipant(Participant):
@@ -108,6 +123,28 @@ class MissionParticipant(Participant):
             ),
             **self._steering.methods(),
         }
+
+    def save(self) -> bytes | None:
+        """Return what calls have changed; None with a generator of one's own, which has no such."""
+        if self._task not in TASKS or self._changed is not None:
+            return None
+        rows = self.generator.save() if isinstance(self.generator, Sine) else []
+        targets = self._targets.save()
+        if targets is None:
+            return None
+        saved = Saved(
+            params=self._steering.save(), sine=rows, targets=targets, is_done=self._is_done
+        )
+        return msgspec.msgpack.encode(saved)
+
+    def restore(self, state: bytes) -> None:
+        """Take what `save` returned."""
+        saved = msgspec.msgpack.decode(state, type=Saved)
+        self.generator = make_generator(self.config, self._steering.restore(saved.params))
+        if isinstance(self.generator, Sine):
+            self.generator.restore(saved.sine)
+        self._targets.restore(saved.targets)
+        self._is_done = saved.is_done
 
     def _report(self, messages: dict[str, Message], text: str) -> None:
         if self._event_port is not None:

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+import msgspec
+
 from stepbus_participant import CallError, suggest
 from stepbus_schemas import JointReference
 
@@ -16,6 +18,13 @@ def _radians(position: float | str) -> float:
         return math.radians(float(text)) if isinstance(position, str) else position
     except ValueError as exc:
         raise CallError(f"{position!r} is no target: write rad, or degrees such as 30deg") from exc
+
+
+class SavedTargets(msgspec.Struct):
+    """paths: of joints by index, as in `Targets`. last: the newest reference and its time [s]."""
+
+    paths: dict[int, tuple[float, float, Knot, float]]
+    last: tuple[float, list[float], list[float], list[float]] | None
 
 
 class Targets:
@@ -66,6 +75,26 @@ class Targets:
         since, last = self._last
         start = (last.position[index], last.velocity[index], last.acceleration[index])
         self._paths[index] = (since, duration_s, start, position)
+
+    def save(self) -> SavedTargets | None:
+        """Return where joints were sent, for a checkpoint; None while a call waits for its step."""
+        if self._pending:
+            return None
+        last = None
+        if self._last is not None:
+            t, found = self._last
+            last = (t, list(found.position), list(found.velocity), list(found.acceleration))
+        return SavedTargets(paths=dict(self._paths), last=last)
+
+    def restore(self, saved: SavedTargets) -> None:
+        """Take what `save` returned."""
+        self._paths = dict(saved.paths)
+        if saved.last is not None:
+            t, position, velocity, acceleration = saved.last
+            reference = JointReference(
+                position=position, velocity=velocity, acceleration=acceleration
+            )
+            self._last = t, reference
 
     def apply(self, t: float, task: JointReference) -> JointReference:
         """Return the reference of a time [s]; task: that of the task."""

@@ -28,7 +28,7 @@ class Commander:
 
     port: name of the input, for messages. names: joints of the vectors, in order. period: substeps
     between two commands. owners: joint → the input that drives it. warnings: about commands. All
-    commanders of a plant share the last two.
+    commanders of a plant share the last two. mode: of the last command.
     Raises WiringError for names that are unknown, fixed or duplicate.
     """
 
@@ -48,7 +48,7 @@ class Commander:
         self._warnings = warnings
         self._physics = physics
         self._owners = owners
-        self._mode: JointMode | None = None
+        self.mode: JointMode | None = None
         joints = {joint.name: joint for joint in physics.joints}
         self._check_names(names, joints)
         self._joints = [joints[name] for name in names]
@@ -87,7 +87,7 @@ class Commander:
         if command.mode == "brake":
             self._brake()
             return
-        if command.mode != self._mode:
+        if command.mode != self.mode:
             self._own(command.mode)
             if command.mode == "position":
                 self._warnings.check_start(self._joints, self._positions(), command.values)
@@ -133,15 +133,15 @@ class Commander:
             owner = self._owners.setdefault(joint.name, self._port)
             if owner != self._port:
                 self._reject(f"joint {joint.name} is already driven by input {owner!r}")
-        self._mode = mode
+        self.mode = mode
 
     def _brake(self) -> None:
         """Hold every joint at its current position; a repeated brake keeps the first one."""
-        if self._mode == "brake":
+        if self.mode == "brake":
             return
         for (drive, index), position in zip(self._drives, self._positions(), strict=True):
             drive.brake(index, position)
-        self._mode = "brake"
+        self.mode = "brake"
 
     def _positions(self) -> list[float]:
         """Return the current joint positions [rad]."""

@@ -1,8 +1,9 @@
 """Drives turn joint commands into forces: one class per mode."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
+from typing import Any, ClassVar
 
 import pybullet as bullet
 
@@ -23,6 +24,9 @@ class Drive:
     another input commands the drive's other joints. substep_s: length of a physics substep [s].
     """
 
+    remembers: ClassVar[tuple[str, ...]] = ()
+    """The attributes that commands and steps change."""
+
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         self.joints = list(joints)
         self._client = client
@@ -42,6 +46,15 @@ class Drive:
 
     def brake(self, index: int, position: float) -> None:
         """Hold a joint at its current `position` [rad] until the next command."""
+
+    def save(self) -> dict[str, Any]:
+        """Return its latest targets, for a checkpoint."""
+        return {key: getattr(self, key) for key in self.remembers}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Take what `save` returned, and set the engine's motors accordingly."""
+        for key in self.remembers:
+            setattr(self, key, saved[key])
 
     def before_substep(self) -> None:
         """Pass new targets to the physics engine."""
@@ -64,6 +77,8 @@ class Drive:
 
 class DirectTorque(Drive):
     """Mode torque: the engine applies the torque directly."""
+
+    remembers: ClassVar[tuple[str, ...]] = ("_wanted", "_applied")
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(client, joints, substep_s)
@@ -88,6 +103,17 @@ class DirectTorque(Drive):
         self._wanted[index] = 0.0
         self._braked.add(index)
         self._resist(index, self._efforts[index])
+
+    def save(self) -> dict[str, Any]:
+        """See `Drive`."""
+        return {**super().save(), "braked": sorted(self._braked)}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """See `Drive`."""
+        super().restore(saved)
+        self._braked = set(saved["braked"])
+        for index in self._braked:
+            self._resist(index, self._efforts[index])
 
     def _resist(self, index: int, force: float) -> None:
         """Let the engine resist any motion of a joint with up to this torque [N·m]."""
@@ -122,10 +148,17 @@ class _Motors(Drive):
     _velocities: targets [rad/s]. _forces: torque limits [N·m].
     """
 
+    remembers: ClassVar[tuple[str, ...]] = ("_velocities", "_forces")
+
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(client, joints, substep_s)
         self._velocities = [0.0] * len(joints)
         self._forces = self._efforts.copy()
+        self._changed = True
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """See `Drive`."""
+        super().restore(saved)
         self._changed = True
 
     def _set_limit(self, command: JointCommand, index: int, source: int) -> None:
@@ -198,6 +231,8 @@ class PositionMotor(_Motors):
     commanded with position, velocity and time. With a constant target the joint would track a
     staircase, and lag behind.
     """
+
+    remembers: ClassVar[tuple[str, ...]] = (*_Motors.remembers, "_commanded", "_age", "_moving")
 
     def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(client, joints, substep_s)

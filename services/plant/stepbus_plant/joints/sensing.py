@@ -1,6 +1,6 @@
 """Joint sensors: selected quantities of the true state, with noise and quantisation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,8 +19,10 @@ class Sensors:
     """
 
     def __init__(self, params: Params, seed: int) -> None:
+        self._random = [np.random.PCG64([seed, number]) for number in range(3)]
+
         def make(number: int, quantity: str) -> Callable[[Values], Values | None]:
-            return _sensor(params, quantity, np.random.Generator(np.random.PCG64([seed, number])))
+            return _sensor(params, quantity, np.random.Generator(self._random[number]))
 
         self._position = make(0, "position")
         self._velocity = make(1, "velocity")
@@ -36,6 +38,18 @@ class Sensors:
             effort=self._effort(effort),
             target=target,
         )
+
+    def save(self) -> list[tuple[str, str]]:
+        """Return how far each random stream is, for a checkpoint."""
+        states = [random.state["state"] for random in self._random]
+        return [(str(state["state"]), str(state["inc"])) for state in states]
+
+    def restore(self, saved: Sequence[tuple[str, str]]) -> None:
+        """Take what `save` returned."""
+        for random, (state, increment) in zip(self._random, saved, strict=True):
+            full = random.state
+            full["state"] = {"state": int(state), "inc": int(increment)}
+            random.state = full
 
 
 def _sensor(

@@ -20,22 +20,22 @@ class Warnings:
     """Collects warnings about commands until they are taken.
 
     Each cause is reported once per subject: a controller that commands the impossible does so at
-    every step.
+    every step. reported: (subject, cause). pending: those since the last call of `take`.
     """
 
     def __init__(self) -> None:
-        self._reported: set[tuple[str, str]] = set()
-        self._new: list[str] = []
+        self.reported: set[tuple[str, str]] = set()
+        self.pending: list[str] = []
 
     def add(self, subject: str, cause: str, text: str) -> None:
         """Add a warning, unless this cause has been reported for this subject."""
-        if (subject, cause) not in self._reported:
-            self._reported.add((subject, cause))
-            self._new.append(f"{subject}: {text}")
+        if (subject, cause) not in self.reported:
+            self.reported.add((subject, cause))
+            self.pending.append(f"{subject}: {text}")
 
     def take(self) -> list[str]:
         """Return the warnings since the last call, one sentence each."""
-        new, self._new = self._new, []
+        new, self.pending = self.pending, []
         return new
 
     def check(self, joints: Sequence[Joint], command: JointCommand) -> None:

@@ -1,0 +1,112 @@
+"""The checkpoints of a run: files beside its recording, which they are no part of.
+
+`checkpoints/<participant>.<step>` is a state, byte for byte as the participant has sent it.
+`checkpoints/index.json` is written when the run has ended; it has the SHA-256 of each state, and
+that of the recording, which no other recording can have.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from stepbus_orchestrator.errors import RecordingFailed
+
+from . import layout
+
+
+class _Index(msgspec.Struct):
+    """recording: SHA-256 of run.mcap. states: participant → step as text → SHA-256."""
+
+    recording: str
+    states: dict[str, dict[str, str]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedState:
+    """A state of a participant. step: the one that it does next. path: of the file."""
+
+    step: int
+    path: Path
+
+
+class CheckpointWriter:
+    """Writes the checkpoints of a run into its folder."""
+
+    def __init__(self, out: Path) -> None:
+        self._folder = out / layout.CHECKPOINTS_FOLDER
+        self._states: dict[str, dict[str, str]] = {}
+
+    def add(self, name: str, step: int, state: bytes) -> None:
+        """Write the state of a participant; raises RecordingFailed."""
+        self._write(_file_name(name, step), state)
+        self._states.setdefault(name, {})[str(step)] = hashlib.sha256(state).hexdigest()
+
+    def finish(self, sha256: str) -> None:
+        """Write the index; sha256: of the recording, which has ended. Raises RecordingFailed."""
+        if self._states:
+            index = _Index(recording=sha256, states=self._states)
+            self._write(layout.CHECKPOINTS_INDEX, msgspec.json.encode(index))
+
+    def _write(self, name: str, data: bytes) -> None:
+        try:
+            self._folder.mkdir(exist_ok=True)
+            (self._folder / name).write_bytes(data)
+        except OSError as exc:
+            raise RecordingFailed(f"{self._folder / name}: {exc.strerror}") from exc
+
+
+class Checkpoints:
+    """The checkpoints of a recording, where its folder has any.
+
+    problems: a sentence for each that cannot be used; grows as they are read.
+    """
+
+    def __init__(self, recording: Path, sha256: str) -> None:
+        self._folder = recording.parent / layout.CHECKPOINTS_FOLDER
+        self.problems: list[str] = []
+        self._states = self._read_index(sha256)
+
+    def _read_index(self, sha256: str) -> dict[str, dict[str, str]]:
+        path = self._folder / layout.CHECKPOINTS_INDEX
+        if not path.parent.is_dir():
+            return {}
+        try:
+            index = msgspec.json.decode(path.read_bytes(), type=_Index)
+        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as exc:
+            reason = exc.strerror if isinstance(exc, OSError) else str(exc)
+            self.problems.append(f"no checkpoints: {path}: {reason}")
+            return {}
+        if index.recording != sha256:
+            self.problems.append(f"no checkpoints: those in {path.parent} are of another recording")
+            return {}
+        return index.states
+
+    def below(self, name: str, step: int) -> Iterator[SavedState]:
+        """Yield the checkpoints of a participant before steps below `step`, newest first.
+
+        One that is damaged is left out, and becomes a problem.
+        """
+        states = self._states.get(name, {})
+        for found in sorted((int(text) for text in states if text.isdecimal()), reverse=True):
+            if 0 < found < step:
+                path = (self._folder / _file_name(name, found)).absolute()
+                if self._is_sound(path, states[str(found)]):
+                    yield SavedState(step=found, path=path)
+
+    def _is_sound(self, path: Path, sha256: str) -> bool:
+        try:
+            state = path.read_bytes()
+        except OSError as exc:
+            self.problems.append(f"checkpoint {path}: {exc.strerror}; an earlier state is used")
+            return False
+        is_sound = hashlib.sha256(state).hexdigest() == sha256
+        if not is_sound:
+            self.problems.append(f"checkpoint {path} is damaged; an earlier state is used")
+        return is_sound
+
+
+def _file_name(name: str, step: int) -> str:
+    return f"{name}.{step}"

@@ -1,0 +1,134 @@
+"""Saves the state of a participant between two steps, and starts from a saved one (P16)."""
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from stepbus_participant.bus import Bus
+from stepbus_participant.bus.ticket import CheckpointOrder
+from stepbus_participant.participant import Participant
+from stepbus_schemas import RunError, Welcome
+
+from .bulk import stamp
+from .inputs import Input
+from .sources import Source
+
+_log = logging.getLogger("stepbus_participant")
+
+ENCODING = "application/octet-stream"
+
+
+class _HeldInput(msgspec.Struct):
+    """held: its newest message. pending: those that are ahead of their due step, with step."""
+
+    held: bytes | None
+    pending: list[tuple[int, bytes]]
+
+
+class _Saved(msgspec.Struct):
+    """inputs: by name. sources: name → newest step taken. own: what the participant saved."""
+
+    inputs: dict[str, _HeldInput]
+    sources: dict[str, int]
+    own: bytes
+
+
+_decode = msgspec.msgpack.Decoder(_Saved).decode
+
+
+class Checkpoints:
+    """The checkpoints of one participant: its own state, and what its inputs hold.
+
+    A participant takes from a source only what is due (P6.2); so all of it is a function of the
+    step.
+    """
+
+    def __init__(
+        self,
+        participant: Participant,
+        welcome: Welcome,
+        bus: Bus,
+        *,
+        order: CheckpointOrder,
+        inputs: Mapping[str, Input],
+        sources: Sequence[Source],
+    ) -> None:
+        self._participant = participant
+        self._order = order
+        self._name = welcome.name
+        self._token = welcome.token
+        self._every = welcome.every
+        self._period = order.every
+        self._max_bytes = welcome.max_outputs_bytes
+        self._inputs = inputs
+        self._sources = {source.name: source for source in sources}
+        self._put: Callable[..., None] | None = None
+        if self._period:
+            self._put = bus.publisher(f"checkpoint/{welcome.name}", ENCODING)
+        self._is_too_large = False
+
+    def save_if_due(self, step: int) -> None:
+        """Publish the state before a step, where one is due (P16.1)."""
+        if step // self._period > (step - self._every) // self._period and step > 0:
+            own = self._participant.save()
+            if own is not None:
+                self._publish(step, self._pack(own))
+
+    def _pack(self, own: bytes) -> bytes:
+        saved = _Saved(
+            inputs={
+                name: _HeldInput(
+                    held=None if item.content is None else bytes(item.content),
+                    pending=[(step, bytes(data)) for step, data in item.pending],
+                )
+                for name, item in self._inputs.items()
+            },
+            sources={name: source.step for name, source in self._sources.items()},
+            own=own,
+        )
+        return msgspec.msgpack.encode(saved)
+
+    def _publish(self, step: int, state: bytes) -> None:
+        if self._put is not None and len(state) <= self._max_bytes:
+            self._put(state, attachment=stamp(step, self._token))
+        elif not self._is_too_large:
+            self._is_too_large = True
+            _log.warning(
+                "step %d: no checkpoint: %d bytes of state exceed the %d that the bus carries",
+                step,
+                len(state),
+                self._max_bytes,
+            )
+
+    @property
+    def are_due(self) -> bool:
+        """Return whether any state is to be saved."""
+        return self._period > 0
+
+    def restore(self) -> int:
+        """Take the state of the order, if it has one, and return the first step to do (P16.3).
+
+        Raises RunError for a state that does not fit.
+        """
+        if not self._order.state:
+            return 0
+        where = f"the checkpoint of {self._name} before step {self._order.step}"
+        try:
+            saved = _decode(Path(self._order.state).read_bytes())
+        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as exc:
+            raise RunError(f"{where} cannot be read: {exc}") from exc
+        if saved.inputs.keys() != self._inputs.keys() or saved.sources.keys() != set(self._sources):
+            raise RunError(f"{where} is of a participant with other inputs")
+        for name, item in saved.inputs.items():
+            self._inputs[name].restore(item.held, item.pending)
+        for name, step in saved.sources.items():
+            self._sources[name].continue_after(step)
+        try:
+            self._participant.restore(saved.own)
+        except Exception as exc:
+            raise RunError(
+                f"{where} does not fit: {type(exc).__name__}: {exc}; branch without checkpoints"
+            ) from exc
+        return self._order.step
