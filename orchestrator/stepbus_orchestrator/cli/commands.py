@@ -36,6 +36,7 @@ _MODULES = {
     "recover": "recordings.recover",
     "report": "recordings.report",
     "export": "recordings.export",
+    "view": "recordings.view",
     "conformance": "participants.conformance",
     "bridge": "participants.bridge",
     "join": "participants.join",

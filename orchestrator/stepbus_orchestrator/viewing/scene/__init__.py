@@ -3,11 +3,12 @@
 from .build import DescribedPort, Ports, build_scene, recorded_topics
 from .meshes import GREY, Color, Mesh, Visual
 from .pose import Pose
-from .scene import GHOST, Frame, Latest, Messages, Motion, Scene
+from .scene import GHOST, Chain, Frame, Latest, Messages, Motion, Scene
 
 __all__ = [
     "GHOST",
     "GREY",
+    "Chain",
     "Color",
     "DescribedPort",
     "Frame",

@@ -17,7 +17,7 @@ from .model import Joint, Model
 from .motions import JointMotion, JointSource, LinkMotion, Reader, RootMotion, measured, wanted
 from .origin import Body, Origin, has_scenario, read_origin
 from .pose import Pose
-from .scene import GHOST, Frame, Motion, Scene
+from .scene import GHOST, Chain, Frame, Motion, Scene
 
 _TRUTH = "body"
 """Detail that only the plant's poses have."""
@@ -100,7 +100,10 @@ class _Builder:
         if not any(frame.visuals for frame in self._frames):
             self._notes.append("it has nothing to draw: no model and no shapes; curves are shown")
         return Scene(
-            frames=self._frames, motions=self._motions, notes=list(dict.fromkeys(self._notes))
+            frames=self._frames,
+            motions=self._motions,
+            chains=list(self._chains()),
+            notes=list(dict.fromkeys(self._notes)),
         )
 
     # --- links with recorded poses --------------------------------------------------------
@@ -244,6 +247,20 @@ class _Builder:
             for other in self._of_type("JointState/1")
             if set(other.names) & set(port.names)
         )
+
+    def _chains(self) -> Iterator[Chain]:
+        """Yield the joints of ports that carry planned paths."""
+        frames = {frame.name for frame in self._frames}
+        for port in self._of_type("Plan/1"):
+            for body in self._origin.bodies:
+                joints = {joint.name: joint for joint in body.model.joints if joint.moves}
+                root = body.model.root
+                name = next((n for n in (root, f"{body.name}/{root}") if n in frames), None)
+                if port.names and joints.keys() >= set(port.names) and name is not None:
+                    tip = joints[port.names[-1]].child
+                    yield Chain(
+                        topic=port.topic, names=port.names, model=body.model, root=name, tip=tip
+                    )
 
     def _odometry(self, model: Model) -> str:
         joints = {joint.name for joint in model.joints}

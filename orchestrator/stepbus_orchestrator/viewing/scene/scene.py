@@ -7,6 +7,7 @@ from typing import Protocol
 from stepbus_schemas import Message
 
 from .meshes import Visual
+from .model import Model
 from .pose import Pose
 
 GHOST = "target"
@@ -55,11 +56,27 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Chain:
+    """The joints that a planned path is of. root: frame of the model's root. tip: a link."""
+
+    topic: str
+    names: Sequence[str]
+    model: Model
+    root: str
+    tip: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A scene. frames: parents first. notes: what cannot be shown as it is, a sentence each."""
+    """A scene.
+
+    frames: parents first. chains: of the ports that carry planned paths. notes: what cannot be
+    shown as it is, a sentence each.
+    """
 
     frames: Sequence[Frame]
     motions: Sequence[Motion]
+    chains: Sequence[Chain] = ()
     notes: Sequence[str] = ()
 
     @property
