@@ -21,8 +21,11 @@ help:
 demo: setup
 	@.venv/bin/stepbus run two_link
 
+# Of the tests, side by side: `make test WORKERS=8` on a bigger machine.
+WORKERS := 2
+
 test: setup
-	@$(PYTHON) -m pytest
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit
@@ -33,7 +36,7 @@ FRESH := --fresh-examples
 
 # pytest exits with 5 where there are no such tests.
 test-slow: setup
-	@$(PYTHON) -m pytest -m slow || [ $$? -eq 5 ]
+	@$(PYTHON) -m pytest -m slow -n $(WORKERS) --dist worksteal || [ $$? -eq 5 ]
 	@[ -z "$(FRESH)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH) --timeout 1200
 
 chaos: setup

@@ -17,7 +17,7 @@ SECTIONS = {part.partition("\n")[0]: part for part in PARTS}
 
 def options(command):
     """Return the options of a command."""
-    parser = argparse.ArgumentParser(add_help=False)
+    parser = argparse.ArgumentParser(command.name, add_help=False)
     command.add_arguments(parser)
     return set(re.findall(r"(?<![\w-])--?\w[\w-]*", parser.format_usage()))
 

@@ -33,6 +33,7 @@ def run_without(*words):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_all_tests_are_collected_without_the_extra():
     output = run_without("--collect-only", "tests")
     assert "files of tests that need the extra robots" in output

@@ -53,6 +53,7 @@ def rows(folder: Path) -> dict[str, list[object]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Path) -> None:
     (tmp_path / "my.py").write_text(METRIC)
     (tmp_path / "helper.py").write_text("def largest(values):\n    return abs(values).max()\n")
