@@ -125,7 +125,9 @@ def test_the_bytes_of_the_page_are_those_of_the_codec(row):
 
 def test_our_participant_given_what_is_received_sends_what_is_sent(monkeypatch):
     monkeypatch.setattr(stepbus_participant.session.admission.os, "getpid", lambda: 4711)
-    monkeypatch.setattr(stepbus_participant.session.admission, "installed_version", lambda name: "0.1.0")
+    monkeypatch.setattr(
+        stepbus_participant.session.admission, "installed_version", lambda name: "0.1.0"
+    )
     monkeypatch.setattr(stepbus_participant.session.step_loop, "_now_ns", lambda: 0)
     bus = ScriptedBus()
     endpoint = Endpoint(listen=[], connect=[])
