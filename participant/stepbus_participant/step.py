@@ -61,7 +61,9 @@ class Step:
         Raises InputAbsent when its source has not published yet, WiringError when the scenario
         connects another type than `cls`.
         """
-        value: Any = self.get(port) if cls is None else self.get(port, cls)
+        value: Any = self._inputs[port].value
+        if cls is not None and type(value) is not cls:
+            value = self.get(port, cls)
         if value is None:
             raise InputAbsent(
                 f"step {self.index}: input {port!r} is still absent; use step.get() where it may be"

@@ -7,7 +7,7 @@ participant is a process, and loads this at every start.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .codec import Decoder, encode, encoding_of, message_class, type_name
+from .codec import UNDECODABLE, Decoder, encode, encoding_of, message_class, type_name
 from .errors import MessageError, RunError, StepbusError, WiringError
 from .messages import *
 from .protocol import *
@@ -40,6 +40,7 @@ __all__ = [
     "MESSAGE_TYPES",
     "PROTOCOL_VERSION",
     "SHIPPED",
+    "UNDECODABLE",
     "BaseCommand",
     "BaseState",
     "BridgeFormat",

@@ -43,20 +43,31 @@ def encoding_of(name: str) -> str:
     return f"application/msgpack;stepbus.{name}"
 
 
+UNDECODABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+"""What `Decoder.plain` raises for a malformed message."""
+
+
 class Decoder(Generic[T]):
     """Decodes one message type.
 
     Raises MessageError naming the type and the path of the field that is missing or mistyped.
+
+    plain: the same for loops in which one more call counts: it raises UNDECODABLE, of which
+    `error` makes the MessageError.
     """
 
     def __init__(self, cls: type[T]) -> None:
         self._name = type_name(cls)
         self._cls = cls
-        self._decode = msgspec.msgpack.Decoder(cls).decode
+        self.plain: Callable[[bytes | msgspec.Raw], T] = msgspec.msgpack.Decoder(cls).decode
 
     def __call__(self, data: bytes | msgspec.Raw) -> T:
         """Return the message in `data`."""
         try:
-            return self._decode(data)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as exc:
-            raise MessageError(f"not a {self._name}: {explained(exc, self._cls)}") from exc
+            return self.plain(data)
+        except UNDECODABLE as exc:
+            raise self.error(exc) from exc
+
+    def error(self, exc: Exception) -> MessageError:
+        """Return what `plain` has raised as a sentence."""
+        return MessageError(f"not a {self._name}: {explained(exc, self._cls)}")

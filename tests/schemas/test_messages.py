@@ -222,7 +222,7 @@ def test_a_mutated_port_message_is_blamed_on_its_sender():
     config = InputConfig(source="controller", port="command", type="JointCommand/1")
     for step in range(PER_KEY):
         item = make_inputs({"command": config})["command"]
-        item.offer(step, mutator.mutant(port))
+        item.pending.append((step, mutator.mutant(port)))
         try:
             item.settle(step)
         except PeerFault as fault:

@@ -51,7 +51,7 @@ def _deliver(inputs: Mapping[str, Input], messages: Mapping[str, Message], step:
         wanted, got = inputs[name].config.type, type_name(type(message))
         if got != wanted:
             raise WiringError(f"input {name!r} takes {wanted}, got {got}")
-        inputs[name].offer(_AT_ONCE, encode(message))
+        inputs[name].pending.append((_AT_ONCE, encode(message)))
     for port in inputs.values():
         port.settle(step)
 

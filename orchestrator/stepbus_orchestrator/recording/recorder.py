@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
 
@@ -10,6 +11,7 @@ from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
     SHIPPED,
+    UNDECODABLE,
     CallRecord,
     Chain,
     Decoder,
@@ -33,6 +35,11 @@ OnEvent = Callable[[str, str, int, Event], None]
 """Takes (participant, port, step, event)."""
 
 
+class _Port(NamedTuple):
+    channel: int
+    decoder: Decoder[Message]
+
+
 class Recorder:
     """Writes outputs by (step, schedule order, port), and the hash chains (P13).
 
@@ -52,17 +59,13 @@ class Recorder:
     ) -> None:
         self._types = types
         self._file = file
+        self._add = file.add
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
         self._on_event = on_event
         self._order = StepOrder({spec.name: list(spec.outputs) for spec in order})
         self._chains = {spec.name: HashChain() for spec in order}
-        self._decoders = {
-            (spec.name, port): Decoder(types[output.type])
-            for spec in order
-            for port, output in spec.outputs.items()
-        }
-        self._channels: dict[tuple[str, str], int] = {}
+        self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
         self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
         self._chain_channel: int | None = None
         self._calls_channel: int | None = None
@@ -81,12 +84,13 @@ class Recorder:
         for name, spec in self._specs.items():
             for port, output in spec.outputs.items():
                 description = descriptions.get(name, {}).get(port, Description())
-                self._channels[name, port] = self._file.add_channel(
+                channel = self._file.add_channel(
                     layout.topic_of(name, port),
                     output.type,
                     layout.channel_metadata(name, port, msgspec.json.encode(description).decode()),
                     partial(json_schema, types=self._types),
                 )
+                self._ports[name][port] = _Port(channel, Decoder(self._types[output.type]))
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
@@ -97,7 +101,7 @@ class Recorder:
         """Write a call that changed something, before the outputs of its step (P15.5)."""
         if self._calls_channel is None:
             self._calls_channel = self._file.add_channel(layout.CALLS_TOPIC, layout.CALLS_TYPE, {})
-        self._add(self._calls_channel, call.step, encode(call))
+        self._add(self._calls_channel, call.step * self._step_ns, encode(call), call.step)
 
     @property
     def silent(self) -> frozenset[tuple[str, str]]:
@@ -168,18 +172,24 @@ class Recorder:
     def _write_chain(self, step: int, *, is_last: bool) -> None:
         if self._chain_channel is not None and (is_last or layout.has_chain(step)):
             hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
-            self._add(self._chain_channel, step, encode(Chain(step=step, hashes=hashes)))
+            content = encode(Chain(step=step, hashes=hashes))
+            self._add(self._chain_channel, step * self._step_ns, content, step)
 
     def _write(self, published: Published) -> None:
         """Write one participant's outputs, up to the first broken one; the chain has the same."""
         name, step = published.participant, published.step
-        t_ns, silent = step * self._step_ns, self._silent
+        t_ns, silent, ports, add = step * self._step_ns, self._silent, self._ports[name], self._add
         valid: list[tuple[str, bytes]] = []
         try:
             for port, data in published.content:
-                message = self._decoded(name, port, step, data)
+                channel, decoder = ports[port]
+                try:
+                    message = decoder.plain(data)
+                except UNDECODABLE as exc:
+                    error = decoder.error(exc)
+                    raise self._broken(name, port, step, error) from error
                 valid.append((port, data))
-                self._file.add(self._channels[name, port], t_ns, data, step)
+                add(channel, t_ns, data, step)
                 if silent:
                     silent.discard((name, port))
                 if isinstance(message, Event) and self._on_event is not None:
@@ -189,16 +199,10 @@ class Recorder:
         finally:
             self._chains[name].extend(step, valid)
 
-    def _decoded(self, name: str, port: str, step: int, data: bytes) -> Message:
-        try:
-            return self._decoders[name, port](data)
-        except MessageError as exc:
-            t_s = step * self._step_ns * 1e-9
-            raise ParticipantFault(
-                f"step {step} (t = {t_s:.3f} s): {name}.{port} is {exc}",
-                participant=name,
-                step=step,
-            ) from exc
-
-    def _add(self, channel: int, step: int, data: bytes) -> None:
-        self._file.add(channel, step * self._step_ns, data, step)
+    def _broken(self, name: str, port: str, step: int, error: MessageError) -> ParticipantFault:
+        t_s = step * self._step_ns * 1e-9
+        return ParticipantFault(
+            f"step {step} (t = {t_s:.3f} s): {name}.{port} is {error}",
+            participant=name,
+            step=step,
+        )

@@ -43,6 +43,12 @@ class _Buffer:
     def take(self) -> Published:
         outputs = self.waiting.popleft()
         published = Published(participant=self.name, step=outputs.step, content=[])
+        if not self.bulk:
+            ports, content = outputs.ports, published.content
+            for port in self.ports:
+                if port in ports:
+                    content.append((port, bytes(ports[port])))
+            return published
         for port in self.ports:
             try:
                 data = self._content(outputs, port)
@@ -56,7 +62,7 @@ class _Buffer:
         raw = outputs.ports.get(port)
         if raw is not None:
             return bytes(raw)
-        return self._bulk_content(outputs, port) if self.bulk else None
+        return self._bulk_content(outputs, port)
 
     def _bulk_content(self, outputs: Outputs, port: str) -> bytes | None:
         content = self.bulk.pop((outputs.step, port), None)
@@ -98,7 +104,8 @@ class StepOrder:
         buffers = list(self._buffers.values())
         while self._next < end:
             for buffer in buffers:
-                if buffer.lacks_bulk(self._next):
+                waiting = buffer.waiting
+                if waiting and waiting[0].bulk and buffer.lacks_bulk(self._next):
                     return
             yield self._next
             self._next += 1

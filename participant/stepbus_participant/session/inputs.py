@@ -6,10 +6,10 @@ from typing import Any
 
 from stepbus_schemas import (
     SHIPPED,
+    UNDECODABLE,
     Decoder,
     InputConfig,
     Message,
-    MessageError,
     RunError,
     Types,
     due_step,
@@ -29,7 +29,7 @@ class Input:
     """One input port: it holds its newest due message until the next one is due (P6.3).
 
     value: that message; None while the input is absent. content: its bytes. fresh: whether it is
-    new at this step. pending: what is not due yet, each with its step.
+    new at this step. pending: what the source published, (step, bytes), until it is due (P6.2).
     """
 
     def __init__(self, name: str, config: InputConfig, types: Types = SHIPPED) -> None:
@@ -39,21 +39,22 @@ class Input:
         self.fresh = False
         self.content: Any = None
         self.pending: deque[tuple[int, Any]] = deque()
-        self._decode = Decoder(message_class(config.type, types))
+        self._delay = config.delay
+        self._every = config.every
+        self._decoder = Decoder(message_class(config.type, types))
+        self._decode = self._decoder.plain
 
     def due(self, step: int) -> int:
         """Return the step whose message is due at `step`; negative: none."""
-        return due_step(step, self.config.delay, self.config.every)
-
-    def offer(self, step: int, data: Any) -> None:
-        """Keep what the source published at a step until it is due (P6.2)."""
-        self.pending.append((step, data))
+        return due_step(step, self._delay, self._every)
 
     def restore(self, held: bytes | None, pending: Iterable[tuple[int, bytes]]) -> None:
         """Hold a message, as saved at a checkpoint; raises MessageError for one of another type."""
         self.content = held
-        self.value = None if held is None else self._decode(held)
-        self.pending = deque(pending)
+        self.value = None if held is None else self._decoder(held)
+        # The same queue: the source fills it.
+        self.pending.clear()
+        self.pending.extend(pending)
 
     def settle(self, step: int) -> None:
         """Take the newest message that is due at a step.
@@ -64,18 +65,19 @@ class Input:
         pending = self.pending
         if not pending:
             return
-        due = self.due(step)
+        due = due_step(step, self._delay, self._every)
         while pending and pending[0][0] <= due:
             source_step, data = pending.popleft()
             self.fresh = True
             self.content = data
             try:
                 self.value = self._decode(data)
-            except MessageError as exc:
-                where = f"{self.config.source}.{self.config.port}"
+            except UNDECODABLE as exc:
+                where = f"{self.config.source}.{self.config.port} (input {self.name})"
+                error = self._decoder.error(exc)
                 raise PeerFault(
-                    self.config.source, f"step {source_step}: {where} (input {self.name}): {exc}"
-                ) from exc
+                    self.config.source, f"step {source_step}: {where}: {error}"
+                ) from error
 
 
 def make_inputs(configs: Mapping[str, InputConfig], types: Types = SHIPPED) -> dict[str, Input]:

@@ -48,6 +48,9 @@ class Outbox:
     ) -> None:
         self.step = HANDSHAKE_STEP
         self._welcome = welcome
+        # Of every message: what it needs is looked up once.
+        self._token, self._step_ns = welcome.token, welcome.step_ns
+        self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
         self._drops = drops
         self._classes = {
             port: message_class(config.type, types) for port, config in welcome.outputs.items()
@@ -88,14 +91,18 @@ class Outbox:
             else:
                 ports[port] = msgspec.Raw(data)
         packed = self._pack(step, ports, bulk, end)
-        if len(packed) > self._welcome.max_outputs_bytes:
+        size = len(packed)
+        if size > self._max_bytes:
             raise OutputError(
-                f"step {step}: outputs of {len(packed)} bytes exceed the bus's limit of "
-                f"{self._welcome.max_outputs_bytes}; declare the large port {{bulk: true}}"
+                f"step {step}: outputs of {size} bytes exceed the bus's limit of "
+                f"{self._max_bytes}; declare the large port {{bulk: true}}"
             )
         self._put(packed)
         self.step = step
-        self._append(packed)
+        if self._bytes + size > BATCH_BYTES:
+            self.flush()
+        self._outputs.append(msgspec.Raw(packed))
+        self._bytes += size
 
     def _encode(self, step: int, port: str, message: Message) -> bytes:
         cls = self._classes.get(port)
@@ -117,38 +124,28 @@ class Outbox:
     def _pack(
         self, step: int, ports: dict[str, msgspec.Raw], bulk: dict[str, int], end: str | None
     ) -> bytes:
-        welcome = self._welcome
         return encode(
             Outputs(
-                token=welcome.token,
+                token=self._token,
                 step=step,
-                t_ns=step * welcome.step_ns if step >= 0 else 0,
+                t_ns=step * self._step_ns if step >= 0 else 0,
                 ports=ports,
                 bulk=bulk,
                 end=end,
             )
         )
 
-    def _append(self, packed: bytes) -> None:
-        if self._bytes + len(packed) > BATCH_BYTES:
-            self.flush()
-        self._outputs.append(msgspec.Raw(packed))
-        self._bytes += len(packed)
-
     def finish(self, step: int, waited_ns: int, computed_ns: int) -> None:
         """Add the timing of a finished step, and send the batch when it is full or old."""
         self._timing.append((step, waited_ns, computed_ns))
         self._age_ns += waited_ns + computed_ns
-        if self._is_full() or self._age_ns > BATCH_AGE_NS:
+        if len(self._outputs) >= self._batch or self._age_ns > BATCH_AGE_NS:
             self.flush()
 
     def flush_full(self) -> None:
         """Send the batch if it is full; one that publishes first does so before it waits."""
-        if self._is_full():
+        if len(self._outputs) >= self._batch:
             self.flush()
-
-    def _is_full(self) -> bool:
-        return len(self._outputs) >= self._welcome.batch
 
     def flush(self, waiting: Waiting | None = None) -> None:
         """Send the batch, and report what the participant waits for."""

@@ -6,7 +6,7 @@ from queue import SimpleQueue
 import msgspec
 
 from stepbus_participant.bus import Queue
-from stepbus_schemas import HANDSHAKE_STEP, Decoder, MessageError, Outputs, due_step
+from stepbus_schemas import HANDSHAKE_STEP, UNDECODABLE, Decoder, Outputs, due_step
 
 from .inputs import Input, PeerFault
 
@@ -54,6 +54,7 @@ class Source:
         self.step = -self.every
         self.drops: dict[str, int] = {}
         self._inputs = inputs
+        self._pending = [(item.config.port, item.pending) for item in inputs]
         self._token = token
         self._newest = b""
         self._restored = self.step
@@ -69,12 +70,15 @@ class Source:
         Raises PeerFault when it is malformed, contradicts an earlier one or skips a step.
         """
         try:
-            outputs = _decode_outputs(data)
-        except MessageError as exc:
+            outputs = _decode_outputs.plain(data)
+        except UNDECODABLE as exc:
             if not carries_token(data, self._token):
                 self.drop("malformed")
                 return None
-            raise PeerFault(self.name, f"after step {self.step}: {self.name} sent {exc}") from exc
+            error = _decode_outputs.error(exc)
+            raise PeerFault(
+                self.name, f"after step {self.step}: {self.name} sent {error}"
+            ) from error
         if outputs.token != self._token:
             self.drop("unauthenticated")
             return None
@@ -86,20 +90,17 @@ class Source:
             return None
         self.step = outputs.step
         self._newest = data
-        self._offer(outputs)
+        ports = outputs.ports
+        for port, pending in self._pending:
+            if port in ports:
+                pending.append((self.step, ports[port]))
         return outputs
-
-    def _offer(self, outputs: Outputs) -> None:
-        for item in self._inputs:
-            data = outputs.ports.get(item.config.port)
-            if data is not None:
-                item.offer(outputs.step, data)
 
     def offer_bulk(self, outputs: Outputs, port: str, content: bytes) -> None:
         """Offer the content of a bulk port to the inputs that read it."""
         for item in self._inputs:
             if item.config.port == port:
-                item.offer(outputs.step, content)
+                item.pending.append((outputs.step, content))
 
     def continue_after(self, step: int) -> None:
         """Skip all up to a step: a checkpoint has what is needed of it (P16.3)."""

@@ -78,7 +78,7 @@ class StepLoop:
             self._await_trigger(step.index)
         if self._first:
             # No input of this step may reach these outputs (P5.3).
-            self._outbox.publish(step.index, self._participant.output(step), self._take_end())
+            self._publish(self._participant.output(step))
             self._outbox.flush_full()
         for source in self._sources:
             due = source.due(step.index)
@@ -88,15 +88,16 @@ class StepLoop:
             item.settle(step.index)
         messages = self._participant.update(step)
         if not self._first:
-            self._outbox.publish(step.index, messages, self._take_end())
+            self._publish(messages)
         elif messages:
             self._refuse_late_outputs(messages)
         self._outbox.finish(step.index, self._waited_ns, _now_ns() - started - self._waited_ns)
 
-    def _take_end(self) -> str | None:
-        """Return why the run should end, once: it is absent in all other outputs (P7.4)."""
-        reason, self.step.end_reason = self.step.end_reason, None
-        return reason
+    def _publish(self, messages: Mapping[str, Message] | None) -> None:
+        step = self.step
+        self._outbox.publish(step.index, messages, step.end_reason)
+        # Why the run should end is absent in all other outputs (P7.4).
+        step.end_reason = None
 
     def _refuse_late_outputs(self, messages: Mapping[str, Message]) -> None:
         raise OutputError(

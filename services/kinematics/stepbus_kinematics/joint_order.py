@@ -33,6 +33,7 @@ class JointOrder:
         self._port = port
         self._length = len(given)
         self._index = [given.index(name) for name in wanted]
+        self._is_same = list(given) == list(wanted)
 
     def pick(self, values: Sequence[float] | None, quantity: str) -> Vector:
         """Return one quantity of a message, shape (n,), in your order.
@@ -45,7 +46,7 @@ class JointOrder:
             raise InvalidInput(
                 self._port, f"carries {len(values)} {quantity} values for {self._length} joints"
             )
-        return np.array([values[i] for i in self._index])
+        return np.array(values if self._is_same else [values[i] for i in self._index])
 
 
 def joint_orders(

@@ -126,6 +126,12 @@ class RobotModel:
         self._plain, self._in_plain = np.flatnonzero(~continuous), position[~continuous]
         self._turning, self._in_turning = np.flatnonzero(continuous), position[continuous]
         self._index_followers()
+        self._is_direct = (
+            not self._follower_q
+            and self._in_velocity.tolist() == list(range(model.nv))
+            and position.tolist() == list(range(model.nq))
+            and not continuous.any()
+        )
         self.lower: Vector = np.where(continuous, -np.inf, model.lowerPositionLimit[position])
         self.upper: Vector = np.where(continuous, np.inf, model.upperPositionLimit[position])
         self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
@@ -164,6 +170,8 @@ class RobotModel:
 
     def in_model(self, q: Vector) -> Vector:
         """Return positions, shape (n,) [rad], as Pinocchio's model wants them."""
+        if self._is_direct:
+            return q.copy()
         out = self._neutral.copy()
         out[self._in_plain] = q[self._plain]
         if self._turning.size:
@@ -264,6 +272,10 @@ class RobotModel:
         q, v, a: shape (n,) [rad, rad/s, rad/s²]. By the recursive Newton-Euler algorithm
         (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
         """
+        if self._is_direct:
+            # Of its own: Pinocchio computes the next one in the same memory.
+            torque: Vector = pin.rnea(self.model, self.data, q, v, a).copy()
+            return torque
         rates = np.zeros((2, self.model.nv))
         rates[:, self._in_velocity] = v, a
         if self._followed.size:

@@ -108,6 +108,7 @@ class PlantParticipant(Participant):
             raise problems.error()
         self._poses, self._poses_period, self._views = poses, poses_period, views
         self._devices, self._sensors = found, readings
+        self._has_views = bool(views.describe())
         self._links = plant.describe_poses(poses) if self._pose_ports else None
         self._planogram = plant.planogram(poses)
 
@@ -168,9 +169,13 @@ class PlantParticipant(Participant):
             messages.pop(plan.PORT, None)
             if self.plant.t_ns == 0:
                 messages[plan.PORT] = self._planogram
-        messages.update(self._sensed())
-        messages.update(self._views.images(self.plant.t_ns))
-        messages.update(self._readings(self.plant.t_ns))
+        # A small arm has none of these, and a step of it is short.
+        if self._devices:
+            messages.update(self._sensed())
+        if self._has_views:
+            messages.update(self._views.images(self.plant.t_ns))
+        if self._sensors:
+            messages.update(self._readings(self.plant.t_ns))
         if self._warnings or self._events:
             messages.update(dict.fromkeys(self._event_ports, self._event()))
         return messages

@@ -11,6 +11,7 @@ from stepbus_schemas import Description, JointState, Point, Poses, WiringError
 
 from .checkpoint import can_save, pack, unpack
 from .devices.camera import Cameras
+from .devices.gripper import Gripper
 from .devices.lens import Lens
 from .devices.planogram import planogram
 from .devices.poses import PoseSensor
@@ -207,23 +208,24 @@ class Plant:
         """
         self._efforts = []
         self.script.run(self.t_ns)
+        grippers = self.devices.grippers
         for _ in self._substeps:
             for drive in self._drives:
                 drive.before_substep()
             if self._kinematics is None:
-                self._substep()
+                self._substep(grippers)
         if self._kinematics is not None:
             self._kinematics.advance(self._period_ns * 1e-9)
-        for gripper in self.devices.grippers:
+        for gripper in grippers:
             gripper.update()
         self.t_ns += self._period_ns
 
-    def _substep(self) -> None:
+    def _substep(self, grippers: Sequence[Gripper]) -> None:
         self.script.before_substep()
-        for gripper in self.devices.grippers:
+        for gripper in grippers:
             gripper.before_substep()
         self.physics.step()
-        for gripper in self.devices.grippers:
+        for gripper in grippers:
             gripper.after_substep(self._step_ns * 1e-9)
 
     def pose_sensor(

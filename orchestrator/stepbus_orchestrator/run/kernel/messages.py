@@ -1,6 +1,6 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed
@@ -9,6 +9,7 @@ from stepbus_orchestrator.recording import CheckpointWriter, Sink, TimingRecorde
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
+    UNDECODABLE,
     Decoder,
     Fault,
     Hello,
@@ -137,8 +138,8 @@ class MessageHandler:
             return
         self._check_waiting(participant, log)
         participant.waiting, participant.drops = log.waiting, log.drops
-        for raw in log.outputs:
-            self._take_outputs(participant, raw)
+        if log.outputs:
+            self._take_batch(participant, log.outputs)
         if log.timing:
             self._add_timing(log)
 
@@ -153,28 +154,31 @@ class MessageHandler:
 
     def take_outputs(self, name: str, data: bytes) -> None:
         """Take outputs that the orchestrator publishes for a participant that has failed."""
-        self._take_outputs(self._state.participants[name], data)
+        self._take_batch(self._state.participants[name], [data])
 
-    def _take_outputs(self, participant: ParticipantState, raw: Any) -> None:
-        state = self._state
+    def _take_batch(self, participant: ParticipantState, batch: Sequence[Any]) -> None:
+        """Take outputs of one participant, in the order of their steps."""
+        state, name = self._state, participant.name
         if not state.started_at:
             raise self._broken(participant, "logged outputs before the start")
-        try:
-            outputs = _decode_outputs(raw)
-        except MessageError as exc:
-            raise self._broken(participant, f"logged something that is {exc}") from exc
-        if outputs.token != self._token or outputs.t_ns != outputs.step * self._step_ns:
-            raise self._broken(participant, f"sent a wrong token or time (t_ns = {outputs.t_ns})")
-        wrong = self._ports[participant.name].wrong(outputs)
-        if wrong:
-            raise self._broken(participant, wrong)
-        if not state.barrier.report(participant.name, outputs.step):
-            raise skipped(participant, outputs.step, state.barrier, self._step_ns)
-        state.newest[participant.name] = outputs.ports
-        self._recorder.offer(participant.name, outputs)
-        counts_from = state.counts_from.get(participant.name, 0)
-        if outputs.end is not None and outputs.step >= counts_from:
-            state.ask_end(outputs.step + 1, f"{participant.name}: {outputs.end}")
+        wrong, report, offer = self._ports[name].wrong, state.barrier.report, self._recorder.offer
+        for raw in batch:
+            try:
+                outputs = _decode_outputs.plain(raw)
+            except UNDECODABLE as exc:
+                error = _decode_outputs.error(exc)
+                raise self._broken(participant, f"logged something that is {error}") from error
+            step, t_ns = outputs.step, outputs.t_ns
+            if outputs.token != self._token or t_ns != step * self._step_ns:
+                raise self._broken(participant, f"sent a wrong token or time (t_ns = {t_ns})")
+            if problem := wrong(outputs):
+                raise self._broken(participant, problem)
+            if not report(name, step):
+                raise skipped(participant, step, state.barrier, self._step_ns)
+            state.newest[name] = outputs.ports
+            offer(name, outputs)
+            if outputs.end is not None and step >= state.counts_from.get(name, 0):
+                state.ask_end(step + 1, f"{name}: {outputs.end}")
 
     def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:
         step = self._state.barrier.next_step(participant.name)
