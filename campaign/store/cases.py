@@ -131,6 +131,19 @@ def _arm_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"script": [_put("pillar", at, x, y, z=chance.choice([0.0, chance.uniform(0.2, 0.5)]))]}
 
 
+def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Put the post beside the outlet while the arm swings there, or leaves it."""
+    if chance.random() < 0.7:
+        late = chance.uniform(0.0, 1.0)
+        # The wrist comes along here at this time, while the base still drives.
+        x, y = 0.93 - 0.8 * late + chance.uniform(-0.1, 0.1), chance.uniform(0.5, 0.72)
+        return {"scenario": "store", "script": [_put("pillar", 11.4 + late, x, y)]}
+    x, y = chance.uniform(0.22, 0.4), chance.uniform(0.4, 0.58)
+    height = -chance.uniform(0.45, 0.6)
+    script = [_put("pillar", chance.uniform(17.0, 18.2), x, y, z=height)]
+    return {"scenario": "store", "script": script}
+
+
 @cache
 def _items(seed: int) -> Mapping[str, Item]:
     folder = package_path("package://stepbus_scenarios/store")
@@ -202,4 +215,5 @@ FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, An
     "killed participant": _kill,
     "jammed joint": _jam,
     "blocked camera": _camera,
+    "posts at the outlet": _outlet_posts,
 }

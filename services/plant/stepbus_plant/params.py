@@ -62,10 +62,10 @@ class OdometryErrors(Settings):
 class ProximityErrors(Settings):
     """How contact sensors measure distances."""
 
-    spacing: NonNegative = 0.0
-    """Of the rays of range sensors on every link [m]; 0: distances are exact."""
+    gain: Share = 0.0
+    """Standard deviation of the calibration of each link's sensors, which each run draws [-]."""
     noise: Share = 0.0
-    """Standard deviation of a range, relative to it [-]."""
+    """Standard deviation of a distance, relative to it, in each step [-]."""
 
 
 class FixedPoint(Settings):

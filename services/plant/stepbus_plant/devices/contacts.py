@@ -1,6 +1,6 @@
 """A sensor of contacts between links: forces, and distances of those that nearly touch."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pybullet as bullet
@@ -9,7 +9,7 @@ from stepbus_plant.params import ProximityErrors
 from stepbus_schemas import Contacts, Description
 
 from .poses import LinkIndex
-from .proximity import RangeSkin
+from .proximity import Skin
 from .sensors.noise import Noise
 
 _EXACT = ProximityErrors()
@@ -31,7 +31,7 @@ class ContactSensor:
 
     links: those whose contacts it reports; None: all. within: it also reports links closer to them
     than this [m]. indices: every link of the world → its index in the engine. errors: of distances;
-    random: numbers for that. wheels: of bases.
+    random: numbers for that.
     """
 
     def __init__(
@@ -43,7 +43,6 @@ class ContactSensor:
         *,
         errors: ProximityErrors = _EXACT,
         random: Noise | None = None,
-        wheels: Collection[LinkIndex] = (),
     ) -> None:
         self._client = client
         self._links = list(indices if links is None else links)
@@ -55,19 +54,13 @@ class ContactSensor:
         solid = [index for link in self._links if self._is_solid(index := indices[link])]
         self._near = solid if within > 0.0 else []
         self._pressed: dict[tuple[str, str], float] | None = None
-        self._skin: RangeSkin | None = None
         self._stands: set[tuple[LinkIndex, LinkIndex]] = set()
-        if errors.spacing and self._near:
-            self._skin = RangeSkin(
-                client,
-                self._near,
-                spacing=errors.spacing,
-                reach=within,
-                noise=errors.noise,
-                random=random or Noise(0, "proximity"),
-                wheels=wheels,
-            )
-            self._learn_ground(self._skin)
+        self._skin: Skin | None = None
+        if (errors.gain or errors.noise) and self._near:
+            self._skin = Skin(self._links, errors, random or Noise(0, "proximity"))
+            # Before the first step, the engine's bounding boxes are those of loading.
+            bullet.performCollisionDetection(client)
+            self._stands = self._ground()
 
     def _is_solid(self, index: LinkIndex) -> bool:
         return bool(bullet.getCollisionShapeData(*index, physicsClientId=self._client))
@@ -83,7 +76,7 @@ class ContactSensor:
         """
         groups: dict[tuple[str, str], list[_Point]] = {}
         if self._skin is None:
-            points = [*self._touching(), *self._nearby()]
+            points = [*self._touching(), *(point for _, point in self._nearby())]
         else:
             # The skin feels what presses on it; how far away the rest is, it measures.
             felt = [point for point in self._touching() if self._force(point.pair, [point]) > 0.0]
@@ -111,10 +104,15 @@ class ContactSensor:
                 if not reported and ((body, row[3]) in self._watched or other in self._watched):
                     yield self._point(row)
 
-    def _nearby(self) -> Iterator[_Point]:
-        """Yield links farther apart than about 1 mm, which are not among the engine's contacts."""
+    def _nearby(self) -> Iterator[tuple[LinkIndex, _Point]]:
+        """Yield links farther apart than about 1 mm, which are not among the engine's contacts.
+
+        Each with the watched link whose neighbour it is.
+        """
         for index in self._near:
             for other in self._around(index):
+                if (index, other) in self._stands:
+                    continue
                 rows = bullet.getClosestPoints(
                     index[0],
                     other[0],
@@ -123,10 +121,10 @@ class ContactSensor:
                     other[1],
                     physicsClientId=self._client,
                 )
-                yield from map(self._point, rows)
+                yield from ((index, self._point(row)) for row in rows)
 
-    def _learn_ground(self, skin: RangeSkin) -> None:
-        """Find what the robot stands on: near the links that are near it, that is nothing new."""
+    def _ground(self) -> set[tuple[LinkIndex, LinkIndex]]:
+        """Return what the robot stands on, for the links that are near it: that is nothing new."""
         near = {(index, other) for index in self._near for other in self._around(index)}
         ground = {
             other
@@ -135,21 +133,21 @@ class ContactSensor:
                 index[0], other[0], _STANDS_ON, index[1], other[1], physicsClientId=self._client
             )
         }
-        self._stands = {(index, other) for index, other in near if other in ground}
-        skin.look_up(sorted({index for index, _ in self._stands}))
+        return {(index, other) for index, other in near if other in ground}
 
-    def _measured(self, skin: RangeSkin) -> Iterator[_Point]:
-        """Yield what range sensors measure."""
-        around = {index: self._around(index) for index in self._near}
-        new = {
-            index: rest
-            for index, others in around.items()
-            if (rest := [other for other in others if (index, other) not in self._stands])
-        }
-        for index, found in skin.sense(new):
-            first, second = self._names[index], self._names[found.other]
-            pair = (second, first) if second < first else (first, second)
-            yield _Point(pair, found.distance, 0.0, found.position)
+    def _measured(self, skin: Skin) -> Iterator[_Point]:
+        """Yield what the skin measures: the nearest point of each link that is near another."""
+        nearest: dict[tuple[str, str], _Point] = {}
+        owners: dict[tuple[str, str], str] = {}
+        for index, point in self._nearby():
+            known = nearest.setdefault(point.pair, point)
+            owners.setdefault(point.pair, self._names[index])
+            if point.distance < known.distance:
+                nearest[point.pair] = point
+        points = list(nearest.values())
+        distances = skin.measure(list(owners.values()), [point.distance for point in points])
+        for point, distance in zip(points, distances, strict=True):
+            yield point._replace(distance=distance, force=0.0)
 
     def _around(self, index: LinkIndex) -> list[LinkIndex]:
         """Return links of other bodies whose bounding boxes are near that of a link, sorted.

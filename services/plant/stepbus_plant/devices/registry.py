@@ -101,7 +101,6 @@ class Devices:
             )
             for name, row in world.bases.items()
         }
-        wheels = {(joint.body, joint.index) for base in self.bases for joint in base.joints}
         self._grippers = {
             name: Gripper(row, joints[row.left], joints[row.right], physics)
             for name, row in world.grippers.items()
@@ -114,7 +113,6 @@ class Devices:
                 physics.client,
                 errors=params.proximity,
                 random=Noise(seed, "proximity", name),
-                wheels=wheels,
             )
             for name, row in world.contacts.items()
         }
