@@ -15,6 +15,12 @@ from .base_back_off import BaseBackOff
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""
 
+_APART = 5e-3
+"""Farther than this from what it backs off from, the robot must not touch that again [m]."""
+
+_COMES = 2e-3
+"""What needs less than this to stop does not come closer, but is measured with noise [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AvoidanceSettings:
@@ -62,6 +68,7 @@ class Avoidance:
         self._touched: tuple[str, str] | None = None
         self._is_slow = False
         self._back_off: _BackOff | None = None
+        self._is_apart = False
         self._base_back_off: BaseBackOff | None = None
         self._near: Approach | None = None
         self._replans = 0
@@ -166,6 +173,7 @@ class Avoidance:
         text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
         failure = Outcome(state="failed", cause="collision", text=text)
         self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
+        self._is_apart = False
         self._monitor_goal(goal, part)
         return None
 
@@ -186,16 +194,34 @@ class Avoidance:
         back_off = self._back_off
         if back_off is None:
             return None
-        is_other = collision is not None and collision.pair != back_off.collision.pair
-        if not is_other and end is None:
+        obstacle = self._behind(back_off.collision, collision)
+        if not obstacle and end is None:
             return None
-        if is_other:
+        if obstacle:
             self._parts.rest(part, t, touches=True)
-            self._reports.warn(f"while backing off, {collision}")
-        elif back_off.replans and end is not None and end.state == "succeeded":
+            text = f"{back_off.collision}; stopped; while backing off, {obstacle}"
+            self._reports.warn(text)
+            return Outcome(state="failed", cause="collision", text=text)
+        if back_off.replans and end is not None and end.state == "succeeded":
             self._back_off = None
             return self.replan(goal, part, back_off.failure.text, t)
         return back_off.failure
+
+    def _behind(self, left: Collision, collision: Collision | None) -> str:
+        """Return what is in the way of an arm that backs off; empty: nothing.
+
+        left: what it backs off from, which counts again once the arm was apart from it.
+        collision: that has just started.
+        """
+        if self._monitor is not None and not self._is_apart:
+            force, gap = self._monitor.touch(left.pair)
+            self._is_apart = force == 0.0 and (gap is None or gap > _APART)
+        if collision is not None and (self._is_apart or collision.pair != left.pair):
+            return str(collision)
+        near, room = (self._watch.strange if self._watch is not None else None) or (None, math.inf)
+        if near is None or (near.pair == left.pair and not self._is_apart):
+            return ""
+        return str(near) if _comes(near, room) and room < self._settings.stop_within else ""
 
     def approach(self, goal: Goal, part: Part) -> Outcome | None:
         """Halt a base that comes too close to something; return the end of its goal."""
@@ -230,9 +256,16 @@ class Avoidance:
         if not arm.follows_plan:
             self._close = near.pair if near is not None else None
             return ""
-        if near is None or near.pair == self._close:
+        if near is None or left >= self._settings.stop_within:
             return ""
-        return str(near) if left < self._settings.stop_within else ""
+        # What is close from the start on may stay so, but not come closer.
+        return str(near) if near.pair != self._close or _comes(near, left) else ""
+
+    @property
+    def is_urgent(self) -> bool:
+        """Return whether the arm hits something unless it stops harder than the gripper holds."""
+        strange = self._watch.strange if self._watch is not None else None
+        return strange is not None and strange[1] < 0.0
 
     def evade(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop for a hindrance; ask for another path, or return the end of a goal without one.
@@ -251,7 +284,7 @@ class Avoidance:
             return self._give_up(part, f"{why}; stopped{tried}", t)
         self._replans += 1
         try:
-            self._parts.arm.replan(t)
+            self._parts.arm.replan(t, touches=self.is_urgent)
         except RunError as exc:
             return self._give_up(part, f"{why}; stopped; {exc}", t)
         self._monitor_goal(goal, part)
@@ -263,6 +296,11 @@ class Avoidance:
     def _give_up(self, part: Part, text: str, t: float, cause: str = "no_path") -> Outcome:
         self._parts.rest(part, t)
         return Outcome(state="failed", cause=cause, text=text)
+
+
+def _comes(near: Approach, left: float) -> bool:
+    """Return whether two links come closer; left: of their gap after the hardest stop [m]."""
+    return near.gap - left > _COMES
 
 
 def _gap(watch: Watch) -> str:

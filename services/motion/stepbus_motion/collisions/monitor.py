@@ -22,6 +22,10 @@ _SIDEWAYS = 0.3
 _STANDING = 1e-5
 """Movement in a step below which the direction of a link is not known [m]."""
 
+_SUDDEN = 0.03
+"""So much nearer than the range of the contacts, something new has not come from beyond it, even
+if it is measured somewhat too near [m]."""
+
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
 
@@ -253,18 +257,32 @@ class CollisionMonitor:
             held=self._held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
-            strange=self._strange(closing, dt),
+            strange=self._strange(closing, dt, speed_of, base_speed),
         )
 
-    def _strange(self, closing: list[_Row], dt: float) -> tuple[Approach, float] | None:
-        """Return the pair of `Watch.strange`; dt: since the last contacts [s]."""
+    def _strange(
+        self,
+        closing: list[_Row],
+        dt: float,
+        speed_of: Callable[[str], tuple[float, float]],
+        base_speed: float,
+    ) -> tuple[Approach, float] | None:
+        """Return the pair of `Watch.strange`; dt: since the last contacts [s].
+
+        What appears all of a sudden comes as fast as the link moves at all.
+        """
         settings = self._settings
         found: tuple[Approach, float] | None = None
         for row in closing:
             if {row.ours, row.other} <= settings.links or row.ours in settings.base_links:
                 continue
-            before = self._gaps.get((row.ours, row.other), row.distance)
-            speed = max((before - row.distance) / dt, 0.0)
+            before = self._gaps.get((row.ours, row.other))
+            if before is not None:
+                speed = max((before - row.distance) / dt, 0.0)
+            elif row.distance < settings.range - _SUDDEN:
+                speed = self._speeds(row, speed_of)[0] + base_speed
+            else:
+                speed = 0.0
             left = row.distance - settings.stopping(speed, holding=bool(self._held))
             if found is None or left < found[1]:
                 gap = max(row.distance, 0.0)

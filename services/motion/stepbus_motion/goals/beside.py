@@ -63,10 +63,13 @@ class Companion:
             self.postpone(now, t)
         return None
 
-    def postpone(self, now: Measured, t: float) -> None:
-        """Move while the base stands: before it drives on, or once it is there. Raises Refused."""
+    def postpone(self, now: Measured, t: float, *, is_urgent: bool = False) -> None:
+        """Move while the base stands: before it drives on, or once it is there. Raises Refused.
+
+        is_urgent: the arm stops harder than what it holds may need.
+        """
         if self.arrives or self.base.is_moving:
-            self.arm.stop(t)
+            self.arm.stop(t, touches=is_urgent)
             self.phase = "postponed"
             if not self.arrives:
                 self.navigator.pause()

@@ -275,9 +275,10 @@ class Manipulator:
             parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
         return self._segments.fitted(parts, search.goal.duration)
 
-    def replan(self, t: float) -> None:
+    def replan(self, t: float, *, touches: bool = False) -> None:
         """Come to rest as fast as the motors can, and ask for another path to the same goal.
 
+        What the gripper holds is kept, unless the robot touches something, or is about to.
         `take_plan` continues from there. Raises RunError without a planner's path, under way or
         left by `back_off`.
         """
@@ -286,14 +287,14 @@ class Manipulator:
             raise RunError("there is no planned path to replace")
         now = self._player.catch_up(t)
         self._forget()
-        rest = self._brake(now, hard=True)
+        rest = self._brake(now, hard=True, touches=touches)
         candidates = itertools.chain([route.candidate], route.candidates)
         self._search(route.goal, route.held, rest, candidates)
 
     def stop(self, t: float, *, touches: bool = False) -> None:
         """Come to rest as fast as the motors can, whatever the scale; `check` reports when.
 
-        What the gripper holds is kept, unless the robot touches something.
+        What the gripper holds is kept, unless the robot touches something, or is about to.
         """
         now = self._player.catch_up(t)
         self._route = None

@@ -35,8 +35,8 @@ class ManipulatorOptions:
     raise_by: float = 0.05
     most_raises: int = 10
     back_off_share: float = 0.3
-    brake_acceleration: float = 12.0
-    brake_jerk: float = 400.0
+    brake_acceleration: float = 15.0
+    brake_jerk: float = 1000.0
     grip_acceleration: float = 6.0
 
     @property

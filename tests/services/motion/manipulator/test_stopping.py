@@ -43,7 +43,7 @@ def test_a_stop_brakes_hard_even_while_paused(robot):
     while log.outcome is None:
         stage.step(log, scale=0.0)
     assert log.outcome.state == "succeeded"
-    assert 4.5 < np.abs(log.push()).max() <= 12.0 + 1e-6
+    assert 4.5 < np.abs(log.push()).max() <= 15.0 + 1e-6
     assert log.steps < 40 + 30
     assert np.abs(np.array(log.q[-1]) - ASIDE).max() > 0.1
 
