@@ -232,6 +232,14 @@ def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
     assert left == pytest.approx(0.08 - 1.25 * 0.05 - 1.25**2 / 16)
 
 
+@pytest.mark.parametrize(("gap", "counts"), [(0.1, True), (0.14, False)])
+def test_what_appears_all_of_a_sudden_comes_as_fast_as_the_link_moves(gap, counts):
+    stand = Stand(range=0.15)
+    stand.look(dt=0.016)
+    _, left = stand.look(("elbow", "pillar", 0.0, gap), dt=0.016, speed=0.8).strange
+    assert left == pytest.approx(gap - counts * (0.8 * 0.05 + 0.8**2 / 16))
+
+
 def test_where_base_and_arm_move_each_of_them_may_use_up_half_of_a_gap():
     one, both = Stand(), Stand()
     one.monitor.start(moves="arm")

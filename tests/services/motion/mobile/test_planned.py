@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.services.mobile import READY, Robot, config
+from support.services.mobile import DT, READY, Robot, config
 
 from stepbus_schemas import Plan
 
@@ -101,6 +101,51 @@ def test_what_comes_fast_on_a_planned_way_is_stopped_for_before_it_is_too_late(p
     robot.touching = [("crate", "hand", 0.0, 0.08)]
     robot.step()
     assert robot.news[-1].text.startswith("hand is 80.0 mm from crate; stopped, asked for another")
+
+
+@pytest.mark.parametrize(("gap", "requests"), [(0.0119, 1), (0.009, 2)])
+def test_what_is_close_from_the_start_stops_the_arm_once_it_comes_closer(tmp_path, gap, requests):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.touching = [("crate", "hand", 0.0, 0.012)]
+    robot.step()
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    robot.step(plan=answered(robot.requests[0]))
+    robot.run(0.4)
+    robot.touching = [("crate", "hand", 0.0, gap)]
+    robot.step()
+    assert len(robot.requests) == requests
+
+
+@pytest.mark.parametrize(("gap", "hardest"), [(0.002, 15.0), (0.079, 7.5)])
+def test_an_arm_that_holds_something_stops_as_hard_as_it_must(tmp_path, gap, hardest):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.thing, robot.mass = 0.066, 0.8
+    robot.go(0, "grip", width=0.0, force=30.0)
+    robot.run(1.0)
+    robot.start(1, "move_joints", joints=["pan"], values=[0.8])
+    robot.step(plan=answered(robot.requests[0]))
+    robot.run(0.4)
+    robot.touching = [("crate", "hand", 0.0, gap)]
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
+    speeds = [robot.v.copy()]
+    for _ in range(round(0.3 / DT)):
+        robot.step()
+        speeds.append(robot.v.copy())
+    assert np.abs(np.diff(speeds, axis=0)).max() / DT == pytest.approx(hardest, rel=0.1)
+
+
+def test_backing_off_ends_before_what_was_left_is_pressed_again(tmp_path):
+    robot = Robot(config(tmp_path))
+    robot.start(0, "move_joints", joints=["pan"], values=[2.0])
+    robot.run(0.8)
+    for touch in ((7.5, -0.001), (0.0, 0.02), (13.0, -0.001)):
+        robot.touching = [("hand", "pillar", *touch)]
+        robot.run(0.1)
+    assert robot.news[-1].text == (
+        "hand touches pillar with 7.5 N; stopped; while backing off, hand touches pillar with 13.0 N"
+    )
+    robot.run(0.2)
+    assert np.abs(robot.v).max() < 1e-9
 
 
 def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind_them_count(
