@@ -10,7 +10,7 @@ from stepbus_schemas import WiringError
 
 _EXTRAS = {
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
-    "report": ("matplotlib",),
+    "report": ("matplotlib", "uplot"),
     "export": ("av", "foxglove", "pyarrow", "rosbags"),
     "sweep": ("optuna", "plotly", "ray", "scipy"),
     "view": ("collada", "trimesh", "viser"),

@@ -13,8 +13,9 @@ from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.run.reports.result import Result
-from stepbus_orchestrator.viewing.page import write_page
+from stepbus_orchestrator.viewing.page import page, write_page
 from stepbus_orchestrator.viewing.page.arrays import thin
+from stepbus_participant import ExtraMissing
 from stepbus_schemas import BaseState, Description, Event, Image, JointState, Scalars
 
 LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
@@ -200,3 +201,9 @@ def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, d
         background = page.evaluate("getComputedStyle(document.body).backgroundColor")
         assert background == ("rgb(20, 25, 31)" if dark else "rgb(255, 255, 255)")
     assert (watched.errors, watched.strangers) == ([], [])
+
+
+def test_without_its_extra_it_says_how_to_install_it(recording, monkeypatch):
+    monkeypatch.setattr(page, "find_spec", lambda _name: None)
+    with pytest.raises(ExtraMissing, match=r"needs uplot, which is not installed; pip install"):
+        write_page([recording])

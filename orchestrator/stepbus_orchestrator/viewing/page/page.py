@@ -5,6 +5,8 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from importlib.resources.abc import Traversable
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.viewing.exports import replaced
+from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import Image
 
 from .arrays import Arrays
@@ -32,8 +35,10 @@ def write_page(
     paths: of recordings, or the folders of their runs. target: default: report.html beside the
     first recording. lines: what the summary of each run says of its recording.
 
-    Raises RecordingFailed when a recording cannot be read or the page cannot be written.
+    Raises RecordingFailed when a recording cannot be read or the page cannot be written,
+    ExtraMissing without uPlot.
     """
+    charts = _charts()
     arrays = Arrays()
     known = lines or [()] * len(paths)
     runs = [read_run(path, arrays, own) for path, own in zip(paths, known, strict=True)]
@@ -41,7 +46,7 @@ def write_page(
     room = files(__package__ or "") / "assets"
     title = " · ".join(dict.fromkeys(run.name for run in runs))
     labels = _labels(runs)
-    text = Template((room / "page.html").read_text("utf-8")).substitute(
+    text = Template(_read(room / "page.html")).substitute(
         title=escape(f"{title}: {'comparison' if len(runs) > 1 else 'report'}"),
         head="".join(_head(run, label) for run, label in zip(runs, labels, strict=True)),
         pictures=_section("Camera", "".join(map(_stills, runs))),
@@ -49,14 +54,28 @@ def write_page(
         happenings=_section("Events and faults", _happenings(runs, labels)),
         timing=_section("Step times", _timing(runs, labels)),
         again=_section("Run it again", "".join(map(_again, runs))),
-        style="".join((room / name).read_text("utf-8") for name in ("uPlot.min.css", "page.css")),
-        library=(room / "uPlot.iife.min.js").read_text("utf-8"),
+        style=_read(charts / "uPlot.min.css") + _read(room / "page.css"),
+        library=_read(charts / "uPlot.iife.js"),
         data=_script(_data(runs, labels, arrays)),
-        script=(room / "page.js").read_text("utf-8"),
+        script=_read(room / "page.js"),
     )
     with replaced(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
+
+
+def _charts() -> Path:
+    """Return the folder of uPlot, which the package uplot-python carries."""
+    # It is not imported: that would load IPython.
+    spec = find_spec("uplot")
+    for place in (spec.submodule_search_locations or ()) if spec else ():
+        if (static := Path(place) / "static").is_dir():
+            return static
+    raise ExtraMissing(f"the page needs uplot, which is not installed{extra_hint('uplot')}")
+
+
+def _read(file: Traversable) -> str:
+    return file.read_text("utf-8")
 
 
 def _script(value: object) -> str:
