@@ -73,6 +73,7 @@ def run(
     interrupt: threading.Event | None = None,
     in_process: bool = False,
     external: Mapping[str, str | PathLike[str]] | None = None,
+    real_time: float | None = None,
 ) -> Result:
     """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
 
@@ -81,15 +82,24 @@ def run(
     run. interrupt: ends the run once it is set, from any thread. in_process: host all participants
     in this process, which is quicker and records the same bytes (docs/in_process.md). external:
     participants that somebody else starts, with `stepbus join`, each with the path of its ticket
-    (docs/guide/attach.md); the tickets of others with `start: external` are in `out`.
+    (docs/guide/attach.md); the tickets of others with `start: external` are in `out`. real_time:
+    let steps begin on the grid of the wall clock, so many times as fast (docs/guide/real_time.md);
+    `result.real_time` has how late they were.
 
     Raises ScenarioError when the scenario cannot run, RecordingFailed when `out` cannot be written.
     """
+    if real_time is not None and not 1e-3 <= real_time <= 1e3:
+        raise WiringError(f"real_time: a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
     folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
     options = Options(
-        out=folder, pace=pace, in_process=in_process, admits_external=True, tickets=tickets
+        out=folder,
+        pace=pace,
+        in_process=in_process,
+        admits_external=True,
+        tickets=tickets,
+        real_time=None if real_time is None else float(real_time),
     )
     loaded = as_external(loaded, tickets)
     return run_scenario(loaded, options, observer, interrupt)

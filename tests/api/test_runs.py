@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import stepbus
 import stepbus_scenarios
+from stepbus_orchestrator.analysis.report.lateness import lateness_panels, read_lateness
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 SHORT = {"duration": "100ms"}
@@ -137,3 +139,26 @@ def test_verify_keeps_only_what_differs(tmp_path):
     found = stepbus.verify("two_link", runs=2, set=SHORT, keep=tmp_path / "kept")
     assert (found.failed, found.different) == (None, None)
     assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["1", "2"]
+
+
+def test_a_run_in_real_time_reports_how_late_its_steps_were_and_plots_it(result, tmp_path):
+    timed = stepbus.run("two_link", set=SHORT, out=tmp_path / "out", in_process=True, real_time=20)
+    assert timed.sha256 == result.sha256
+    assert timed.real_time.factor == 20
+    lateness = read_lateness(tmp_path / "out")
+    assert lateness == timed.real_time
+    axis = Figure().subplots()
+    (panel,) = lateness_panels(lateness)
+    panel(axis)
+    assert [bar.get_height() for bar in axis.patches] == list(lateness.histogram.values())
+    assert "lateness at 20 × real time" in axis.get_title(loc="left")
+
+
+@pytest.mark.parametrize("factor", [0, -1, float("nan"), float("inf")])
+def test_real_time_takes_a_factor(factor, tmp_path):
+    with pytest.raises(stepbus.WiringError, match="real_time: a factor from"):
+        stepbus.run("two_link", out=tmp_path / "out", real_time=factor)
+
+
+def test_a_run_that_was_not_in_real_time_has_no_lateness_to_plot(result):
+    assert lateness_panels(read_lateness(Path(result.folder))) == []

@@ -13,6 +13,7 @@ from stepbus_schemas import StepbusError
 
 from .curves.pose_errors import draw_pose_errors, pose_errors
 from .curves.tracking import TrackingCurves
+from .lateness import lateness_panels, read_lateness
 from .panels.devices import Panel, device_panels
 from .panels.fields import field_panels
 from .panels.joints import draw_panels, panel_rows
@@ -53,6 +54,7 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             target = path.with_name(REPORT_FILE)
             panels = [*device_panels(recording), *field_panels(recording)]
             panels += profile_panels(profiles)
+            panels += lateness_panels(read_lateness(path.parent))
             if not tracking.measured and not panels:
                 return lines
             errors = pose_errors(recording)
