@@ -4,6 +4,8 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from msgspec.structs import asdict
+
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import (
@@ -62,16 +64,7 @@ class Launcher:
 
         Raises StartFailed when its program cannot be executed.
         """
-        ticket = Ticket(
-            run=self._run,
-            name=spec.name,
-            token=self._token,
-            endpoint=endpoint,
-            join_timeout_s=spec.deadlines.join_s,
-            faults=list(faults),
-            profile=profile,
-            checkpoint=checkpoint,
-        )
+        ticket = self._ticket(spec, endpoint, faults, profile, checkpoint)
         path = self._folder / f"{spec.name}.ticket"
         try:
             ticket.save(path)
@@ -111,14 +104,7 @@ class Launcher:
         cannot be written there.
         """
         content = JoinTicket(
-            run=self._run,
-            name=spec.name,
-            token=self._token,
-            endpoint=endpoint,
-            join_timeout_s=spec.deadlines.join_s,
-            faults=list(faults),
-            profile=profile,
-            checkpoint=checkpoint,
+            **asdict(self._ticket(spec, endpoint, faults, profile, checkpoint)),
             exec=list(spec.exec),
             folder=str(scenario_folder.absolute()),
             bridge="" if spec.bridge is None else spec.bridge.format,
@@ -131,6 +117,25 @@ class Launcher:
             shared,
             self._logs / f"{spec.name}.log",
             lambda pid: cut_links(endpoint.connect[0], pid, self._pids()),
+        )
+
+    def _ticket(
+        self,
+        spec: ParticipantSpec,
+        endpoint: Endpoint,
+        faults: Sequence[MessageFault],
+        profile: ProfileOrder | None,
+        checkpoint: CheckpointOrder,
+    ) -> Ticket:
+        return Ticket(
+            run=self._run,
+            name=spec.name,
+            token=self._token,
+            endpoint=endpoint,
+            join_timeout_s=spec.deadlines.join_s,
+            faults=list(faults),
+            profile=profile,
+            checkpoint=checkpoint,
         )
 
     def _pids(self) -> list[int]:
