@@ -29,6 +29,25 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="robot and world in motion, with a time slider: one HTML file that opens offline",
     )
+    parser.add_argument(
+        "--video",
+        type=Path,
+        metavar="FILE",
+        help=".mp4 or .gif of the recorded camera, or of the scene where there is none",
+    )
+    parser.add_argument(
+        "--camera",
+        default="",
+        metavar="PORT",
+        help="with --video: a port of images; default: the first",
+    )
+    parser.add_argument(
+        "--viewpoint",
+        default="",
+        metavar="FROM",
+        help="with --video: draw the scene from corner, front, left, right, above, or from "
+        "X,Y,Z[:X,Y,Z] [m]: the eye, and what it looks at",
+    )
 
 
 def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
@@ -37,6 +56,7 @@ def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
         "parquet": (args.parquet, partial(_tables, "parquet")),
         "csv": (args.csv, partial(_tables, "csv")),
         "scene": (args.scene, _scene),
+        "video": (args.video, partial(_video, args.camera, args.viewpoint)),
     }
     return {name: (path, export) for name, (path, export) in rows.items() if path is not None}
 
@@ -52,6 +72,15 @@ def _scene(recording: Recording, target: Path, reached: Callable[[int], None]) -
     from stepbus_orchestrator.viewing.scene_file import export_scene  # noqa: PLC0415
 
     return export_scene(recording, target, reached)
+
+
+def _video(
+    camera: str, viewpoint: str, recording: Recording, target: Path, reached: Callable[[int], None]
+) -> Exported:
+    # It loads what draws.
+    from stepbus_orchestrator.viewing.exports.video import Film, export_video  # noqa: PLC0415
+
+    return export_video(Film(camera=camera, viewpoint=viewpoint), recording, target, reached)
 
 
 def _execute(args: argparse.Namespace) -> int:

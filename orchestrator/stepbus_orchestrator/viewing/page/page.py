@@ -11,9 +11,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
-
 from stepbus_orchestrator.viewing.exports import replaced
+from stepbus_orchestrator.viewing.render import pixels_of
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import Image
 
@@ -49,6 +48,7 @@ def write_page(
     text = Template(_read(room / "page.html")).substitute(
         title=escape(f"{title}: {'comparison' if len(runs) > 1 else 'report'}"),
         head="".join(_head(run, label) for run, label in zip(runs, labels, strict=True)),
+        stills=_section("The scene at its end", _scenes(runs, labels)),
         pictures=_section("Camera", "".join(map(_stills, runs))),
         path=_section("Path of the base, from above", _paths(runs, labels)),
         happenings=_section("Events and faults", _happenings(runs, labels)),
@@ -179,6 +179,15 @@ def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
     yield "sha256", result.sha256[:16]
 
 
+def _scenes(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
+    rows = [
+        figure(run.still, f"{label} t = {run.end_s:.2f} s".strip())
+        for run, label in zip(runs, labels, strict=True)
+        if run.still is not None
+    ]
+    return f'<div class="stills scene">{"".join(rows)}</div>' if rows else ""
+
+
 def _stills(run: RunPage) -> str:
     rows = []
     for stills in run.stills:
@@ -191,18 +200,12 @@ def _stills(run: RunPage) -> str:
 
 
 def _pixels(image: Image) -> Any:
-    """Return an image in colours, shape (rows, columns, 3); a depth in grey; None: no image."""
-    size = (image.height, image.width)
-    depth = 3 if image.encoding == "rgb8" else 4
-    if not image.width or len(image.data) != depth * image.width * image.height:
+    """Return an image in colours, shape (rows, columns, 3); None where it is none."""
+    every = -(-image.width // _WIDEST) or 1
+    try:
+        return pixels_of(image)[::every, ::every]
+    except ValueError:
         return None
-    every = -(-image.width // _WIDEST)
-    if image.encoding == "rgb8":
-        return np.frombuffer(image.data, np.uint8).reshape(*size, 3)[::every, ::every]
-    meters = np.frombuffer(image.data, "<f4").reshape(size)[::every, ::every]
-    far = float(np.max(meters, initial=0.0, where=np.isfinite(meters))) or 1.0
-    near = np.clip(1 - np.nan_to_num(meters, posinf=far) / far, 0, 1)
-    return np.repeat((255 * near).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
 def _paths(runs: Sequence[RunPage], labels: Sequence[str]) -> str:

@@ -12,6 +12,8 @@ from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
 from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.reports.result import RESULT_FILE, Result
+from stepbus_orchestrator.viewing.render import Pixels
+from stepbus_orchestrator.viewing.still import scene_still
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
@@ -42,6 +44,7 @@ class RunPage:
     stills: Sequence[Stills] = ()
     paths: Sequence[BasePath] = ()
     problems: Sequence[str] = field(default_factory=list)
+    still: Pixels | None = None
 
 
 def read_run(path: Path, arrays: Arrays, lines: Sequence[str] = ()) -> RunPage:
@@ -80,7 +83,16 @@ def read_run(path: Path, arrays: Arrays, lines: Sequence[str] = ()) -> RunPage:
             stills=[taker for taker in found if isinstance(taker, Stills)],
             paths=[taker for taker in found if isinstance(taker, BasePath)],
             problems=problems,
+            still=_still(recording),
         )
+
+
+def _still(recording: Recording) -> Pixels | None:
+    """Return the scene at the end of a recording; None where there is none to show."""
+    try:
+        return scene_still(recording)
+    except (StepbusError, OSError, ValueError):
+        return None
 
 
 def _joints(

@@ -1,22 +1,22 @@
 """What a frame looks like: meshes of files and of primitives."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
+from stepbus_participant import need
+
 from .pose import Pose
+from .primitives import PRIMITIVES
 
 Color = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 GREY: Color = (176, 178, 184)
 
-_SEGMENTS = 24
 _MOST_FACES = 4000
 _CELLS = 64
 
@@ -44,50 +44,30 @@ class Visual:
         return self.mesh.color or self.color
 
 
-def _box(size: Sequence[float]) -> Any:
-    return trimesh.creation.box(extents=size)
-
-
-def _cylinder(size: Sequence[float]) -> Any:
-    return trimesh.creation.cylinder(radius=size[0], height=size[1], sections=_SEGMENTS)
-
-
-def _sphere(size: Sequence[float]) -> Any:
-    return trimesh.creation.icosphere(subdivisions=2, radius=size[0])
-
-
-def _capsule(size: Sequence[float]) -> Any:
-    made = trimesh.creation.capsule(height=size[1], radius=size[0], count=(_SEGMENTS, 12))
-    # Some versions put its lower end, not its middle, at the origin.
-    made.apply_translation(-made.bounds.mean(axis=0))
-    return made
-
-
-_PRIMITIVES: dict[str, Callable[[Sequence[float]], Any]] = {
-    "box": _box,
-    "capsule": _capsule,
-    "cylinder": _cylinder,
-    "sphere": _sphere,
-}
-
-
 @lru_cache(maxsize=512)
 def primitive(shape: str, size: tuple[float, ...]) -> Mesh | None:
     """Return a box (x, y, z), capsule or cylinder (radius, length) or sphere (radius) [m].
 
     None for any other shape.
     """
-    make = _PRIMITIVES.get(shape)
-    return None if make is None else _mesh(make(size), None)
+    make = PRIMITIVES.get(shape)
+    if make is None:
+        return None
+    vertices, faces = make(size)
+    return Mesh(vertices=vertices, faces=faces)
 
 
 @lru_cache(maxsize=256)
 def mesh_file(path: Path, scale: tuple[float, float, float]) -> tuple[Mesh, ...]:
-    """Return the meshes of a file, one of each colour; raises ValueError when it has none."""
+    """Return the meshes of a file, one of each colour; raises ValueError when it has none.
+
+    Raises ExtraMissing, a WiringError, without trimesh, which takes a second to load.
+    """
+    (trimesh,) = need("a mesh", "trimesh")
     try:
         # Textures are not shown, and their files need not be there.
         loaded = trimesh.load(path, skip_materials=path.suffix.lower() == ".obj")
-        found = _by_color(loaded)
+        found = _by_color(trimesh, loaded)
     except Exception as exc:
         raise ValueError(f"{path.name} cannot be read: {exc}") from exc
     if not found:
@@ -95,7 +75,7 @@ def mesh_file(path: Path, scale: tuple[float, float, float]) -> tuple[Mesh, ...]
     return tuple(_scaled(mesh, scale) for mesh in found)
 
 
-def _by_color(loaded: Any) -> list[Mesh]:
+def _by_color(trimesh: Any, loaded: Any) -> list[Mesh]:
     parts = loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]
     groups: dict[Color | None, list[Any]] = {}
     for part in parts:
