@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any, Literal, NamedTuple
@@ -181,5 +182,6 @@ class LoopbackBus:
         return [row for row in self.declared if row.role == role and _matches(row.key, key)]
 
 
+@lru_cache(maxsize=4096)
 def _matches(wanted: str, key: str) -> bool:
     return re.fullmatch(re.escape(wanted).replace(r"\*", "[^/]+"), key) is not None

@@ -130,11 +130,8 @@ class PathMonitor:
         request = self._request
         touchable = {request.held, *request.touches}
         links = [link for name, link in self._obstacles.links.items() if name not in touchable]
-        moved = {
-            link.name: poses.position[link.index]
-            for link in links
-            if _differ(self._before, poses, link.index)
-        }
+        differ = _differ(self._before, poses)
+        moved = {link.name: poses.position[link.index] for link in links if differ[link.index]}
         is_new = any(
             name not in self._checked or _distance(self._checked[name], at) > _MOVED_ON
             for name, at in moved.items()
@@ -182,13 +179,13 @@ class PathMonitor:
         return scene.checker_of(frozenset(names), _SHARE)
 
 
-def _differ(before: Poses, now: Poses, index: int) -> bool:
-    """Return whether a link has moved or turned."""
-    if _distance(before.position[index], now.position[index]) > _MOVED:
-        return True
+def _differ(before: Poses, now: Poses) -> list[bool]:
+    """Return of each link whether it has moved or turned."""
+    moved = np.linalg.norm(np.subtract(before.position, now.position), axis=1) > _MOVED
     # For two unit quaternions, |a · b| is the cosine of half the angle between them.
-    same = abs(float(np.dot(before.orientation[index], now.orientation[index])))
-    return same < math.cos(_TURNED / 2)
+    same = np.abs(np.sum(np.multiply(before.orientation, now.orientation), axis=1))
+    differ: list[bool] = (moved | (same < math.cos(_TURNED / 2))).tolist()
+    return differ
 
 
 def _apart(a: Any, b: Any) -> float:

@@ -111,6 +111,8 @@ class Stock:
         counts = {len(poses.position), len(poses.orientation)}
         if counts != {len(self._index)}:
             raise RunError(f"{len(self._index)} poses expected, {len(poses.position)} received")
+        if math.isfinite(sum(map(sum, poses.position)) + sum(map(sum, poses.orientation))):
+            return
         for name in self._types:
             position, turn = self.pose(name, poses)
             if not math.isfinite(sum(position) + sum(turn)):
