@@ -2,7 +2,6 @@
 
 import sys
 import traceback
-from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext
 
@@ -83,10 +82,13 @@ class Session:
 
     def _drops(self) -> dict[str, int]:
         """Return cause → number of dropped messages."""
-        total = Counter(unauthenticated=self._control.unauthenticated)
+        total: dict[str, int] = {}
+        if self._control.unauthenticated:
+            total["unauthenticated"] = self._control.unauthenticated
         for source in self._sources:
-            total.update(source.drops)
-        return dict(+total)
+            for cause, number in source.drops.items():
+                total[cause] = total.get(cause, 0) + number
+        return total
 
     def work(self) -> None:
         """Make the participant, run it, and close it on every path.

@@ -33,7 +33,8 @@ def carries_token(data: bytes, token: str) -> bool:
 class Source:
     """One participant to read from: its `Outputs` in the order of their steps.
 
-    queue: where the bus puts the content of its samples. step: the newest step accepted.
+    queue: where the bus puts the content of its samples. early: one of them that was taken before
+    its step. step: the newest step accepted.
     connected: whether a handshake has arrived. drops: cause → number of dropped messages.
     """
 
@@ -46,6 +47,7 @@ class Source:
     ) -> None:
         self.name = name
         self.queue = make_queue()
+        self.early: bytes | None = None
         self.bulk_queues: dict[str, Queue] = {
             item.config.port: make_queue() for item in inputs if item.config.bulk
         }

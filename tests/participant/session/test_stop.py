@@ -1,10 +1,11 @@
 """When a participant ends, whatever is still under way to it."""
 
+import msgspec
 import pytest
-from support.messages.scripted_bus import command, run_plant, stop
+from support.messages.scripted_bus import TOKEN, command, run_plant, stop
 
 from stepbus_participant import Participant
-from stepbus_schemas import JointCommand, JointState
+from stepbus_schemas import JointCommand, JointState, Trigger
 
 
 class Plant(Participant):
@@ -39,3 +40,26 @@ def test_a_stop_at_a_step_that_is_behind_ends_at_once():
 
 def test_a_negative_step_ends_at_once():
     assert published(stop(-1)) == []
+
+
+class Follower(Participant):
+    def update(self, step):
+        step.read("command", JointCommand)
+        return {"joint_state": JointState(position=[step.t])}
+
+
+def follow(*script, later):
+    """Return the steps of one that may do a single step, and then waits for the next trigger."""
+    outputs = run_plant(Follower, *script, publishes="last", step_limit=1, later=later)
+    return [item["step"] for item in outputs]
+
+
+def test_an_input_that_comes_before_its_trigger_is_kept():
+    trigger = "trigger", Trigger(token=TOKEN, step_limit=3)
+    later = [trigger, command(2), stop(3)]
+    assert follow(command(0), command(1), later=later) == [0, 1, 2]
+
+
+def test_an_input_of_a_step_that_is_never_released_is_not_read():
+    broken = "out/controller", msgspec.msgpack.encode({"token": TOKEN, "step": "one"})
+    assert follow(command(0), broken, later=[stop(1)]) == [0]

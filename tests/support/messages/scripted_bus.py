@@ -22,12 +22,15 @@ STEP_NS = 5_000_000
 
 
 class Bus:
-    """Delivers a script of (key, message) as soon as the participant is ready."""
+    """Delivers a script of (key, message) as soon as the participant is ready.
+
+    later: another, once it reports that it waits.
+    """
 
     queue = SimpleQueue
 
-    def __init__(self, welcome, script):
-        self.welcome, self.script = welcome, script
+    def __init__(self, welcome, script, later=()):
+        self.welcome, self.script, self.later = welcome, script, list(later)
         self.sinks = {}
         self.published = []
 
@@ -57,9 +60,14 @@ class Bus:
         if key == "out/plant":
             self.published.append(msgspec.msgpack.decode(data))
         if key.startswith("ready/"):
-            while self.script:
-                to, message = self.script.pop(0)
-                self.sinks[to](encode(message))
+            self.deliver(self.script)
+        if key.startswith("log/") and msgspec.msgpack.decode(data).get("waiting"):
+            self.deliver(self.later)
+
+    def deliver(self, script):
+        while script:
+            to, message = script.pop(0)
+            self.sinks[to](message if isinstance(message, bytes) else encode(message))
 
 
 def command(step):
@@ -68,16 +76,17 @@ def command(step):
     return "out/controller", Outputs(token=TOKEN, step=step, t_ns=step * STEP_NS, ports=ports)
 
 
-def run_plant(factory, *script):
-    """Return the outputs that a plant publishes, without its handshakes."""
+def run_plant(factory, *script, publishes="first", step_limit=8, later=()):
+    """Return the outputs that a plant publishes, without its handshakes; later: see `Bus`."""
     source = InputConfig(source="controller", port="command", type="JointCommand/1")
     welcome = Welcome(
-        protocol=1, name="plant", token=TOKEN, step_ns=STEP_NS, every=1, publishes="first", window=8, batch=4,
+        protocol=1, name="plant", token=TOKEN, step_ns=STEP_NS, every=1, publishes=publishes, window=8, batch=4,
         seed=0, inputs={"command": source}, outputs={"joint_state": OutputConfig(type="JointState/1")},
         params={}, folder="/",
     )  # fmt: skip
     start = ("start", Start(token=TOKEN, inputs={}))
-    bus = Bus(welcome, [start, ("trigger", Trigger(token=TOKEN, step_limit=8)), *script])
+    trigger = ("trigger", Trigger(token=TOKEN, step_limit=step_limit))
+    bus = Bus(welcome, [start, trigger, *script], later)
     endpoint = Endpoint(listen=[], connect=[])
     take_part(factory, Ticket(run="r", name="plant", token=TOKEN, endpoint=endpoint), bus)
     return [outputs for outputs in bus.published if outputs["step"] >= 0]

@@ -10,7 +10,7 @@ class Barrier:
     """Counts the outputs of every participant.
 
     window: steps that may be in flight. reported: newest step each participant has reported;
-    negative before its first.
+    negative before its first. count: how many outputs that were.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -20,12 +20,15 @@ class Barrier:
         self._first = {s.name for s in scenario.participants if s.publishes == "first"}
         self._inputs = {spec.name: list(spec.inputs.values()) for spec in scenario.participants}
         self.reported = {name: -every for name, every in self._every.items()}
+        self.count = 0
+        self._completed: int | None = None
         self._first_step = dict.fromkeys(self._every, 0)
 
     def start_at(self, name: str, step: int) -> None:
         """Let a participant start at a step, from a checkpoint: all below it is known."""
         self.reported[name] = step - self._every[name]
         self._first_step[name] = step
+        self._completed = None
 
     @property
     def has_all_started(self) -> bool:
@@ -37,13 +40,17 @@ class Barrier:
         if step != self.reported[name] + self._every[name]:
             return False
         self.reported[name] = step
+        self.count += 1
+        self._completed = None
         return True
 
     @property
     def completed(self) -> int:
         """Return how many steps are complete: every output due in them has been reported."""
-        done: int = min(map(add, self.reported.values(), self._every.values()))
-        return done if self._steps is None else min(done, self._steps)
+        if self._completed is None:
+            done: int = min(map(add, self.reported.values(), self._every.values()))
+            self._completed = done if self._steps is None else min(done, self._steps)
+        return self._completed
 
     @property
     def step_limit(self) -> int:

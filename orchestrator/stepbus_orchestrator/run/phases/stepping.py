@@ -8,14 +8,14 @@ from stepbus_orchestrator.run.loop.loop import RunLoop
 def step(loop: RunLoop) -> RunPhase:
     """Release step after step until the last one is complete."""
     state = loop.state
-    reported = state.barrier.reported
+    barrier = state.barrier
     loop.release(always=True)
     while not state.is_complete:
-        before = sum(reported.values())
+        before = barrier.count
         loop.turn(lambda elapsed_s: _check(loop, elapsed_s))
-        if sum(reported.values()) == before:
+        if barrier.count == before:
             # A participant may have missed it: it was published before the link was complete.
-            loop.announcer.repeat(with_start=not state.barrier.has_all_started)
+            loop.announcer.repeat(with_start=not barrier.has_all_started)
     return RunPhase.CLOSING
 
 
