@@ -30,6 +30,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="robot and world in motion, with a time slider: one HTML file that opens offline",
     )
     parser.add_argument(
+        "--ros2",
+        type=Path,
+        metavar="FILE",
+        help="an .mcap that ros2 bag and rosbags read: joints, frames, odometry, images",
+    )
+    parser.add_argument(
+        "--foxglove",
+        type=Path,
+        metavar="FILE",
+        help="an .mcap for Foxglove and Lichtblick, at 30 Hz, and a layout beside it",
+    )
+    parser.add_argument(
         "--video",
         type=Path,
         metavar="FILE",
@@ -56,6 +68,8 @@ def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
         "parquet": (args.parquet, partial(_tables, "parquet")),
         "csv": (args.csv, partial(_tables, "csv")),
         "scene": (args.scene, _scene),
+        "ros2": (args.ros2, _ros2),
+        "foxglove": (args.foxglove, _foxglove),
         "video": (args.video, partial(_video, args.camera, args.viewpoint)),
     }
     return {name: (path, export) for name, (path, export) in rows.items() if path is not None}
@@ -72,6 +86,19 @@ def _scene(recording: Recording, target: Path, reached: Callable[[int], None]) -
     from stepbus_orchestrator.viewing.scene_file import export_scene  # noqa: PLC0415
 
     return export_scene(recording, target, reached)
+
+
+def _ros2(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:
+    from stepbus_orchestrator.viewing.exports.ros2 import export_ros2  # noqa: PLC0415  (as above)
+
+    return export_ros2(recording, target, reached)
+
+
+def _foxglove(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:
+    # As above.
+    from stepbus_orchestrator.viewing.exports.foxglove import export_foxglove  # noqa: PLC0415
+
+    return export_foxglove(recording, target, reached)
 
 
 def _video(
@@ -117,6 +144,8 @@ COMMAND = Command(
     examples=(
         "stepbus export run.mcap --parquet tables",
         "stepbus export runs/arm --csv all.csv",
+        "stepbus export runs/arm --video arm.mp4 --viewpoint front",
+        "stepbus export runs/arm --ros2 arm.mcap",
         "stepbus export run.mcap --scene scene.html",
     ),
     add_arguments=_add_arguments,

@@ -63,7 +63,13 @@ def build_scene(path: Path, ports: Ports, attachments: Mapping[str, bytes]) -> S
                 notes.append(str(exc))
     else:
         notes.append(f"{path.name} holds no scenario: only what its messages say is shown")
-    return _Builder(origin, ports, [*notes, *origin.notes]).build()
+    robots = {
+        body.name: body.model.text
+        for body in origin.bodies
+        if any(joint.moves for joint in body.model.joints)
+    }
+    built = _Builder(origin, ports, [*notes, *origin.notes]).build()
+    return replace(built, robots=robots)
 
 
 @dataclass(frozen=True, kw_only=True)

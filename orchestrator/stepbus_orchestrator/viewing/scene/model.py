@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -59,7 +59,7 @@ class Joint:
 class Model:
     """A model. links: name → what it looks like. joints: parents first. root: its first link.
 
-    notes: what cannot be shown as it is, a sentence each.
+    notes: what cannot be shown as it is, a sentence each. text: as it was read, XML.
     """
 
     root: str
@@ -67,6 +67,7 @@ class Model:
     joints: tuple[Joint, ...]
     notes: tuple[str, ...] = ()
     above: Mapping[str, Joint] = field(default_factory=dict)
+    text: str = ""
 
     def position(self, joint: Joint, positions: Mapping[str, float]) -> float:
         """Return where a joint is; one that nobody measures is where it rests or what it mimics."""
@@ -93,8 +94,8 @@ def load_model(path: Path, rest: Mapping[str, float] = {}) -> Model:
 
     rest: joint → its position where nobody measures it. Raises WiringError as `read_urdf_text`.
     """
-    reader = _Reader(path, parse_urdf(read_urdf_text(path)), rest)
-    return reader.read()
+    text = read_urdf_text(path)
+    return replace(_Reader(path, parse_urdf(text), rest).read(), text=text)
 
 
 class _Reader:

@@ -72,12 +72,15 @@ class Scene:
 
     frames: parents first. chains: of the ports that carry planned paths. notes: what cannot be
     shown as it is, a sentence each.
+
+    robots: body → its description as XML, of those with joints.
     """
 
     frames: Sequence[Frame]
     motions: Sequence[Motion]
     chains: Sequence[Chain] = ()
     notes: Sequence[str] = ()
+    robots: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def topics(self) -> frozenset[str]:

@@ -1,0 +1,116 @@
+"""All messages of a recording in the order of time, and the scene as it moves with them."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.viewing.scene import Latest, Pose, Scene, build_scene
+from stepbus_schemas import Message, StepbusError
+
+from .progress import Reached
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One message. step, t_ns: when it was published; t_ns [ns]."""
+
+    step: int
+    t_ns: int
+    port: Port
+    message: Message
+
+
+def moments(
+    recording: Recording, ports: Collection[Port], problems: list[str], reached: Reached
+) -> Iterator[Moment]:
+    """Yield the messages of some ports in the order of time, in memory that does not grow.
+
+    A port that cannot be read ends there, and is a problem.
+    """
+    broken: set[str] = set()
+    for piece in recording.batches(ports):
+        rows: list[tuple[int, int, Moment]] = []
+        for number, port in enumerate(ports):
+            batch = piece[port.topic]
+            if not len(batch.steps) or port.topic in broken:
+                continue
+            try:
+                for step, t, message in zip(batch.steps, batch.t, batch.messages(), strict=True):
+                    found = Moment(
+                        step=int(step), t_ns=round(float(t) * NS), port=port, message=message
+                    )
+                    rows.append((found.t_ns, number, found))
+            except StepbusError as exc:
+                broken.add(port.topic)
+                problems.append(f"{port.topic}: {exc}")
+        for _, _, moment in sorted(rows, key=lambda row: row[:2]):
+            yield moment
+        if rows:
+            reached(rows[-1][2].step)
+
+
+def readable(recording: Recording, problems: list[str]) -> list[Port]:
+    """Return the ports with messages of a known type.
+
+    Raises RecordingFailed without any; a port of an unknown type is a problem.
+    """
+    found = []
+    for port in recording.ports.values():
+        if port.topic.startswith("stepbus/"):
+            continue
+        try:
+            port.message_class  # noqa: B018  (raises for an unknown type)
+        except StepbusError as exc:
+            problems.append(f"{port.topic}: {exc}")
+            continue
+        if port.last_step >= 0:
+            found.append(port)
+    if not found:
+        why = f" ({recording.damage})" if recording.damage else ""
+        raise RecordingFailed(f"{recording.path} has no message that can be exported{why}")
+    return found
+
+
+class Moving:
+    """The scene of a recording; give it all its moments. period_ns: between two poses."""
+
+    def __init__(self, recording: Recording, period_ns: int) -> None:
+        self.scene: Scene = build_scene(recording.path, recording.ports, recording.attachments)
+        self._latest: dict[str, Latest] = {}
+        self._period_ns = period_ns
+        self._due_ns = 0
+        self._known: dict[str, Pose] = {}
+
+    def still(self) -> dict[str, Pose]:
+        """Return frame → its pose in its parent at the start, of all frames."""
+        return {frame.name: frame.pose for frame in self.scene.frames if not frame.is_ghost}
+
+    def take(self, moment: Moment) -> dict[str, Pose]:
+        """Take a message; return the frames to place now, none before the next is due."""
+        if moment.port.topic not in self.scene.topics:
+            return {}
+        self._latest[moment.port.topic] = Latest(step=moment.step, message=moment.message)
+        if moment.t_ns < self._due_ns:
+            return {}
+        self._due_ns = moment.t_ns + self._period_ns
+        shown = self.still()
+        return {n: pose for n, pose in self.scene.poses(self._latest).items() if n in shown}
+
+
+class Rate:
+    """Lets at most so many messages of each topic pass."""
+
+    def __init__(self, per_s: float) -> None:
+        self._period_ns = round(NS / per_s)
+        self._due: dict[str, int] = {}
+
+    def passes(self, topic: str, t_ns: int) -> bool:
+        """Return whether a message at a time is due."""
+        if t_ns < self._due.get(topic, 0):
+            return False
+        # On a grid: a message that is a little late does not delay the ones behind it.
+        self._due[topic] = (t_ns // self._period_ns + 1) * self._period_ns
+        return True

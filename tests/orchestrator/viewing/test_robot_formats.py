@@ -1,0 +1,187 @@
+"""Exports for ROS 2 and Foxglove, read back by what did not write them."""
+
+import io
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from PIL import Image as Pillow
+from rosbags.highlevel import AnyReader
+from support.messages.recordings import write
+
+import stepbus
+from stepbus_orchestrator.cli.entry import main
+from stepbus_schemas import BaseState, Description, Event, Image, Imu, JointState, Poses, Scalars
+
+STEPS = 200
+SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["0.8 0.1 0.1"], "body": ["crate"]}
+PIXELS = np.arange(4 * 2 * 3, dtype=np.uint8).reshape(2, 4, 3)
+
+
+def joints(step):
+    return JointState(position=[math.sin(step / 20), 0.5], velocity=[0.25, 0.0])
+
+
+def poses(step):
+    return Poses(position=[(step * 0.01, 0.0, 0.5)], orientation=[(0.0, 0.0, 0.0, 1.0)])
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    image = Image(
+        width=4, height=2, encoding="rgb8", data=PIXELS.tobytes(), focal=(4.0, 5.0), centre=(2.0, 1.0)
+    )  # fmt: skip
+    base = BaseState(x=1.0, y=2.0, yaw=math.pi / 2, vx=0.3, wz=0.1)
+    imu = Imu(angular_velocity=(0.1, 0.2, 0.3), linear_acceleration=(0.0, 0.0, 9.81))
+    return write(
+        tmp_path_factory.mktemp("formats") / "run.mcap",
+        5_000_000,
+        joint_state=("JointState/1", ["hip", "knee"], [joints(step) for step in range(STEPS)]),
+        odometry=("BaseState/1", [], [base] * STEPS),
+        camera=("Image/1", [], [image] * 3),
+        imu=("Imu/1", [], [imu] * 3),
+        poses=(
+            "Poses/1", Description(names=["crate"], details=SHAPES),
+            [poses(step) for step in range(STEPS)],
+        ),
+        events=("Event/1", [], [None, Event(level="warning", text="slow")]),
+        volts=("Scalars/1", ["left"], [Scalars(values=[12.0])]),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bag(recording):
+    target = recording.with_name("ros2.mcap")
+    assert main(["export", str(recording), "--ros2", str(target)]) == 0
+    with AnyReader([target]) as reader:
+        found = {}
+        for connection, t_ns, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            found.setdefault((connection.topic, connection.msgtype), []).append((t_ns, message))
+        return found
+
+
+def test_rosbags_reads_joints_and_odometry_with_every_digit(bag):
+    states = bag["/plant/joint_state", "sensor_msgs/msg/JointState"]
+    assert [m.position[0] for _, m in states] == [math.sin(step / 20) for step in range(STEPS)]
+    assert states[0][1].name == ["hip", "knee"]
+    t_ns, last = states[-1]
+    assert (t_ns, last.header.stamp.nanosec) == (995_000_000, 995_000_000)
+    (_, odometry), *_ = bag["/plant/odometry", "nav_msgs/msg/Odometry"]
+    assert odometry.pose.pose.position.y == 2.0
+    assert odometry.pose.pose.orientation.z == pytest.approx(math.sqrt(0.5))
+    assert odometry.twist.twist.linear.x == 0.3
+
+
+def test_rosbags_reads_images_inertial_units_and_texts(bag):
+    (_, image), *_ = bag["/plant/camera", "sensor_msgs/msg/Image"]
+    assert (image.encoding, image.step) == ("rgb8", 12)
+    assert image.data.tobytes() == PIXELS.tobytes()
+    (_, info), *_ = bag["/plant/camera/camera_info", "sensor_msgs/msg/CameraInfo"]
+    assert list(info.k) == [4, 0, 2, 0, 5, 1, 0, 0, 1]
+    (_, imu), *_ = bag["/plant/imu", "sensor_msgs/msg/Imu"]
+    assert imu.linear_acceleration.z == 9.81
+    assert imu.orientation_covariance[0] == -1
+    ((_, text),) = bag["/plant/events", "std_msgs/msg/String"]
+    assert text.data == "warning: slow"
+
+
+def test_frames_move_fifty_times_a_second(bag):
+    frames = bag["/tf", "tf2_msgs/msg/TFMessage"]
+    assert 45 <= len(frames) <= 51
+    (transform,) = frames[-1][1].transforms
+    assert transform.header.frame_id == "world"
+    t_ns, x = frames[-1][0], transform.transform.translation.x
+    assert x == pytest.approx(t_ns / 5_000_000 * 0.01)
+
+
+def test_what_ros2_has_no_type_for_is_named(recording, tmp_path, capsys):
+    assert main(["export", str(recording), "--ros2", str(tmp_path / "a.mcap")]) == 0
+    error = capsys.readouterr().err
+    assert "ROS 2 has no type for plant/volts (Scalars/1): left out" in error
+
+
+@pytest.fixture(scope="module")
+def view(recording):
+    target = recording.with_name("view.mcap")
+    assert main(["export", str(recording), "--foxglove", str(target)]) == 0
+    found = {}
+    with target.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            found.setdefault((channel.topic, schema.name), []).append((message.log_time, decoded))
+    return target, found
+
+
+def test_foxglove_messages_are_decoded_at_no_more_than_30_hz(view):
+    _, found = view
+    states = found["/plant/joint_state", "foxglove.JointStates"]
+    assert 29 <= len(states) <= 31
+    t_ns, state = states[-1]
+    assert state.joints[0].position == math.sin(t_ns / 5_000_000 / 20)
+    assert [joint.name for joint in state.joints] == ["hip", "knee"]
+    frames = found["/tf", "foxglove.FrameTransforms"]
+    assert 29 <= len(frames) <= 34
+    ((_, log),) = found["/log", "foxglove.Log"]
+    assert (log.message, log.level) == ("slow", 3)
+
+
+def test_foxglove_shows_bodies_and_images(view):
+    _, found = view
+    ((_, scene),) = found["/scene", "foxglove.SceneUpdate"]
+    (crate,) = scene.entities
+    (triangles,) = crate.triangles
+    assert crate.frame_locked
+    assert (len(triangles.points), len(triangles.indices)) == (8, 36)
+    placed = {
+        t.child_frame_id for _, m in found["/tf", "foxglove.FrameTransforms"] for t in m.transforms
+    }
+    assert crate.frame_id in placed
+    _, image = found["/plant/camera", "foxglove.CompressedImage"][0]
+    assert Pillow.open(io.BytesIO(image.data)).size == (4, 2)
+
+
+def test_the_layout_names_topics_that_exist(view):
+    target, found = view
+    layout = json.loads(target.with_suffix(".layout.json").read_text())
+    topics = {topic for topic, _ in found}
+    plotted = layout["configById"]["Plot!joints"]["paths"]
+    assert [path["label"] for path in plotted] == ["hip", "knee"]
+    assert {path["value"].partition(".")[0] for path in plotted} <= topics
+    assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] in topics
+
+
+def test_a_run_of_a_robot_brings_its_description(tmp_path):
+    result = stepbus.run("two_link", set=["duration=100ms"], out=tmp_path / "run", in_process=True)
+    target = tmp_path / "arm.mcap"
+    assert main(["export", str(result.recording), "--ros2", str(target)]) == 0
+    with AnyReader([target]) as reader:
+        kept = {}
+        for connection, _, data in reader.messages():
+            kept[connection.topic] = reader.deserialize(data, connection.msgtype)
+    assert kept["/robot_description"].data.lstrip().startswith("<")
+    assert 'name="joint1"' in kept["/robot_description"].data
+    assert len(kept["/tf_static"].transforms) > len(kept["/tf"].transforms) > 0
+
+
+@pytest.mark.parametrize("form", ["ros2", "foxglove"])
+def test_half_a_recording_is_exported_and_a_foreign_file_is_one_sentence(
+    recording, tmp_path, capsys, form
+):
+    data = recording.read_bytes()
+    half = tmp_path / "half.mcap"
+    half.write_bytes(data[: len(data) // 2])
+    assert main(["export", str(half), f"--{form}", str(tmp_path / "a.mcap")]) == 0
+    assert "is damaged" in capsys.readouterr().err
+    text = tmp_path / "text.mcap"
+    text.write_text("no recording")
+    assert main(["export", str(text), f"--{form}", str(tmp_path / "b.mcap")]) != 0
+    assert capsys.readouterr().err.count("\n") == 1
+    empty = write(tmp_path / "empty.mcap", joint_state=("JointState/1", ["hip"], []))
+    assert main(["export", str(empty), f"--{form}", str(tmp_path / "b.mcap")]) != 0
+    assert "has no message that can be exported" in capsys.readouterr().err
+    assert not list(Path(tmp_path).glob("*b.mcap*"))
