@@ -18,7 +18,7 @@ ORCHESTRATOR = "orchestrator"
 CALLER = ".caller"
 """The caller of a run from outside (`stepbus call`); no participant's name has a leading dot."""
 
-_OWN_KEYS = ("out", "ready", "log", "fault", "called", "alive")
+_OWN_KEYS = ("out", "ready", "log", "fault", "called", "checkpoint", "alive")
 _DECLARATIONS = (
     "declare_subscriber",
     "declare_queryable",

@@ -79,10 +79,17 @@ def test_without_checkpoints_it_is_the_same(saved, tmp_path):
     assert found.restored == {}
 
 
-def test_processes_of_their_own_start_from_checkpoints_too(saved, tmp_path):
-    found = branch(saved, 250, tmp_path / "b")
+@pytest.mark.parametrize("transport", ["unix", "tcp"])
+def test_processes_of_their_own_save_and_start_from_checkpoints_too(
+    saved, plain, transport, tmp_path
+):
+    overrides = [*SAVED, f"bus.transport={transport}"]
+    options = Options(out=tmp_path / "a", calls=CALLS)
+    result = run(load("two_link/pid", overrides), options)
+    assert result.sha256 == plain
+    found = branch(result.recording, 250, tmp_path / "b", overrides[2:])
     assert found.equal, found.result.reason
-    assert set(found.restored.values()) == {200}
+    assert found.restored == dict.fromkeys(NAMES, 200)
 
 
 def test_a_change_makes_the_same_with_and_without(saved, tmp_path):
