@@ -27,6 +27,7 @@ from .replay.rerun import Preparation, Rerun
 from .run.control.live_file import call
 from .run.control.pace import Pace
 from .run.describe.describe import ParticipantDescription, describe
+from .run.episode import Episode
 from .run.reports.progress import Observer, Progress
 from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder
@@ -39,6 +40,7 @@ __all__ = [
     "BusFailed",
     "Diff",
     "Diverged",
+    "Episode",
     "ExitCode",
     "Interrupted",
     "Observer",

@@ -34,7 +34,7 @@ from .participant import Participant, PortType
 from .process.hosting import HOST, Host
 from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
-from .step import InputAbsent, InvalidInput, Step
+from .step import InputAbsent, InvalidInput, Step, StepsOver
 
 if TYPE_CHECKING:
     from .bus.loopback import LoopbackBus
@@ -98,6 +98,7 @@ __all__ = [
     "Share",
     "Steering",
     "Step",
+    "StepsOver",
     "Text",
     "Ticket",
     "Vector3",

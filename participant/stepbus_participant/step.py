@@ -17,6 +17,13 @@ class InputAbsent(RunError, LookupError):
     """An input was read before its source published for the first time."""
 
 
+class StepsOver(RunError):
+    """Raised by an `update` that takes no further step: the participant waits for the run's end.
+
+    It has published nothing for this step.
+    """
+
+
 class InvalidInput(RunError):
     """What an input carries cannot be used: the run ends, and its source is to blame.
 

@@ -9,7 +9,7 @@ from support.paths import CHECKOUT
 
 EXPORTING = {"stepbus_participant.parameters"}
 """Sub-packages that other packages may import from, beside the packages themselves."""
-ONE = {"stepbus_pytest": "stepbus"}
+ONE = {"stepbus_gym": "stepbus", "stepbus_pytest": "stepbus"}
 """Packages that are part of another one."""
 
 

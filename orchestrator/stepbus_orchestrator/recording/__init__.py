@@ -11,6 +11,7 @@ from .recorder import Recorder
 from .recover import Recovery, recover
 from .sink import Descriptions, Sink
 from .timing import TimingRecorder
+from .unrecorded import NoRecorder, NoTiming
 
 if TYPE_CHECKING:
     from .reader import BATCH_BYTES, Batch, Entry, Port, Recording
@@ -23,6 +24,8 @@ __all__ = [
     "Descriptions",
     "Entry",
     "McapFile",
+    "NoRecorder",
+    "NoTiming",
     "Port",
     "Recorder",
     "Recording",

@@ -20,6 +20,8 @@ from stepbus_orchestrator.processes.links.endpoints import (
 from stepbus_orchestrator.recording import (
     CheckpointWriter,
     McapFile,
+    NoRecorder,
+    NoTiming,
     Recorder,
     Sink,
     TimingRecorder,
@@ -130,17 +132,23 @@ class _Run:
             (options.out / PROFILE_FOLDER).mkdir()
         # A run in one process works in the scenario's folder.
         out = options.out.resolve()
-        self._file = McapFile(out / layout.RUN_FILE)
-        self._timing = TimingRecorder(out / layout.TIMING_FILE)
+        self._file = McapFile(out / layout.RUN_FILE) if options.is_recorded else None
+        self._timing = (
+            TimingRecorder(out / layout.TIMING_FILE) if options.is_recorded else NoTiming()
+        )
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
         self._invitations = Invitations(out, observer)
         factor = options.real_time
         self._real_time = None if factor is None else RealTime(scenario.step_ns, factor)
-        self._recorder = Recorder(
-            self._file, order, scenario.step_ns, self._events.take, scenario.types
+        self._recorder = (
+            NoRecorder(order, self._events.take)
+            if self._file is None
+            else Recorder(self._file, order, scenario.step_ns, self._events.take, scenario.types)
         )
-        self._checkpoints = CheckpointWriter(out) if scenario.checkpoint_steps else None
+        self._checkpoints = (
+            CheckpointWriter(out) if scenario.checkpoint_steps and options.is_recorded else None
+        )
         self._injected: list[str] = []
         faults = self._live_scenario().faults
         self._injector = Injector(faults, self._add_fault) if faults else None
@@ -156,14 +164,7 @@ class _Run:
         failure: RunFailure | None = None
         reason = ""
         try:
-            names = attach(self._file, self._scenario)
-            if self._options.prefix is not None and self._options.prefix.counts_from:
-                rows = self._options.prefix.counts_from.items()
-                content = {name: str(step) for name, step in rows}
-                self._file.add_metadata(layout.BRANCH_METADATA, content)
-            with OpenedFiles(self._own_folder(), self._options.out) as opened:
-                reason = self._with_participants()
-                self._warn_of_rerun(opened, names)
+            reason = self._with_participants() if self._file is None else self._recorded(self._file)
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
@@ -175,6 +176,8 @@ class _Run:
         if failure is None and self._loop is not None:
             self._events.add_silent(self._scenario, self._recorder.silent, self._loop.state.steps)
         result = self._result(reason, failure)
+        if self._file is None:
+            return result
         try:
             result.save()
         except OSError as exc:
@@ -189,6 +192,20 @@ class _Run:
                 self._checkpoints.finish(result.sha256)
         except RecordingFailed as exc:
             self._observer.event("error", "orchestrator", result.steps, str(exc))
+
+    def _recorded(self, file: McapFile) -> str:
+        names = attach(file, self._scenario)
+        if self._options.prefix is not None and self._options.prefix.counts_from:
+            rows = self._options.prefix.counts_from.items()
+            content = {name: str(step) for name, step in rows}
+            file.add_metadata(layout.BRANCH_METADATA, content)
+        if self._options.seat is not None:
+            # What our caller reads is not what the run reads.
+            return self._with_participants()
+        with OpenedFiles(self._own_folder(), self._options.out) as opened:
+            reason = self._with_participants()
+            self._warn_of_rerun(opened, names)
+        return reason
 
     def _translated(self, exc: OSError) -> RunFailure:
         """Return the failure for what nobody expected of a file, by the folder it is in."""
@@ -219,7 +236,7 @@ class _Run:
         try:
             if self._loop is None or not self._loop.is_recorded:
                 self._recorder.abort()
-            if failure is None:
+            if failure is None and self._file is not None:
                 self._file.check()
         except RunFailure as exc:
             return failure or exc
@@ -230,7 +247,7 @@ class _Run:
 
     def _with_hub(self) -> str:
         # A run in processes of their own is quicker to start without it.
-        from .inprocess import LocalRun, surroundings  # noqa: PLC0415  see above
+        from .inprocess import LocalRun, Surroundings  # noqa: PLC0415  see above
 
         logs = self._options.out.resolve() / LOGS_FOLDER
         local = LocalRun(
@@ -244,13 +261,14 @@ class _Run:
         native_log = logs / "native.log" if self._options.owns_descriptors else None
         with contextlib.ExitStack() as stack:
             try:
-                stack.enter_context(surroundings(self._scenario.folder, local.hub, native_log))
+                around = Surroundings(self._scenario.folder, local.hub, native_log)
+                stack.enter_context(around)
             except OSError as exc:
                 raise StartFailed(
                     f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
                     "works in the scenario's folder, and logs to the run's"
                 ) from exc
-            stack.enter_context(local.watched())
+            stack.enter_context(local.watched(around))
             try:
                 return self._run_phases(local.bus, local)
             finally:
@@ -305,7 +323,9 @@ class _Run:
         prefix = self._options.prefix
         first = 0 if prefix is None else prefix.at
         faults = tuple(fault for fault in self._scenario.faults if fault.step >= first)
-        return dataclasses.replace(self._scenario, faults=faults)
+        # Whoever has a seat sees the outcome of the last step, and ends the run there.
+        steps = self._scenario.steps if self._options.seat is None else None
+        return dataclasses.replace(self._scenario, faults=faults, steps=steps)
 
     def _controls(self, prefix: Gate | None) -> Controls:
         return Controls(

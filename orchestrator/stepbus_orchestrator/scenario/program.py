@@ -28,6 +28,7 @@ OURS = (
     "stepbus",
     "stepbus_bridge",
     "stepbus_controller",
+    "stepbus_gym",
     "stepbus_kinematics",
     "stepbus_mission",
     "stepbus_motion",

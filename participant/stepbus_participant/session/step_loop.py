@@ -1,5 +1,6 @@
 """The step loop of a participant."""
 
+import contextlib
 import time
 from collections.abc import Mapping
 from queue import Empty
@@ -7,7 +8,7 @@ from typing import Any
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.participant import Participant
-from stepbus_participant.step import Step
+from stepbus_participant.step import Step, StepsOver
 from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome
 
 from .answers import Answers
@@ -64,10 +65,19 @@ class StepLoop:
                 self._control.enter(self.step.index)
                 self._one_step()
                 self.step.index += self._every
+        except StepsOver:
+            self._await_stop()
         except Stopped as stopped:
             self._close(stopped.stop.at_step)
         finally:
             self._outbox.flush()
+
+    def _await_stop(self) -> None:
+        """Report all steps that are done, and wait until the run ends before the next one."""
+        self._outbox.flush(Waiting(step=self.step.index, sources=[]))
+        with contextlib.suppress(Stopped):
+            while True:
+                self._control.wait(1.0)
 
     def _one_step(self) -> None:
         step = self.step

@@ -17,7 +17,7 @@ from stepbus_participant import HOST, Host, Ticket, last_error
 
 from .bus import HostedBus
 from .hub import Hub
-from .program import Program
+from .program import Runnable
 
 
 class _Ended(BaseException):
@@ -43,7 +43,7 @@ class HostedParticipant:
         self,
         ticket: Ticket,
         bus: HostedBus,
-        program: Program,
+        program: Runnable,
         *,
         hub: Hub,
         log: Path,

@@ -63,12 +63,14 @@ class Turn:
 class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
-    current: whose turn it is. Its creator is the root: it gets the thread back where nobody can go
+    current: whose turn it is. away: is called where nobody can go on; returns whether it has let
+    somebody. Its creator is the root: it gets the thread back where nobody can go
     on, and when its own queue has something.
     """
 
     def __init__(self) -> None:
         self.current: Turn | None = None
+        self.away: Callable[[], bool] = _false
         self.ready: deque[Turn] = deque()
         self._root = getcurrent()
         self._turns: list[Turn] = []
@@ -118,7 +120,7 @@ class Hub:
             self.work()
             if has_come():
                 return
-            if self._expire():
+            if self.away() or self._expire():
                 continue
             now = time.monotonic()
             if now >= until_s:
@@ -195,3 +197,8 @@ class HubQueue:
 
 def _nothing() -> None:
     """Do nothing."""
+
+
+def _false() -> bool:
+    """Return that nobody can go on."""
+    return False

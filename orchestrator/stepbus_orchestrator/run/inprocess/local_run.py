@@ -15,6 +15,7 @@ from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.setup.faults import message_faults
 from stepbus_orchestrator.run.setup.options import Options
+from stepbus_orchestrator.run.setup.seat import Room, Seat
 from stepbus_orchestrator.scenario import (
     PROCESS_FAULTS,
     ParticipantSpec,
@@ -29,7 +30,8 @@ from stepbus_schemas import WiringError
 from .bus import HostedBus
 from .host import HostedParticipant
 from .hub import Hub
-from .program import Program, check_programs
+from .program import Guest, Program, Runnable, check_programs
+from .surroundings import Surroundings
 from .watch import Watch
 
 
@@ -74,10 +76,15 @@ class LocalRun:
         self._reaper: Reaper | None = None
 
     @contextlib.contextmanager
-    def watched(self) -> Iterator[None]:
-        """Watch the participants' deadlines; end all that are left."""
+    def watched(self, around: Surroundings) -> Iterator[None]:
+        """Watch the participants' deadlines; end all that are left.
+
+        around: what they find around them, which is put back while whoever has a seat works.
+        """
         watch = Watch(self._current, self._limit_s, self._interrupt.is_set)
         try:
+            if self._options.seat is not None:
+                self._offer(self._options.seat, around, watch)
             yield
         finally:
             try:
@@ -87,6 +94,26 @@ class LocalRun:
                 watch.close()
                 if self._reaper is not None:
                     self._reaper.end()
+
+    def _offer(self, seat: Seat, around: Surroundings, watch: Watch) -> None:
+        """Let a participant of our caller take part."""
+
+        def leave() -> None:
+            watch.leave()
+            around.leave()
+
+        def enter(away_s: float) -> None:
+            around.enter()
+            watch.enter()
+            if self._state is not None:
+                self._state.away_s += away_s
+
+        def ask_end(step: int, reason: str) -> None:
+            if self._state is not None:
+                self._state.ask_end(step, reason)
+
+        seat.sit(Room(queue=self.hub.queue, ask_end=ask_end, leave=leave, enter=enter))
+        self.hub.away = seat.away
 
     def _take_program(self, group: int) -> None:
         """Let a program that a participant has started not outlive us."""
@@ -136,7 +163,6 @@ class LocalRun:
             profile=self._options.profile_order(),
             checkpoint=state.checkpoint_order(spec.name),
         )
-        command = start_command(spec, scenario.folder)[1:]
         try:
             return HostedParticipant(
                 ticket,
@@ -146,7 +172,7 @@ class LocalRun:
                     ticket.faults,
                     is_leaf=self._options.prefix is not None,
                 ),
-                Program(command, scenario.folder),
+                self._program(spec, scenario.folder),
                 hub=self.hub,
                 log=self._logs / f"{spec.name}.log",
                 take_program=self._take_program,
@@ -156,6 +182,12 @@ class LocalRun:
             raise StartFailed(
                 f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
             ) from exc
+
+    def _program(self, spec: ParticipantSpec, folder: Path) -> Runnable:
+        seat = self._options.seat
+        if seat is not None and seat.name == spec.name:
+            return Guest(seat)
+        return Program(start_command(spec, folder)[1:], folder)
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
         """Return None: nothing of a run in one process is in a private folder."""

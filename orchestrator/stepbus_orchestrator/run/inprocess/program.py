@@ -7,8 +7,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import CodeType, ModuleType
+from typing import Protocol
 
+from stepbus_orchestrator.run.setup.seat import Seat
 from stepbus_orchestrator.scenario import OURS, ParticipantSpec, Scenario, python_target
+from stepbus_participant import main
 from stepbus_schemas import WiringError
 
 _MAIN = "__main__"
@@ -38,6 +41,36 @@ def _why_not(spec: ParticipantSpec) -> str | None:
     if arguments[0].startswith("-") and arguments[0] != "-m":
         return f"the interpreter's option {arguments[0]} needs an interpreter of its own"
     return None
+
+
+class Runnable(Protocol):
+    """What a hosted participant executes."""
+
+    def run(self) -> None:
+        """Execute it to its end; raises what it raises, SystemExit included."""
+
+    def enter(self) -> None:
+        """Put its own arguments and modules in place."""
+
+    def leave(self) -> None:
+        """Take its own arguments and modules away."""
+
+
+class Guest:
+    """A participant that is no program: code of this process, with its arguments and modules."""
+
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
+
+    def run(self) -> None:
+        """Take part; raises SystemExit."""
+        raise SystemExit(main(self._seat.make))
+
+    def enter(self) -> None:
+        """Do nothing."""
+
+    def leave(self) -> None:
+        """Do nothing."""
 
 
 class Program:

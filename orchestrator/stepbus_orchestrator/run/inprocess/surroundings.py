@@ -6,45 +6,84 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn
+from types import TracebackType
+from typing import NoReturn, Self
 
 from .hub import Hub
 
 
-@contextlib.contextmanager
-def surroundings(folder: Path, hub: Hub, native_log: Path | None) -> Iterator[None]:
-    """Let participants work as in processes of their own; leave everything as it was.
+class Surroundings:
+    """Let participants work as in processes of their own; a context, left as it was entered.
 
     folder: of the scenario; becomes the working directory. native_log: where libraries in C print;
     None: they print on descriptors 1 and 2, which are somebody else's. Raises OSError where the
     folder or the log cannot be opened.
     """
-    end_process, path, argv = os._exit, list(sys.path), list(sys.argv)
 
-    def leave(status: int) -> NoReturn:
-        if hub.current is None:
-            end_process(status)
+    def __init__(self, folder: Path, hub: Hub, native_log: Path | None) -> None:
+        self._folder = folder
+        self._hub = hub
+        self._native_log = native_log
+        self._outside = list(sys.path), list(sys.argv)
+        self._inside = self._outside
+        self._end_process = os._exit
+        self._folder_outside = self._folder_inside = -1
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self) -> Self:
+        with contextlib.ExitStack() as stack:
+            outside = _here()
+            stack.callback(os.close, outside)
+            stack.callback(os.fchdir, outside)
+            os.chdir(self._folder)
+            inside = _here()
+            stack.callback(os.close, inside)
+            stack.enter_context(_native_prints(self._native_log))
+            os.fchdir(outside)
+            self._folder_inside = inside
+            self._stack = stack.pop_all()
+        self.enter()
+        return self
+
+    def __exit__(
+        self,
+        _type: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        self.leave()
+        here = _here()
+        try:
+            self._stack.close()
+        finally:
+            os.fchdir(here)
+            os.close(here)
+
+    def enter(self) -> None:
+        """Put what participants find in place."""
+        self._folder_outside = _here()
+        os.fchdir(self._folder_inside)
+        self._outside = list(sys.path), list(sys.argv)
+        self._end_process, os._exit = os._exit, self._leave_process
+        sys.path[:], sys.argv[:] = self._inside
+
+    def leave(self) -> None:
+        """Put back what was there before."""
+        self._inside = list(sys.path), list(sys.argv)
+        os._exit = self._end_process
+        sys.path[:], sys.argv[:] = self._outside
+        os.fchdir(self._folder_outside)
+        os.close(self._folder_outside)
+
+    def _leave_process(self, status: int) -> NoReturn:
+        if self._hub.current is None:
+            self._end_process(status)
         raise SystemExit(status)
 
-    with _working_in(folder), _native_prints(native_log):
-        os._exit = leave
-        try:
-            yield
-        finally:
-            os._exit = end_process
-            sys.path[:], sys.argv[:] = path, argv
 
-
-@contextlib.contextmanager
-def _working_in(folder: Path) -> Iterator[None]:
-    """Work in a folder, and go back to where we were, which may have no name any more."""
-    before = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.chdir(folder)
-        yield
-    finally:
-        os.fchdir(before)
-        os.close(before)
+def _here() -> int:
+    """Return a descriptor of the working directory, which may have no name any more."""
+    return os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
 
 
 @contextlib.contextmanager

@@ -52,6 +52,7 @@ class Watch:
         self._is_main = threading.current_thread() is threading.main_thread()
         self._over = threading.Event()
         self._late: KeptThread | None = None
+        self._is_armed = False
         self._before = signal.signal(_SIGNAL, self._raise) if self._is_main else None
         self._thread = threading.Thread(target=self._watch, name="watch", daemon=True)
         self._thread.start()
@@ -60,9 +61,25 @@ class Watch:
         """Stop watching."""
         self._over.set()
         self._thread.join(_JOIN_S)
-        faulthandler.cancel_dump_traceback_later()
+        self._disarm()
         if self._is_main:
             signal.signal(_SIGNAL, self._before)
+
+    def leave(self) -> None:
+        """Put back the signal's handler while our caller works."""
+        if self._is_main:
+            signal.signal(_SIGNAL, self._before)
+
+    def enter(self) -> None:
+        """Handle the signal again."""
+        if self._is_main:
+            self._before = signal.signal(_SIGNAL, self._raise)
+
+    def _disarm(self) -> None:
+        # It is one of this process: other runs in it have it too.
+        if self._is_armed:
+            self._is_armed = False
+            faulthandler.cancel_dump_traceback_later()
 
     def _watch(self) -> None:
         held: tuple[HostedParticipant, int] | None = None
@@ -73,13 +90,14 @@ class Watch:
             holder = self._current()
             if holder is None or holder != held:
                 held, held_s, patience_s = holder, 0.0, 0.0
-                faulthandler.cancel_dump_traceback_later()
+                self._disarm()
                 continue
             held_s += elapsed_s
             limit_s = self._limit_s(holder[0].name)
             if self._interrupted():
                 limit_s = min(limit_s, _INTERRUPT_S)
             # A thread of C, armed anew at each check: it fires where even this one cannot run.
+            self._is_armed = True
             faulthandler.dump_traceback_later(limit_s + _LAST_RESORT_S, exit=True)
             if held_s > max(limit_s, patience_s):
                 patience_s = held_s + _REPEAT_S

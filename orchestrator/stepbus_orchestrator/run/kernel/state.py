@@ -30,6 +30,7 @@ class RunState:
     is_prefix: whether the steps are those of a recording still. counts_from: of a participant that
     was changed at a step: that step; what it does before is not part of the run.
     restored: participants that start from a checkpoint, with it.
+    away_s: how long nobody worked, since whoever has a seat in this process did something else [s].
     is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
     """
 
@@ -47,6 +48,7 @@ class RunState:
     is_prefix: bool = False
     counts_from: Mapping[str, int] = field(default_factory=dict)
     restored: Mapping[str, SavedState] = field(default_factory=dict)
+    away_s: float = 0.0
     is_check_due: bool = False
     is_release_due: bool = False
 

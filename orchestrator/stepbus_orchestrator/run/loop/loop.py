@@ -133,7 +133,7 @@ class RunLoop:
         self.release(always=clock is not None)
         if self.controls.interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
-        elapsed_s = time.monotonic() - self._checked_at
+        elapsed_s = time.monotonic() - self.state.away_s - self._checked_at
         if elapsed_s < TICK_S and not self.state.is_check_due:
             return
         self._checked_at += elapsed_s

@@ -1,6 +1,7 @@
 """The result of a run: result.json."""
 
 import contextlib
+import functools
 import hashlib
 import platform
 import sys
@@ -95,6 +96,11 @@ def file_sha256(path: Path) -> str:
 
 def own_versions() -> dict[str, str]:
     """Return what the orchestrator runs on: Python, the processor, the libraries of the bus."""
+    return dict(_versions())
+
+
+@functools.cache
+def _versions() -> Mapping[str, str]:
     names = ("stepbus", "eclipse-zenoh", "mcap", "msgspec", "zstandard")
     return {
         "python": platform.python_version(),

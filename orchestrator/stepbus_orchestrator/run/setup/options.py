@@ -13,6 +13,8 @@ from stepbus_orchestrator.scenario import Deadlines, Scenario
 from stepbus_participant import ProfileOrder, suggest
 from stepbus_schemas import CallRecord, WiringError
 
+from .seat import Seat
+
 PROFILE_FOLDER = "profile"
 """In the folder of a run: a CSV for each participant, and what was sampled."""
 
@@ -44,6 +46,8 @@ class Options:
     are nobody else's, and what libraries in C print goes to a log. profile: measure where the time
     of each step goes. speedscope: names of participants whose stack is sampled too.
     real_time: steps begin on the grid of the wall clock, so many times faster than it.
+    seat: a participant that is no program, in a run in one process; it ends the run.
+    is_recorded: whether the run writes run.mcap, timing.mcap and result.json.
     """
 
     out: Path
@@ -62,6 +66,8 @@ class Options:
     owns_descriptors: bool = False
     profile: bool = False
     speedscope: Sequence[str] = ()
+    seat: Seat | None = None
+    is_recorded: bool = True
 
     def profile_order(self) -> ProfileOrder | None:
         """Return what participants should measure of their steps."""

@@ -1,0 +1,360 @@
+"""A scenario as a Gymnasium environment: the policy is one of its participants."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import os
+import re
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
+
+import stepbus
+from stepbus.overrides import Overrides, overrides
+from stepbus.runs import AnyScenario
+from stepbus_orchestrator import Episode, Result, RunFailure, Scenario
+from stepbus_participant import Config, Step, suggest
+from stepbus_schemas import RunError, WiringError
+
+from .episodes import Folders
+from .fields import Field
+from .interface import Interface, PortTypes, Vector, bounds, default_action, selected
+from .policy.load import checked_action
+from .policy.participant import PolicyParticipant
+from .render import Camera, Renderer
+
+Mode = Literal["torque", "velocity", "position"]
+Limits = Mapping[str, tuple[float, float]]
+_ALONE = "an environment runs in one process"
+_LOG = re.compile(r"; its log: \S+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """What a reward is made of.
+
+    step: of the scenario, and t: its time [s], of the observation. observation: after the action.
+    action: as it was given. inputs: port → newest message; None: there is none yet.
+    """
+
+    step: int
+    t: float
+    observation: Vector
+    action: Vector
+    inputs: Mapping[str, Any]
+
+
+class StepbusEnv(gymnasium.Env[Vector, Vector]):
+    """An environment in which the policy takes the place of a participant.
+
+    scenario: as of `stepbus.load`. participant: whose inputs are observed, and whose outputs are
+    the actions. reward: returns the reward of a moment. terminated: returns whether an episode
+    ends there; default: never. It is truncated at the scenario's duration. duration: another one,
+    such as `2s`. set, faults: as of `stepbus.load`. observe, act: which numbers, `port` or
+    `port.field`, in this order; default: all of all inputs, and what the outputs need that
+    somebody reads. joints: which joints are commanded; default: all. mode: how. limits:
+    `port.field` → (lowest, highest), where no port describes them, or others. record: `none`,
+    `all` (into `episodes/`), or a folder: each episode is a run there. policy: `module:function`,
+    which recordings name as what they replay. vary: draws settings for each episode, as `set`.
+    render_mode: `rgb_array`; camera: where from.
+
+    Observations and actions are vectors in SI units (`observation_fields`, `action_fields`); an
+    action beyond its limits is clipped. All other participants run in this process, without a
+    deadline for the policy. Call `close` at the end.
+
+    Raises ScenarioError or WiringError for what cannot run, RunFailure where the simulation fails.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012  (Gymnasium's)
+
+    def __init__(
+        self,
+        scenario: AnyScenario,
+        participant: str = "controller",
+        *,
+        reward: Callable[[Moment], float],
+        terminated: Callable[[Moment], bool] | None = None,
+        duration: str | None = None,
+        set: Overrides = (),  # noqa: A002  as --set on the command line
+        faults: Sequence[str] = (),
+        observe: Sequence[str] = (),
+        act: Sequence[str] = (),
+        joints: Sequence[str] = (),
+        mode: Mode = "torque",
+        limits: Limits | None = None,
+        record: str | PathLike[str] = "none",
+        policy: str = "",
+        vary: Callable[[np.random.Generator], Overrides] | None = None,
+        render_mode: str | None = None,
+        camera: Camera | None = None,
+    ) -> None:
+        self._pid, self._thread = os.getpid(), threading.get_ident()
+        self._episode: Episode | None = None
+        self._participant: PolicyParticipant | None = None
+        self._observation: Vector = np.zeros(0)
+        self._inputs: Mapping[str, Any] = {}
+        self._folders, self._temporary = Folders(record), Folders("none")
+        self._reward, self._terminated, self._vary = reward, terminated, vary
+        _check_functions(reward=reward, terminated=terminated, vary=vary)
+        if render_mode not in {None, "rgb_array"}:
+            raise WiringError(f"render_mode {render_mode!r}: there is only 'rgb_array'")
+        self.render_mode = render_mode
+        self._renderer = Renderer(camera or Camera())
+        self._frame: Any = None
+        self._given = scenario
+        self._settings = [*overrides(set), *([f"duration={duration}"] if duration else [])]
+        self._faults = list(faults)
+        self._name = participant
+        params = {
+            "policy": policy,
+            "observe": list(observe),
+            "act": list(act),
+            "joints": list(joints),
+            "mode": mode,
+            "limits": {name: list(pair) for name, pair in (limits or {}).items()},
+        }
+        self._params = {key: value for key, value in params.items() if value}
+        self._scenario = self._load([])
+        self._seeded = False
+        self.result: Result | None = None
+        self.observation_fields: list[Field] = []
+        self.action_fields: list[Field] = []
+        self._learn_spaces()
+
+    # --- Gymnasium ------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Vector, dict[str, Any]]:
+        """Start an episode; return its first observation, and its step and recording.
+
+        seed: of the scenario, and of those drawn for the episodes behind it. Without, the first
+        episode has that of the scenario. options: `set`, settings for this episode.
+        """
+        self._end("reset")
+        episode_seed = self._next_seed(seed)
+        more = overrides(_known(options).get("set", ()))
+        if self._vary is not None:
+            more = [*overrides(self._vary(self.np_random)), *more]
+        scenario = self._load(more) if more else self._scenario
+        scenario = dataclasses.replace(scenario, seed=episode_seed)
+        step = self._begin(scenario, is_recorded=self._folders.is_recorded)
+        return self._observation, self._info(step)
+
+    def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
+        """Take an action; return observation, reward, whether terminated or truncated, and info.
+
+        Raises RunError for an action of another form, or a reward that is none.
+        """
+        episode = self._episode
+        if episode is None or episode.step is None:
+            raise ResetNeeded("no episode is under way: call reset first")
+        given = checked_action(action, len(self.action_fields), episode.step.index)
+        step = episode.advance(given)
+        moment = Moment(
+            step=step.index,
+            t=step.t,
+            observation=self._observation,
+            action=given,
+            inputs=self._inputs,
+        )
+        reward = _number(self._called("reward", self._reward, moment), step.index)
+        ends = self._terminated is not None and bool(
+            self._called("terminated", self._terminated, moment)
+        )
+        steps = self._scenario.steps
+        is_late = steps is not None and step.index >= steps
+        info = self._info(step)
+        if ends or is_late:
+            if self.render_mode is not None:
+                self._frame = self._renderer.frame()
+            self._end("terminated" if ends else "truncated")
+        return moment.observation, reward, ends, is_late and not ends, info
+
+    def render(self) -> Any:
+        """Return a picture of the moment, shape (height, width, 3), or None without render mode."""
+        if self.render_mode is None:
+            return None
+        if self._episode is not None:
+            return self._renderer.frame()
+        if self._frame is None:
+            raise ResetNeeded("there is nothing to render yet: call reset first")
+        return self._frame
+
+    def close(self) -> None:
+        """End the episode; a recording of it stays."""
+        try:
+            self._end("closed")
+        finally:
+            self._temporary.drop()
+
+    def __del__(self) -> None:
+        is_ours = (os.getpid(), threading.get_ident()) == (self._pid, self._thread)
+        if is_ours and self.__dict__.get("_episode") is not None:
+            with contextlib.suppress(Exception):
+                self.close()
+
+    # --- episodes -------------------------------------------------------------------------
+
+    def _load(self, more: Sequence[str]) -> Scenario:
+        loaded = stepbus.load(self._given, set=[*self._settings, *more], faults=self._faults)
+        return _with_policy(loaded, self._name, self._params)
+
+    def _learn_spaces(self) -> None:
+        """Run to the first observation, which says what all of them hold."""
+        try:
+            self._begin(self._scenario, is_recorded=False)
+            interface = self._interface()
+            self.observation_fields, self.action_fields = interface.observation, interface.action
+            self.observation_space = Box(*bounds(self.observation_fields), dtype=np.float64)
+            self.action_space = Box(
+                np.array([field.low for field in self.action_fields]),
+                np.array([field.high for field in self.action_fields]),
+                dtype=np.float64,
+            )
+            fields = {"observation": self.observation_fields, "action": self.action_fields}
+            rows = {
+                space: {field.name: field.unit for field in own} for space, own in fields.items()
+            }
+            frames = {"render_fps": round(1e9 / (self._scenario.step_ns * self._every()))}
+            self.metadata = {**type(self).metadata, **frames, "units": rows}
+        except RunFailure as exc:
+            # Nobody finds the log: its folder goes now.
+            exc.args = (_LOG.sub("", str(exc)),)
+            raise
+        finally:
+            self.close()
+        self.result = None
+
+    def _every(self) -> int:
+        return self._scenario.participant(self._name).every
+
+    def _begin(self, scenario: Scenario, *, is_recorded: bool) -> Step:
+        folders = self._folders if is_recorded else self._temporary
+        with self._renderer.watching() if self.render_mode else contextlib.nullcontext():
+            episode = Episode(
+                scenario, self._name, self._make, folders.make(), is_recorded=is_recorded
+            )
+            try:
+                step = episode.start()
+            except WiringError as exc:
+                raise WiringError(str(exc).replace("leave out --in-process", _ALONE)) from exc
+        self._episode = episode
+        return step
+
+    def _make(self, config: Config, answer: Callable[[Step], Any]) -> PolicyParticipant:
+        def act(observation: Vector, inputs: Mapping[str, Any], step: Step) -> Vector:
+            self._observation, self._inputs = observation, inputs
+            action: Vector = answer(step)
+            return action
+
+        self._participant = PolicyParticipant(config, act)
+        return self._participant
+
+    def _end(self, reason: str) -> None:
+        episode, self._episode = self._episode, None
+        if episode is not None and episode.step is not None:
+            self.result = episode.end(f"the episode is {reason}")
+
+    def _next_seed(self, seed: int | None) -> int:
+        if seed is None and not self._seeded:
+            seed = self._scenario.seed
+        super().reset(seed=seed)
+        self._seeded = True
+        return seed if seed is not None else int(self.np_random.integers(2**31))
+
+    # --- what a step has ------------------------------------------------------------------
+
+    def _interface(self) -> Interface:
+        if self._participant is None or self._participant.interface is None:
+            raise ResetNeeded("no episode has begun")
+        return self._participant.interface
+
+    def _info(self, step: Step) -> dict[str, Any]:
+        episode = self._episode
+        recording = str(episode.recording) if episode and self._folders.is_recorded else ""
+        return {"step": step.index, "t": step.t, "recording": recording}
+
+    def _called(self, what: str, function: Callable[[Moment], Any], moment: Moment) -> Any:
+        try:
+            return function(moment)
+        except Exception as exc:
+            text = f"{type(exc).__name__}: {exc}" if str(exc) else type(exc).__name__
+            raise RunError(f"step {moment.step}: `{what}` raised {text}") from exc
+
+
+def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:
+    """Return a scenario in which a policy has the place of a participant.
+
+    Raises WiringError where that cannot be.
+    """
+    specs = {spec.name: spec for spec in scenario.participants}
+    spec = specs.get(name)
+    if spec is None:
+        raise WiringError(
+            f"{scenario.name} has no participant {name!r}{suggest(name, specs)}; "
+            f"it has {', '.join(specs)}"
+        )
+    if spec.publishes == "first":
+        raise WiringError(
+            f"{name} publishes first, before it has read its inputs; a policy answers them"
+        )
+    ports = PortTypes(
+        inputs={
+            port: scenario.participant(row.source).outputs[row.port].type
+            for port, row in spec.inputs.items()
+        },
+        outputs={port: row.type for port, row in spec.outputs.items()},
+        types=scenario.types,
+    )
+    read = {(row.source, row.port) for other in specs.values() for row in other.inputs.values()}
+    act = list(params.get("act", ())) or default_action(
+        ports, [port for port in ports.outputs if (name, port) in read]
+    )
+    if not act:
+        raise WiringError(f"{name} has no output with numbers that somebody reads; give `act`")
+    selected(ports, "outputs", act)
+    selected(ports, "inputs", params.get("observe", ()))
+    changed = dataclasses.replace(
+        spec,
+        exec=("python", "-m", "stepbus_gym.policy"),
+        params={**params, "act": act},
+        files=(),
+        bridge=None,
+        on_fault=None,
+        start="child",
+    )
+    rows = tuple(changed if row.name == name else row for row in scenario.participants)
+    return dataclasses.replace(scenario, participants=rows)
+
+
+def _check_functions(**functions: object) -> None:
+    for name, function in functions.items():
+        if function is not None and not callable(function):
+            raise WiringError(f"{name} is no function, but {type(function).__name__}")
+
+
+def _known(options: dict[str, Any] | None) -> Mapping[str, Any]:
+    unknown = [key for key in options or {} if key != "set"]
+    if unknown:
+        raise WiringError(f"reset has no option {unknown[0]!r}; it has `set`")
+    return options or {}
+
+
+def _number(value: Any, step: int) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise RunError(f"step {step}: `reward` returned {value!r}, no finite number")
+    return number

@@ -1,0 +1,57 @@
+"""Finds a policy: a function of an observation."""
+
+import importlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepbus_gym.interface import Vector
+from stepbus_schemas import RunError, WiringError
+
+Policy = Callable[[Vector], Any]
+
+
+def load_policy(name: str, folders: list[Path]) -> Policy:
+    """Return the policy that `module:function` names; a class is made once.
+
+    folders: searched before the installed modules. Raises WiringError where there is none.
+    """
+    module_name, _, attribute = name.partition(":")
+    if not module_name or not attribute.isidentifier():
+        raise WiringError(f"{name!r} names no policy; write module:function, e.g. my_policy:act")
+    path = list(sys.path)
+    try:
+        sys.path[:0] = map(str, folders)
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as exc:
+        where = " or ".join(map(str, folders))
+        raise WiringError(
+            f"policy {name}: no module {exc.name!r} in {where}, or installed"
+        ) from exc
+    except Exception as exc:
+        raise WiringError(f"policy {name} cannot be imported: {type(exc).__name__}: {exc}") from exc
+    finally:
+        sys.path[:] = path
+    found = getattr(module, attribute, None)
+    made = found() if isinstance(found, type) else found
+    if not callable(made):
+        raise WiringError(f"module {module_name!r} has no function {attribute!r}")
+    policy: Policy = made
+    return policy
+
+
+def checked_action(action: Any, size: int, step: int) -> Vector:
+    """Return an action as a vector; raises RunError for one of another form or not finite."""
+    try:
+        vector = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as exc:
+        raise RunError(f"step {step}: the action is no vector of numbers: {exc}") from exc
+    if vector.shape != (size,):
+        raise RunError(f"step {step}: the action has the shape {vector.shape}, not ({size},)")
+    if not np.isfinite(vector).all():
+        index = int(np.flatnonzero(~np.isfinite(vector))[0])
+        raise RunError(f"step {step}: entry {index} of the action is {vector[index]}")
+    return vector
