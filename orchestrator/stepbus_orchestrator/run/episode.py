@@ -1,6 +1,7 @@
 """A run in one process whose steps our caller makes: it is one of the participants."""
 
 import atexit
+import dataclasses
 import os
 import signal
 import threading
@@ -61,7 +62,8 @@ class Episode:
         self._options = Options(
             out=out, in_process=True, no_deadline=[name], seat=self, is_recorded=is_recorded
         )
-        self._scenario = scenario
+        # Nobody branches from an episode.
+        self._scenario = dataclasses.replace(scenario, checkpoint_steps=0)
         self._interrupt = threading.Event()
         self._run = greenlet(self._work)
         self._caller = getcurrent()
