@@ -78,7 +78,7 @@ class Watcher(Silent):
 
 def run_with_external(
     folder: Path, *overrides, names=("controller",), invited=None, paused=None, interrupt=None,
-    no_deadline=(), tickets=None, words="",
+    no_deadline=(), tickets=None, words="", real_time=None,
 ):  # fmt: skip
     """Return the result of a run of which some participants are started by somebody else, and what it told.
 
@@ -90,6 +90,6 @@ def run_with_external(
     watcher = Watcher(pace, invited, paused, words)
     options = Options(
         out=folder / "out", admits_external=True, tickets=tickets or {}, pace=pace,
-        no_deadline=no_deadline,
+        no_deadline=no_deadline, real_time=real_time,
     )  # fmt: skip
     return run(scenario, options, watcher, interrupt or threading.Event()), watcher.told

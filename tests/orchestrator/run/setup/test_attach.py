@@ -19,6 +19,7 @@ from support.runs.elsewhere import JOIN, SHORT, Elsewhere, run_with_external
 from support.runs.joints import PROGRAM, fault, run_joints, write_scenario
 
 from stepbus_orchestrator import ExitCode, Options, load
+from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.control import invitations
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
@@ -88,6 +89,18 @@ def test_on_tcp_too(tmp_path, elsewhere, as_child):
         tmp_path, "bus.transport=tcp", invited=lambda: elsewhere.join(tmp_path / TICKET)
     )
     assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+
+
+@pytest.mark.slow
+def test_in_real_time_it_gives_the_same_bytes_and_a_branch_starts_it_itself(
+    tmp_path, elsewhere, as_child
+):
+    result, _ = run_with_external(
+        tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET), real_time=2.0
+    )
+    assert (result.exit_code, result.sha256) == (0, as_child.sha256)
+    assert result.real_time.steps == 100
+    assert branch(result.recording, 60, tmp_path / "branch", in_process=True).equal
 
 
 def test_who_never_comes_is_named(tmp_path, elsewhere):
