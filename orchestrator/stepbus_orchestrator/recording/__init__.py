@@ -14,7 +14,7 @@ from .timing import TimingRecorder
 from .unrecorded import NoRecorder, NoTiming
 
 if TYPE_CHECKING:
-    from .reader import BATCH_BYTES, Batch, Entry, Port, Recording
+    from .reader import BATCH_BYTES, Batch, Entry, Port, Recording, Tail, TailPort
 
 __all__ = [
     "BATCH_BYTES",
@@ -32,6 +32,8 @@ __all__ = [
     "Recovery",
     "SavedState",
     "Sink",
+    "Tail",
+    "TailPort",
     "TimingRecorder",
     "recover",
 ]

@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 from stepbus_participant import (
+    CallError,
     Config,
     Method,
     Participant,
@@ -28,11 +29,13 @@ from stepbus_schemas import (
 from .devices import camera
 from .devices import planogram as plan
 from .devices import registry as devices
+from .devices.base import BaseDriver
 from .devices.registry import Driver
 from .devices.sensors import registry as sensors
 from .joints.commander import Commander
 from .params import Params
 from .plant import Plant
+from .world.calls import WorldCalls
 from .world.file import load_world
 
 _TYPES = {
@@ -45,14 +48,20 @@ _TYPES = {
 
 
 class _Saved(msgspec.Struct):
-    """plant: its own state. modes: port → mode of the last command. warnings, events: pending."""
+    """plant: its own state. modes: port → mode of the last command. warnings, events: pending.
+
+    is_stopped: by an emergency stop.
+    """
 
     plant: bytes
     modes: dict[str, JointMode | None]
     warnings: list[str]
     events: list[str]
+    is_stopped: bool = False
 
 
+STOPPED = (Commander, BaseDriver)
+"""What an emergency stop stops; a gripper keeps what it holds."""
 _log = logging.getLogger("stepbus_plant")
 
 
@@ -82,6 +91,7 @@ class PlantParticipant(Participant):
         self._pose_ports = [name for name, port in outputs if port.type == "Poses/1"]
         self._warnings: list[str] = []
         self._events: list[str] = []
+        self._is_stopped = False
         try:
             self._connect(params)
         except WiringError as exc:
@@ -211,7 +221,7 @@ class PlantParticipant(Participant):
         # The state of the first step is that before any command.
         advances = not is_last or step.index > 0
         for port, driver in self._drivers.items():
-            if step.is_new(port):
+            if step.is_new(port) and not (self._is_stopped and isinstance(driver, STOPPED)):
                 driver.apply(step.read(port))
             if advances:
                 driver.before_step()
@@ -232,7 +242,9 @@ class PlantParticipant(Participant):
             for port, driver in self._drivers.items()
             if isinstance(driver, Commander)
         }
-        return msgspec.msgpack.encode(_Saved(plant, modes, self._warnings, self._events))
+        return msgspec.msgpack.encode(
+            _Saved(plant, modes, self._warnings, self._events, self._is_stopped)
+        )
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
@@ -242,6 +254,7 @@ class PlantParticipant(Participant):
             if isinstance(driver, Commander):
                 driver.mode = saved.modes[port]
         self._warnings, self._events = saved.warnings, saved.events
+        self._is_stopped = saved.is_stopped
 
     def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
         """Queue messages for the next output, or log them if there is no Event port."""
@@ -252,8 +265,27 @@ class PlantParticipant(Participant):
             _log.log(level, text)
 
     def calls(self) -> Mapping[str, Method]:
-        """Return the calls that query joints between two steps, or teleport one."""
-        return self.plant.joint_calls().methods()
+        """Return the calls that query joints and bodies between two steps, or change them."""
+        stop = Method(
+            self.emergency_stop,
+            "[ON]: brakes all joints and bases, whatever is commanded, until it is called with "
+            "false; a gripper keeps what it holds",
+            changes=True,
+        )
+        world = WorldCalls(self.plant.script, lambda: self.plant.t_ns)
+        return {**self.plant.joint_calls().methods(), **world.methods(), "emergency_stop": stop}
+
+    def emergency_stop(self, on: bool = True) -> None:
+        """Brake all joints and bases, or let commands move them again."""
+        if not isinstance(on, bool):
+            raise CallError(f"{on!r} is neither true nor false")
+        self._is_stopped = on
+        if on:
+            for driver in self._drivers.values():
+                if isinstance(driver, STOPPED):
+                    driver.stop()
+        text = "emergency stop" if on else "emergency stop released"
+        self._report([f"at {self.plant.t_ns / 1e9:.9g} s: {text}"], self._events, logging.INFO)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that the physics depend on."""

@@ -255,7 +255,7 @@ class Plant:
 
         See `checkpoint.py`.
         """
-        if not can_save(self.world, self.params, self.physics):
+        if self.script.has_moved or not can_save(self.world, self.params, self.physics):
             return None
         return pack(
             t_ns=self.t_ns,

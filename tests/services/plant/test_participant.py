@@ -1,7 +1,10 @@
+import math
+import re
+
 import pytest
 from support.services.control import TWO_LINK, Stand
 
-from stepbus_participant import Config
+from stepbus_participant import CallError, Config
 from stepbus_plant import PlantParticipant
 from stepbus_plant.errors import CommandError
 from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError
@@ -133,3 +136,53 @@ def test_poses_are_published_at_their_own_period():
 def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):
     with pytest.raises(WiringError, match=sentence):
         PlantParticipant(config(gives="Poses/1", poses_period=text))
+
+
+def test_an_emergency_stop_brakes_whatever_is_commanded_until_it_is_released():
+    stand = started()
+    stop = stand.participant.calls()["emergency_stop"].function
+    stop()
+    before = stand.participant.plant.sense().position
+    for step in range(20):
+        stand.update(step, command=torque(5.0, 5.0))
+    state = stand.participant.plant.sense()
+    assert state.position == pytest.approx(before, abs=0.01)
+    stop(False)
+    for step in range(20, 40):
+        stand.update(step, command=torque(5.0, 5.0))
+    assert stand.participant.plant.sense().effort == [5.0, 5.0]
+
+
+def test_an_emergency_stop_is_in_a_checkpoint():
+    stand = started()
+    stand.participant.calls()["emergency_stop"].function()
+    saved = stand.participant.save()
+    other = started()
+    other.participant.restore(saved)
+    other.update(0, command=torque(5.0, 5.0))
+    assert other.participant.plant.sense().effort != [5.0, 5.0]
+
+
+def test_a_call_moves_a_body_and_no_checkpoint_claims_to_know_it():
+    participant = started().participant
+    calls = participant.calls()
+    assert calls["body_names"].function() == ["arm"]
+    calls["move_body"].function("arm", 1, 2, 3.0, 0.5)
+    sensor = participant.plant.pose_sensor(None)
+    pose = sensor.sense()
+    assert pose.position[0] == pytest.approx((1, 2, 3))
+    assert pose.orientation[0][3] == pytest.approx(math.cos(0.25))
+    assert participant.save() is None
+
+
+@pytest.mark.parametrize(
+    ("args", "text"),
+    [
+        (("arn", 0, 0, 0), "body 'arn' is unknown; did you mean 'arm'?"),
+        (("arm", 0, "x", 0), "body arm: 'x' is no number"),
+        (("arm", 0, 0, math.nan), "body arm: nan is no number"),
+    ],
+)
+def test_a_body_that_cannot_be_moved_stays(args, text):
+    with pytest.raises(CallError, match=re.escape(text)):
+        started().participant.calls()["move_body"].function(*args)

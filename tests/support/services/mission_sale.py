@@ -39,8 +39,11 @@ class Result:
         return [event.text for event in self.events if event.level == "error"]
 
 
-def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
-    """Run a mission against a store until it ends; raises AssertionError where it does not."""
+def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
+    """Run a mission against a store until it ends; raises AssertionError where it does not.
+
+    ask: gets the mission before its step 50, to call it.
+    """
     localized = store.drift is not None
     mission = StoreMission(config(localized=localized, **params))
     mission.start({port: store.description() for port in ("poses", "planogram")})
@@ -48,6 +51,8 @@ def sell(store: FakeStore, steps: int = 20_000, **params) -> Result:
     stand = Stand(mission)
     result = Result([], [], "", "", "", walked)
     for index in range(steps):
+        if index == 50 and ask is not None:
+            ask(mission.calls())
         messages = {
             "poses": store.poses(),
             "odometry": store.odometry(),

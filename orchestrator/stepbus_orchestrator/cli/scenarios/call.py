@@ -17,6 +17,9 @@ from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
+_RUN = "run"
+"""Stands for the run itself, as if it were a participant."""
+
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", type=Path, help="folder of a running run")
@@ -24,7 +27,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "participant",
         nargs="?",
         default="",
-        help="participant to ask; without it, lists all methods",
+        help="participant to ask, or `run`: the run itself; without it, lists all methods",
     )
     parser.add_argument("method", nargs="?", default="", help="method to call")
     parser.add_argument("args", nargs="*", metavar="ARG", help="arguments, as YAML values")
@@ -36,7 +39,8 @@ def _execute(args: argparse.Namespace) -> int:
         _list(call(args.run).value, args.participant, as_json=args.json)
         return 0
     values = [parse_yaml(text, text) for text in args.args]
-    reply = call(args.run, args.participant, args.method, values)
+    name = "" if args.participant == _RUN else args.participant
+    reply = call(args.run, name, args.method, values)
     if args.json:
         say_json({"step": reply.step, "value": reply.value})
     else:
@@ -73,6 +77,7 @@ COMMAND = Command(
         "stepbus call runs/two_link-20260101-120000 plant set_joint_position joint1 0.5",
         "stepbus call runs/two_link-20260101-120000 mission set_target joint1 30deg 0.5",
         "stepbus call runs/two_link-20260101-120000 controller set kp 90",
+        "stepbus call runs/two_link-20260101-120000 run pause",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

@@ -27,6 +27,8 @@ from stepbus_orchestrator.run.setup.options import check_names
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_schemas import StepbusError, WiringError
 
+from .viewer import viewed
+
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
 _NO_REPORT = "no plots  the report was interrupted; the recording and result.json are whole"
@@ -112,6 +114,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="make no report.html and no report.png, only figures",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+    parser.add_argument(
+        "--view",
+        action="store_true",
+        help="show the run in 3D in the browser while it goes on (docs/guide/viewing.md)",
+    )
+    parser.add_argument("--no-open", action="store_true", help="with --view, start no browser")
 
 
 def _factor(text: str) -> float:
@@ -157,10 +165,11 @@ def _execute(args: argparse.Namespace) -> int:
     # Else it would be the scenario that cannot be read.
     check_limits(1)
     scenario = _load(args)
-    if args.pause_at is not None and (args.json or args.debug or not has_terminal()):
+    has_keys = has_terminal() and not (args.json or args.debug)
+    if args.pause_at is not None and not (has_keys or args.view):
         raise WiringError(
-            "--pause-at needs a terminal whose keys let the run continue; it excludes --json "
-            "and --debug"
+            "--pause-at needs a terminal whose keys let the run continue, or --view; it excludes "
+            "--json and --debug"
         )
     if args.speedscope and not args.profile:
         raise WiringError("--speedscope needs --profile")
@@ -196,14 +205,16 @@ def _execute(args: argparse.Namespace) -> int:
         )
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if args.json or args.debug else controlled(pace, interrupt)
-        with display as shown, keys:
-            result = run(scenario, options, shown, interrupt)
-        lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
-        if args.json:
-            say_json(result)
-        else:
-            _summarise(result, lines)
-        settle()
+        page = viewed(out, stays=has_keys, opens=not args.no_open) if args.view else nullcontext()
+        with page:
+            with display as shown, keys:
+                result = run(scenario, options, shown, interrupt)
+            lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
+            if args.json:
+                say_json(result)
+            else:
+                _summarise(result, lines)
+            settle()
     return result.exit_code
 
 
@@ -299,6 +310,7 @@ COMMAND = Command(
         "stepbus run my/scenario.yaml --window 1 --out /tmp/run1",
         "stepbus run two_link --fault 'freeze controller at 500 for 200ms'",
         "stepbus run my/scenario.yaml --debug controller",
+        "stepbus run two_link --view --real-time",
         "stepbus run two_link --external controller",
         "stepbus run two_link --external controller=/tmp/c.ticket --no-deadline controller",
     ),

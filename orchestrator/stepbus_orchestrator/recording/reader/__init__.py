@@ -4,5 +4,6 @@ from .batches import BATCH_BYTES, Batch
 from .port import Port
 from .recording import Recording
 from .source import Entry
+from .tail import Tail, TailPort
 
-__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording"]
+__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording", "Tail", "TailPort"]

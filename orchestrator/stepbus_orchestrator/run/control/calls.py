@@ -38,6 +38,8 @@ _LONGEST_CHECK_S = 0.25
 """One check counts for at most this long: a suspended orchestrator is nobody's fault (P12.1)."""
 
 Reply = Callable[[CallReply], None]
+Steer = Callable[[str, Sequence[Any]], CallReply]
+"""Answers a call to the run itself: method and arguments."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +73,8 @@ class Calls:
     change something are recorded, and made again by `rerun` and `replay`.
 
     planned: calls of a recording. new: further ones, each at its step; one that fails ends the run
-    with a RunFailure. Methods run on the run's own thread.
+    with a RunFailure. steer: answers calls to the run itself, which are not recorded. Methods run
+    on the run's own thread.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class Calls:
             )
         )
         self._open: _Open | None = None
+        self.steer: Steer = _no_steering
         self._number = 0
         self._puts = {
             spec.name: session.announcer.publisher(f"call/{spec.name}", "Call/1")
@@ -163,7 +167,10 @@ class Calls:
             self._state.unauthenticated += 1
             return
         if not request.participant:
-            reply(CallReply(value=self._offered()))
+            if request.method:
+                reply(self.steer(request.method, request.args))
+            else:
+                reply(CallReply(value=self._offered()))
             return
         mistake = self._mistake(request.participant, request.method)
         if mistake is not None:
@@ -283,6 +290,10 @@ def _insist(call: CallRecord, reply: CallReply) -> None:
             step=call.step,
             code=ExitCode.SCENARIO,
         )
+
+
+def _no_steering(method: str, _args: Sequence[Any]) -> CallReply:
+    return CallReply(error=f"this run has no call {method!r}")
 
 
 def _no_reply(_reply: CallReply) -> None:

@@ -4,7 +4,7 @@ import contextlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 
@@ -50,31 +50,64 @@ def call(
 ) -> CallReply:
     """Call a participant of a live run; it answers between two steps.
 
-    folder: of the run. participant: default: none; the answer's value lists all calls. method,
-    args: of the call; numbers, texts, lists, maps.
+    folder: of the run. participant: default: the run itself; without a method, the answer's value
+    lists all calls. method, args: of the call; numbers, texts, lists, maps.
 
     Raises WiringError when no run is live there, the call is refused or it is longer than the
     run's transport carries; BusFailed when the run does not answer.
     """
-    live = _read(folder)
-    request = CallRequest(token=live.token, participant=participant, method=method, args=list(args))
-    question = _pack(live, request)
-    try:
-        bus = ZenohBus(live.endpoint, live.run)
-    except BusError as exc:
-        raise BusFailed(f"{folder}: {exc}; was the run killed?") from exc
-    try:
-        for answer in bus.query(CALL_KEY, question, encoding_of("CallRequest/1"), _ANSWER_S):
+    with Line(folder) as line:
+        return line.call(participant, method, args)
+
+
+class Line:
+    """A line to a live run, for several calls.
+
+    Raises WiringError when no run is live in the folder, BusFailed when it cannot be reached.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._live = _read(folder)
+        try:
+            self._bus = ZenohBus(self._live.endpoint, self._live.run)
+        except BusError as exc:
+            raise BusFailed(f"{folder}: {exc}; was the run killed?") from exc
+
+    def call(
+        self,
+        participant: str = "",
+        method: str = "",
+        args: Sequence[Any] = (),
+        timeout_s: float = _ANSWER_S,
+    ) -> CallReply:
+        """Call a participant, or the run itself; as the function `call`, with a time limit [s]."""
+        live = self._live
+        request = CallRequest(
+            token=live.token, participant=participant, method=method, args=list(args)
+        )
+        question = _pack(live, request)
+        for answer in self._bus.query(CALL_KEY, question, encoding_of("CallRequest/1"), timeout_s):
             reply = _decode_reply(answer)
             if reply.error is not None:
                 raise WiringError(reply.error)
             return reply
-    finally:
-        bus.close()
-    raise BusFailed(
-        f"{folder}: the run does not answer; was it killed? Then "
-        "`stepbus recover` repairs its recording"
-    )
+        raise BusFailed(
+            f"{self._folder}: the run does not answer; was it killed? Then "
+            "`stepbus recover` repairs its recording"
+        )
+
+    def close(self) -> None:
+        """Close it."""
+        self._bus.close()
+
+    def __enter__(self) -> Self:
+        """Return it."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
 
 
 def _pack(live: Live, request: CallRequest) -> bytes:

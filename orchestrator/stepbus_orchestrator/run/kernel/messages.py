@@ -191,8 +191,11 @@ class MessageHandler:
     def _add_timing(self, log: Log) -> None:
         self._timing.steps(log.name, log.timing)
         total, count = self._state.compute.get(log.name, (0, 0))
-        for _, _, computed in log.timing:
+        waiting = self._state.waited.get(log.name, 0)
+        for _, waited, computed in log.timing:
             total += computed
+            waiting += waited
+        self._state.waited[log.name] = waiting
         self._state.compute[log.name] = (total, count + len(log.timing))
 
     def take_bulk(self, name: str, port: str, stamp: bytes, data: bytes) -> None:

@@ -24,7 +24,8 @@ class RunState:
     participants: those whose processes have been started. released: the newest trigger; steps
     below it may be worked on. unauthenticated: how many messages were dropped. end: the step
     before which the run ends, and why, once it was requested. compute: participant →
-    total computing time [ns] and number of steps. newest: of each participant, port → its last
+    total computing time [ns] and number of steps. waited: participant → its total waiting time
+    [ns] in these. newest: of each participant, port → its last
     message. started_at: when the first trigger was sent, by
     the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
     is_prefix: whether the steps are those of a recording still. counts_from: of a participant that
@@ -42,6 +43,7 @@ class RunState:
     unauthenticated: int = 0
     end: tuple[int, str] | None = None
     compute: dict[str, tuple[int, int]] = field(default_factory=dict)
+    waited: dict[str, int] = field(default_factory=dict)
     newest: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     started_at: float = 0.0
     replaced: str | None = None
@@ -65,6 +67,14 @@ class RunState:
         """End the run before a step; of several requests, the earliest counts (P7.4)."""
         asked = (step, reason)
         self.end = asked if self.end is None else min(self.end, asked)
+
+    def waited_us(self) -> dict[str, float]:
+        """Return the mean time that each participant waits in a step [µs]."""
+        return {
+            name: self.waited.get(name, 0) / count * 1e-3
+            for name, (_, count) in self.compute.items()
+            if count
+        }
 
     @property
     def last_step(self) -> int:

@@ -16,6 +16,8 @@ from stepbus_orchestrator.run.control.injector import Injector
 from stepbus_orchestrator.run.control.invitations import Invitations
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.control.real_time import RealTime
+from stepbus_orchestrator.run.control.speed import Speed
+from stepbus_orchestrator.run.control.steering import RunSteering
 from stepbus_orchestrator.run.fallback.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.failures import death, kept_thread, took_nothing
 from stepbus_orchestrator.run.kernel.gates import Gate, step_limit
@@ -110,13 +112,20 @@ class RunLoop:
         self.calls = Calls(
             session, self.state, records.recorder, controls.calls, controls.new_calls
         )
-        gates = (controls.injector, controls.pace, controls.prefix, self.calls)
+        self.pace = controls.pace or Pace()
+        self.speed = Speed(session.scenario.step_ns)
+        self.steering = RunSteering(
+            self.state, self.pace, self.speed, self.progress, controls.interrupt
+        )
+        self.calls.steer = self.steering.take
+        gates = (controls.injector, self.pace, self.speed, controls.prefix, self.calls)
         self._gates: list[Gate] = [gate for gate in gates if gate is not None]
         self._killed: list[str] = []
         self._completed = 0
         self._began = time.monotonic()
         self._checked_at = self._began
         self._ticks = 0
+        self._flushed_at = self._began
         self.announcer.on_block = self.kill_blockers
         subscribe(session, messages, self.safe_stop, self.calls)
 
@@ -128,9 +137,13 @@ class RunLoop:
         check: of deadlines; gets the time since the last check [s].
         """
         clock = self.controls.real_time if self.state.phase.is_stepping else None
-        wait_s = TICK_S if clock is None else clock.wait_s(self.state.released, TICK_S)
+        is_slowed = self.state.phase.is_stepping and self.speed.factor is not None
+        wait_s = self._longest_wait_s() if is_slowed else TICK_S
+        if clock is not None:
+            wait_s = clock.wait_s(self.state.released, wait_s)
         self.session.inbox.receive(wait_s)
-        self.release(always=clock is not None)
+        self.release(always=clock is not None or is_slowed)
+        self._flush_for_viewers()
         if self.controls.interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
         elapsed_s = time.monotonic() - self.state.away_s - self._checked_at
@@ -146,6 +159,17 @@ class RunLoop:
             self.recorder.flush()
         if self._ticks % _PROGRESS_EVERY == 0:
             self.controls.observer.progress(self.progress())
+
+    def _longest_wait_s(self) -> float:
+        """Return how long to wait for messages in a run that is slowed down [s]."""
+        return self.speed.wait_s(self.state.released, TICK_S)
+
+    def _flush_for_viewers(self) -> None:
+        """Write what is recorded as often as somebody who watches the run asks for."""
+        period_s = self.steering.flush_s
+        if period_s is not None and time.monotonic() - self._flushed_at >= period_s:
+            self._flushed_at = time.monotonic()
+            self.recorder.flush()
 
     def receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
@@ -251,7 +275,7 @@ class RunLoop:
         participants = state.participants.values()
         # Until the next step is due, a run in real time is held too.
         in_time = self.controls.real_time is not None
-        in_time = in_time and not (self.controls.pace is not None and self.controls.pace.paused)
+        in_time = (in_time or self.speed.factor is not None) and not self.pace.paused
         is_paused = state.phase.is_stepping and state.is_held and not in_time
         is_moving = state.phase.is_stepping and not is_paused
         return Progress(

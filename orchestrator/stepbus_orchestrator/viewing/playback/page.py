@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,8 @@ def open_recording(path: Path) -> Recording:
 class Playback:
     """A recording on a page, with its time.
 
-    server: of viser. other: a second recording, drawn as a ghost at the same time.
+    server: of viser. other: a second recording, drawn as a ghost at the same time. is_playing:
+    whether its time goes on by itself.
     """
 
     def __init__(self, server: Any, recording: Recording, other: Recording | None = None) -> None:
@@ -50,7 +51,7 @@ class Playback:
         self._other = None if other is None else History(other)
         scene = build_scene(recording.path, recording.ports, recording.attachments)
         self._t_ns = 0
-        self._is_playing = False
+        self.is_playing = False
         self._jumps: dict[str, int] = {}
         self._pending: list[Callable[[], None]] = []
         self._lock = threading.Lock()
@@ -74,7 +75,7 @@ class Playback:
         )
         self._slider.on_update(self._dragged)
         self._play = gui.add_button("play")
-        self._play.on_click(lambda _: self.play(playing=not self._is_playing))
+        self._play.on_click(lambda _: self.play(playing=not self.is_playing))
         self._step = gui.add_button_group("step", _STEPS)
         self._step.on_click(lambda _: self._stepped(str(self._step.value)))
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 ×")
@@ -90,7 +91,7 @@ class Playback:
         """Play, or hold; at its end, it starts anew."""
         if playing and self._t_ns >= self._history.end_ns:
             self._t_ns = 0
-        self._is_playing = playing
+        self.is_playing = playing
         self._play.label = "pause" if playing else "play"
 
     def _stepped(self, which: str) -> None:
@@ -146,6 +147,16 @@ class Playback:
         text = f"{t_ns * 1e-9:.3f} s first divergence: {found.divergence.text()}"
         self._later(lambda: self._add_jumps({text: t_ns}))
 
+    @property
+    def status(self) -> str:
+        """Return how far it is, as Markdown."""
+        return str(self._view.status.content)
+
+    @property
+    def events(self) -> Sequence[str]:
+        """Return what the viewer can jump to."""
+        return list(self._jumps)
+
     # --- time -----------------------------------------------------------------------------
 
     def turn(self, elapsed_s: float) -> None:
@@ -154,7 +165,7 @@ class Playback:
             pending, self._pending = self._pending, []
         for work in pending:
             work()
-        if self._is_playing:
+        if self.is_playing:
             speed = SPEEDS[self._speed.value]
             self._t_ns = min(self._t_ns + round(elapsed_s * speed * 1e9), self._history.end_ns)
             if self._t_ns >= self._history.end_ns:

@@ -216,14 +216,31 @@ class Params(Settings):
         """Return the largest number of orders in a row of the outlet."""
         return -(-len(self.orders) // self.outlet.rows)
 
-    def outlet_spot(self, number: int) -> Spot:
-        """Return the spot of an order in the outlet; number: counted from 0."""
+    def outlet_spot(self, number: int, planned: int) -> Spot:
+        """Return the spot of an order in the outlet; number: counted from 0.
+
+        planned: how many orders there were at the start; further ones stand beside those, on the
+        right and on the left in turn, so that no spot of an item that stands there moves.
+        """
         outlet = self.outlet
         x, y, _ = outlet.position
-        row, column = divmod(number, self._in_a_row)
-        left = outlet.pitch * ((self._in_a_row - 1) / 2 - column)
+        width = -(-planned // outlet.rows)
+        row, column = divmod(number, width)
+        if number >= planned:
+            further, row = divmod(number - planned, outlet.rows)
+            column = -1 - further // 2 if further % 2 else width + further // 2
+        left = outlet.pitch * ((width - 1) / 2 - column)
         behind = outlet.depth * ((outlet.rows - 1) / 2 - row)
         return Spot(x=x, y=y, yaw=outlet.yaw).ahead(behind, left=left)
+
+    def is_in_outlet(self, number: int, planned: int) -> bool:
+        """Return whether the spot of an order is on the outlet, as of `outlet_spot`."""
+        outlet = self.outlet
+        spot = self.outlet_spot(number, planned)
+        away = math.hypot(spot.x - outlet.position[0], spot.y - outlet.position[1])
+        widest = math.hypot(outlet.length / 2 - outlet.pitch / 2, outlet.depth * outlet.rows / 2)
+        along = widest if outlet.rows > 1 else outlet.length / 2 - outlet.pitch / 2
+        return away <= along + 1e-9
 
 
 def unknown_type(given: str, types: Sequence[str]) -> str:

@@ -10,7 +10,16 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from stepbus_participant import Config, Participant, Ports, Step, suggest
+from stepbus_participant import (
+    CallError,
+    Config,
+    Method,
+    Participant,
+    Ports,
+    SettingsError,
+    Step,
+    suggest,
+)
 from stepbus_schemas import (
     BaseState,
     Contacts,
@@ -76,10 +85,40 @@ class StoreMission(Participant):
         self._ports = _find_ports(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
+        self._further: list[str] = []
         self._statuses: dict[int, GoalStatus] = {}
         self._failure = ""
         self._is_done = False
         self._store: StoreState | None = None
+
+    def calls(self) -> Mapping[str, Method]:
+        """Return the call that orders one more item."""
+        order = Method(
+            self.order,
+            "TYPE: orders one more item, after those that are ordered; returns their number",
+            changes=True,
+        )
+        return {"order": order}
+
+    def order(self, item_type: str) -> int:
+        """Order one more item of a type; raises CallError for one that cannot be sold."""
+        if self._is_done or self._failure:
+            raise CallError("the mission is over")
+        given = [*self.config.params["orders"], *self._further, item_type]
+        params = {**self.config.params, "orders": given}
+        try:
+            settings = replace(self.config, params=params).read(Params)
+        except SettingsError as exc:
+            raise CallError(str(exc)) from exc
+        if item_type not in self._stock.types:
+            raise CallError(unknown_type(item_type, self._stock.types))
+        if not settings.is_in_outlet(len(given) - 1, len(given) - 1 - len(self._further)):
+            raise CallError(f"the outlet is full: {len(given) - 1} items are ordered")
+        self._further.append(item_type)
+        self._settings = settings
+        if self._store is not None:
+            self._store.settings = settings
+        return len(given)
 
     def describe(self) -> Mapping[str, Description]:
         """Return empty descriptions: no output has named elements."""
@@ -127,6 +166,7 @@ class StoreMission(Participant):
             visit = Visit(state=FIRST, start_ns=step.t_ns)
             self._store = StoreState(
                 settings=self._settings,
+                planned=len(self._settings.orders) - len(self._further),
                 stock=self._stock,
                 witness=self._witness_of(inputs.poses),
                 visit=visit,

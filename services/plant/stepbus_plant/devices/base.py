@@ -123,5 +123,9 @@ class BaseDriver:
             velocities = list(command.wheels)
         self._commander.apply(JointCommand(mode="velocity", values=velocities))
 
+    def stop(self) -> None:
+        """Brake both wheels, until the next command."""
+        self._commander.stop()
+
     def before_step(self) -> None:
         """Do nothing: the wheels keep their velocities."""

@@ -135,6 +135,10 @@ class Commander:
                 self._reject(f"joint {joint.name} is already driven by input {owner!r}")
         self.mode = mode
 
+    def stop(self) -> None:
+        """Hold every joint where it is, until the next command."""
+        self._brake()
+
     def _brake(self) -> None:
         """Hold every joint at its current position; a repeated brake keeps the first one."""
         if self.mode == "brake":

@@ -31,6 +31,7 @@ class Script:
     """The actions of a run; each is executed once, in order of time.
 
     actions: checked by `check_script`. bodies: names of the engine's bodies, in its order.
+    has_moved: whether a call has moved a body.
     """
 
     def __init__(
@@ -43,6 +44,19 @@ class Script:
         self._pending = sorted(actions, key=lambda action: action.at_ns)
         self._locks: dict[str, _Lock] = {}
         self._events: list[str] = []
+        self.has_moved = False
+
+    @property
+    def body_names(self) -> list[str]:
+        """Return the names of all bodies, in the order of the world."""
+        return list(self._bodies)
+
+    def move(
+        self, t_ns: int, name: str, position: Sequence[float], rpy: Sequence[float] | None
+    ) -> None:
+        """Move a body now, as a call asks; t_ns: the time [ns]."""
+        self.has_moved = True
+        self._events.append(f"at {t_ns / 1e9:.9g} s: {self._move_body(name, position, rpy)}")
 
     def run(self, t_ns: int) -> None:
         """Execute the actions that are due at a time [ns]."""

@@ -1,6 +1,7 @@
 """Sales: the good run, attempts, items that are missing, and what is refused before a run."""
 
 import math
+import re
 
 import pytest
 from support.services.mission_sale import sell
@@ -9,6 +10,7 @@ from support.services.mission_store import FakeStore, Thing, config, shelf_a
 from stepbus_mission.store.participant import StoreMission
 from stepbus_mission.store.states.approaches import APPROACHES
 from stepbus_mission.store.states.checks import PLANNABLE
+from stepbus_participant import CallError
 from stepbus_schemas import Description, WiringError, encode
 
 ONE_SALE = (
@@ -44,6 +46,33 @@ def test_several_orders_stand_in_a_row():
     assert result.end == "mission: 3 of 3 sales are done"
     xs = [store.things[name].x for name in ("water_a1_4", "cola_a1_2", "juice_a1_5")]
     assert xs == pytest.approx([0.03, 0.15, 0.27])
+
+
+def test_what_is_ordered_by_a_call_stands_beside_the_others():
+    store, answers = FakeStore(shelf_a(*GOODS)), []
+
+    def ask(calls):
+        answers.extend(calls["order"].function(kind) for kind in ("water", "juice"))
+
+    result = sell(store, orders=["cola"], ask=ask)
+    assert result.end == "mission: 3 of 3 sales are done"
+    assert answers == [2, 3]
+    xs = [store.things[name].x for name in ("cola_a1_2", "water_a1_4", "juice_a1_5")]
+    assert xs == pytest.approx([0.15, 0.27, 0.03])
+
+
+@pytest.mark.parametrize(
+    ("orders", "text"),
+    [(["cole"], "type 'cole' is unknown; did you mean 'cola'?"), (["cola"] * 3, "outlet is full")],
+)
+def test_what_cannot_be_sold_is_not_ordered(orders, text):
+    def ask(calls):
+        for kind in orders[:-1]:
+            calls["order"].function(kind)
+        with pytest.raises(CallError, match=re.escape(text)):
+            calls["order"].function(orders[-1])
+
+    assert "sales are done" in sell(FakeStore(shelf_a(*GOODS, ("cola", 1))), ask=ask).end
 
 
 def test_ten_orders_stand_in_two_rows_the_one_at_the_back_first():

@@ -299,7 +299,9 @@ def _carried(store: StoreState) -> Spot:
 def _spot(store: StoreState) -> Spot:
     """Return the sale's spot in the outlet."""
     sale, _ = store.now
-    return _aligned(store, store.in_odometry(store.settings.outlet_spot(sale.number - 1)))
+    return _aligned(
+        store, store.in_odometry(store.settings.outlet_spot(sale.number - 1, store.planned))
+    )
 
 
 def _aligned(store: StoreState, spot: Spot) -> Spot:

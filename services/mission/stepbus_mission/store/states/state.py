@@ -108,14 +108,16 @@ class Sale:
 class StoreState:
     """All that the states read and write.
 
-    settings: of the scenario. witness: of items that move; None: nobody sees that. started: number
-    of orders started. missing: names of items not found. unsold: orders that were left out. log:
-    entries of this step. problem: the latest failure; doing: the activity that failed;
-    attempts_text: how many attempts failed. rest: how the emergency stop went. trip: id of the goal
-    of the base beside which others are carried out, with its destination, activity and latest text.
+    settings: of the scenario. planned: number of orders at the start. witness: of items that move;
+    None: nobody sees that. started: number of orders started. missing: names of items not found.
+    unsold: orders that were left out. log: entries of this step. problem: the latest failure;
+    doing: the activity that failed; attempts_text: how many attempts failed. rest: how the
+    emergency stop went. trip: id of the goal of the base beside which others are carried out, with
+    its destination, activity and latest text.
     """
 
     settings: Params
+    planned: int
     stock: Stock
     witness: Witness | None
     visit: Visit

@@ -49,7 +49,7 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the outlet"
         return Outcome(name="misplaced", cause="blind", text=text)
     visit.views += 1
-    spot = store.in_odometry(settings.outlet_spot(sale.number - 1))
+    spot = store.in_odometry(settings.outlet_spot(sale.number - 1, store.planned))
     seen = nearest(store, found, spot)
     if seen is None:
         if visit.views < settings.views:
@@ -91,7 +91,7 @@ def _measure(store: StoreState) -> SaleResult:
     """Return the result of the sale, measured from the true poses."""
     sale, item = store.now
     x, y, _ = store.stock.pose(item.name, store.inputs.poses)[0]
-    spot = store.settings.outlet_spot(sale.number - 1)
+    spot = store.settings.outlet_spot(sale.number - 1, store.planned)
     return SaleResult(
         number=sale.number,
         item=item.name,

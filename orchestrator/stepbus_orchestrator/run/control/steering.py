@@ -1,0 +1,88 @@
+"""What a user asks of a run itself while it goes on: none of it changes a result."""
+
+import dataclasses
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports.progress import Progress
+from stepbus_schemas import CallReply, WiringError
+
+from .pace import Pace
+from .speed import Speed
+
+_FACTORS = (1e-3, 1e3)
+_PERIODS_S = (0.01, 1.0)
+_MOST_STEPS = 1_000_000
+
+
+class RunSteering:
+    """Answers calls that name no participant: status, pause, resume, step, speed, flush, stop.
+
+    pace, speed: of the run. progress: returns how far it is. interrupt: ends it. flush_s: how often
+    the recording is written, for who watches it; None: as often as always.
+    """
+
+    def __init__(
+        self,
+        state: RunState,
+        pace: Pace,
+        speed: Speed,
+        progress: Callable[[], Progress],
+        interrupt: threading.Event,
+    ) -> None:
+        self._state = state
+        self._pace = pace
+        self._speed = speed
+        self._progress = progress
+        self._interrupt = interrupt
+        self.flush_s: float | None = None
+        self._methods: Mapping[str, Callable[[Sequence[Any]], object]] = {
+            "status": self._status,
+            "pause": lambda _: pace.pause(),
+            "resume": lambda _: pace.resume(),
+            "step": self._step,
+            "speed": self._set_speed,
+            "flush": self._set_flush,
+            "stop": lambda _: interrupt.set(),
+        }
+
+    def take(self, method: str, args: Sequence[Any]) -> CallReply:
+        """Do what is asked, and answer."""
+        work = self._methods.get(method)
+        if work is None:
+            return CallReply(
+                error=f"a run has no call {method!r}; it has {', '.join(self._methods)}"
+            )
+        try:
+            value = work(args)
+        except WiringError as exc:
+            return CallReply(error=str(exc))
+        self._state.is_release_due = True
+        return CallReply(step=self._state.released, value=value)
+
+    def _status(self, _: Sequence[Any]) -> dict[str, Any]:
+        status = dataclasses.asdict(self._progress())
+        return {**status, "speed": self._speed.factor, "waited_us": self._state.waited_us()}
+
+    def _step(self, args: Sequence[Any]) -> None:
+        count = args[0] if args else 1
+        if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= _MOST_STEPS:
+            raise WiringError(f"step [COUNT]: {count!r} is no number of steps")
+        self._pace.step(count)
+
+    def _set_speed(self, args: Sequence[Any]) -> None:
+        factor = None if not args or args[0] is None else _number(args[0], _FACTORS, "speed")
+        self._speed.set(factor, self._state.released)
+
+    def _set_flush(self, args: Sequence[Any]) -> None:
+        given = args[0] if args else None
+        self.flush_s = None if given is None else _number(given, _PERIODS_S, "flush")
+
+
+def _number(value: object, limits: tuple[float, float], what: str) -> float:
+    low, high = limits
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise WiringError(f"{what}: {value!r} is no number from {low:g} to {high:g}")
+    return float(value)

@@ -1,0 +1,85 @@
+"""What a viewer can do to a run: pace it, and call what its participants offer."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from stepbus_orchestrator.recording import TailPort
+from stepbus_orchestrator.viewing.stage import Stage
+
+from .hands import Hands
+from .link import Link
+
+SPEEDS: Mapping[str, float | None] = {
+    "as fast as possible": None,
+    "real time": 1.0,
+    "half": 0.5,
+    "a tenth": 0.1,
+}
+
+_HINT = "The run has not begun, or it runs in one process: it cannot be changed from here."
+_REDONE = "Each change is recorded as a call with its step; `stepbus rerun` does it again."
+
+
+class Controls:
+    """Buttons of a page. link: to the run. ports: of its recording."""
+
+    def __init__(self, server: Any, link: Link, ports: Mapping[str, TailPort]) -> None:
+        self._gui = server.gui
+        self._server = server
+        self._link = link
+        self._ports = ports
+        self._pause = self._gui.add_button("pause")
+        self._pause.on_click(lambda _: self._toggle())
+        step = self._gui.add_button("step")
+        step.on_click(lambda _: link.ask("", "step", 1))
+        self._speed = self._gui.add_dropdown(
+            "speed", tuple(SPEEDS), initial_value=next(iter(SPEEDS))
+        )
+        self._speed.on_update(lambda _: link.ask("", "speed", SPEEDS[self._speed.value]))
+        self._table: Any = None
+        self._has_hands = False
+
+    def _toggle(self) -> None:
+        is_paused = self._link.status.get("phase") == "paused"
+        self._link.ask("", "resume" if is_paused else "pause")
+
+    def add_tabs(self, tabs: Any, stage: Stage) -> None:
+        """Add a tab about the participants, and one of what can be changed."""
+        self.hands = Hands(self._server, self._link, self._ports, stage.scene)
+        self._change = tabs.add_tab("Change")
+        with self._change:
+            self._hint = self._gui.add_markdown(_HINT)
+        with tabs.add_tab("Participants"):
+            self._table = self._gui.add_markdown("")
+            stop = self._gui.add_button("end the run", color="gray")
+            stop.on_click(lambda _: self._link.ask("", "stop"))
+
+    def update(self) -> None:
+        """Show what the run says of itself."""
+        status = self._link.status
+        if not status:
+            return
+        label = "resume" if status["phase"] == "paused" else "pause"
+        if self._link.offered and not self._has_hands:
+            self._has_hands = True
+            self._hint.content = _REDONE
+            with self._change:
+                self.hands.offer(self._link.offered)
+        if self._pause.label != label:
+            self._pause.label = label
+        self._table.content = _participants(status)
+
+
+def _participants(status: Mapping[str, Any]) -> str:
+    rows = [
+        f"| {name} | {'holds the step' if name in status['holders'] else phase} | "
+        f"{_us(status['compute_us'], name)} | {_us(status['waited_us'], name)} | "
+        f"{status['drops'].get(name, 0)} |"
+        for name, phase in status["phases"].items()
+    ]
+    head = "| participant | state | computes [µs] | waits [µs] | dropped |\n|---|---|---|---|---|"
+    return "\n".join([head, *rows])
+
+
+def _us(values: Mapping[str, float], name: str) -> str:
+    return f"{values[name]:.0f}" if name in values else ""

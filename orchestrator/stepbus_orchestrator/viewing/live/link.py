@@ -1,0 +1,85 @@
+"""Asks a run for its status, and does what a viewer asks, beside the page's own thread."""
+
+import contextlib
+import queue
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from stepbus_orchestrator.run.control.live_file import Line
+from stepbus_schemas import StepbusError, WiringError
+
+FLUSH_S = 1 / 30
+_STATUS_S = 0.4
+_ANSWER_S = 10.0
+
+Ask = tuple[str, str, Sequence[Any]]
+"""Participant, or nothing for the run itself; method; arguments."""
+
+
+class Link:
+    """A line to a run with a thread of its own.
+
+    status: the newest one. offered: calls of participants. said: sentences about calls that were
+    made, the newest last.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._asked: queue.SimpleQueue[Ask | None] = queue.SimpleQueue()
+        self.status: Mapping[str, Any] = {}
+        self.offered: Mapping[str, Mapping[str, Any]] = {}
+        self.said: list[str] = []
+        self.is_lost = False
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="link", daemon=True)
+        self._thread.start()
+
+    def ask(self, participant: str, method: str, *args: Any) -> None:
+        """Let the run, or a participant, do something; it is done in order."""
+        self._asked.put((participant, method, args))
+
+    def close(self) -> None:
+        """Let the run go on without a viewer."""
+        self._over.set()
+        self._asked.put(None)
+        self._thread.join(_ANSWER_S)
+
+    def _work(self) -> None:
+        try:
+            with Line(self._folder) as line:
+                self._talk(line)
+        except (StepbusError, OSError):
+            self.is_lost = True
+
+    def _talk(self, line: Line) -> None:
+        line.call("", "flush", [FLUSH_S], _ANSWER_S)
+        try:
+            while not self._over.is_set():
+                self._look(line)
+                with contextlib.suppress(queue.Empty):
+                    self._do(line, self._asked.get(timeout=_STATUS_S))
+                    while True:
+                        self._do(line, self._asked.get_nowait())
+        finally:
+            with contextlib.suppress(StepbusError):
+                line.call("", "flush", [None], _ANSWER_S)
+
+    def _look(self, line: Line) -> None:
+        self.status = line.call("", "status", (), _ANSWER_S).value or {}
+        if not self.offered and self.status.get("phase") in {"stepping", "paused"}:
+            self.offered = line.call("", "", (), _ANSWER_S).value or {}
+
+    def _do(self, line: Line, ask: Ask | None) -> None:
+        if ask is None:
+            return
+        participant, method, args = ask
+        words = " ".join(map(str, (participant, method, *args))).strip()
+        try:
+            reply = line.call(participant, method, args)
+        except WiringError as exc:
+            self.said.append(f"{words}: refused: {exc}")
+            return
+        if participant:
+            self.said.append(f"{words}, before step {reply.step}")

@@ -1,0 +1,34 @@
+"""How fast a run goes by the wall clock, as asked while it goes on."""
+
+from stepbus_orchestrator.run.control.speed import Speed
+from stepbus_orchestrator.run.kernel.gates import FAR
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_without_a_factor_nothing_is_held():
+    assert Speed(5_000_000).limit(7) == FAR
+
+
+def test_steps_come_at_their_time():
+    clock = Clock()
+    speed = Speed(10_000_000, clock)
+    speed.set(0.5, 40)
+    assert speed.limit(40) == 41
+    clock.now += 0.0201
+    assert speed.limit(41) == 42
+    assert 0.0 < speed.wait_s(42, 1.0) < 0.02
+
+
+def test_who_was_held_does_not_hurry():
+    clock = Clock()
+    speed = Speed(10_000_000, clock)
+    speed.set(1.0, 0)
+    clock.now += 5.0
+    assert speed.limit(1) == 2
+    assert speed.limit(2) == 2

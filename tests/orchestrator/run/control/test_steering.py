@@ -1,0 +1,37 @@
+"""Calls to a run itself: none of them changes a result."""
+
+import pytest
+from support.runs.asker import Asker
+from support.runs.joints import run_joints
+
+from stepbus_orchestrator.run.control.live_file import call
+from stepbus_orchestrator.run.control.pace import Pace
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return run_joints(tmp_path_factory.mktemp("steering"), "duration=100ms", in_process=True)
+
+
+def test_a_run_is_paused_stepped_slowed_and_resumed(tmp_path, plain):
+    def ask(method, *args):
+        return lambda: call(tmp_path / "out", "", method, args)
+
+    pace = Pace(0)
+    asker = Asker(
+        pace,
+        [
+            ask("status"), ask("flush", 0.02), ask("step", 2), ask("speed", 50.0), ask("pause"),
+            ask("speed", None), ask("speed", -1), ask("step", 0), ask("dance"), ask("resume"),
+        ],
+    )  # fmt: skip
+    result = run_joints(tmp_path, "duration=100ms", observer=asker, pace=pace)
+    asker.thread.join()
+    status, *done, slow, none, odd, _ = asker.answers
+    assert status.value["phase"] == "paused"
+    assert status.value["steps"] == 20
+    assert all(reply.error is None for reply in done)
+    assert slow == "speed: -1 is no number from 0.001 to 1000"
+    assert none == "step [COUNT]: 0 is no number of steps"
+    assert "a run has no call 'dance'; it has status, pause" in odd
+    assert result.sha256 == plain.sha256

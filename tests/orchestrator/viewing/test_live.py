@@ -1,0 +1,121 @@
+"""The page of a run that is going."""
+
+import json
+import re
+import subprocess
+import sys
+import threading
+import time
+
+import psutil
+import pytest
+from support.browser import needs_chromium, opened
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.control.calls import recorded_calls
+from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.viewing.live import follow
+from stepbus_orchestrator.viewing.stage import open_page
+
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
+
+
+@pytest.fixture
+def page():
+    page = open_page("test")
+    yield page
+    page.close()
+
+
+class Paused:
+    """A run in a thread of its own that is paused before its first step."""
+
+    def __init__(self, out, *overrides):
+        self.out, self.pace, self.interrupt = out, Pace(0), threading.Event()
+        scenario = load("two_link", ["duration=1s", *overrides])
+        self.thread = threading.Thread(target=self.work, args=(scenario,))
+        self.result = None
+        self.thread.start()
+
+    def work(self, scenario):
+        options = Options(out=self.out, pace=self.pace)
+        self.result = run(scenario, options, interrupt=self.interrupt)
+
+    def end(self):
+        self.pace.resume()
+        self.thread.join()
+        return self.result
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """The hash of the run that nobody looks at."""
+    out = tmp_path_factory.mktemp("plain") / "run"
+    return run(load("two_link", ["duration=1s"]), Options(out=out, in_process=True)).sha256
+
+
+def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_process):
+    paused, ended = Paused(tmp_path / "run"), []
+    viewer = threading.Thread(target=lambda: ended.append(follow(page.server, paused.out, bool)))
+    viewer.start()
+    # Let it go while it is watched.
+    while not any(thread.name == "link" for thread in threading.enumerate()):
+        paused.pace.step()
+        time.sleep(0.02)
+    result = paused.end()
+    viewer.join()
+    assert ended == [True]
+    assert result.sha256 == plain
+
+
+@pytest.mark.slow
+def test_run_with_a_view_leaves_nothing_and_has_the_same_hash(tmp_path, plain):
+    out = tmp_path / "run"
+    command = [*STEPBUS, "run", "two_link", "--set", "duration=1s", "--view", "--no-open"]
+    done = subprocess.run(
+        [*command, "--out", out, "--json", "--no-report"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert re.search(r"view: http://127\.0\.0\.1:\d+/[\w-]{20,}/", done.stderr)
+    assert json.loads(done.stdout)["sha256"] == plain
+    assert not [
+        p for p in psutil.process_iter(["cmdline"]) if str(out) in (p.info["cmdline"] or [])
+    ]
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
+    paused = Paused(tmp_path / "run")
+    over = threading.Event()
+    viewer = threading.Thread(target=lambda: follow(page.server, paused.out, over.is_set))
+    try:
+        with opened(page.address, 640, 360) as watched:
+            paused.pace.step(3)
+            viewer.start()
+            shown = watched.page
+            watched.wait(lambda: shown.get_by_text("paused").count() > 0, "the pause")
+            watched.wait(lambda: shown.get_by_text("step 3 of").count() > 0, "step 3")
+            shown.get_by_role("button", name="step", exact=True).click()
+            watched.wait(lambda: shown.get_by_text("step 4 of").count() > 0, "step 4")
+            shown.get_by_role("tab", name="Change").click()
+            slider = shown.get_by_role("slider").first
+            watched.wait(lambda: slider.count() > 0, "a slider")
+            slider.press("ArrowRight")
+            shown.get_by_role("tab", name="Events").click()
+            watched.wait(lambda: shown.get_by_text("mission set_target joint1").count() > 0, "it")
+            watched.wait(lambda: watched.colours() > 200, "the arm to be drawn")
+            shown.get_by_role("button", name="resume").click()
+            watched.wait(lambda: not paused.thread.is_alive(), "the run to end")
+        assert not watched.errors
+        assert not watched.strangers
+    finally:
+        over.set()
+        paused.interrupt.set()
+        result = paused.end()
+        viewer.join()
+    assert [call.method for call in recorded_calls(Recording(result.recording))] == ["set_target"]
+    assert Preparation(result.recording, tmp_path / "again").run().result.sha256 == result.sha256
