@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
@@ -70,8 +70,11 @@ def find_signals(recording: Recording, text: str) -> list[PlottedSignal]:
     return [_signal(port, name, index, text) for name in fields]
 
 
-def draw_signals(title: str, signals: Sequence[PlottedSignal], target: Path) -> None:
-    """Write the picture; raises ImportError without matplotlib, RecordingFailed when it cannot."""
+def draw_signals(title: str, signals: Sequence[PlottedSignal], target: Path | BinaryIO) -> None:
+    """Write the picture, to a stream as PNG.
+
+    Raises ImportError without matplotlib, RecordingFailed when it cannot be written.
+    """
     figure, axes = _panels(title, len(signals))
     for axis, signal in zip(axes, signals, strict=True):
         _draw(axis, signal)
@@ -114,7 +117,7 @@ def _panels(title: str, count: int) -> tuple[Any, Any]:
     return figure, axes
 
 
-def _save(figure: Any, target: Path) -> None:
+def _save(figure: Any, target: Path | BinaryIO) -> None:
     try:
         figure.savefig(target)
     except (OSError, ValueError) as exc:

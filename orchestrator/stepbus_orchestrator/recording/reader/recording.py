@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
@@ -17,6 +17,9 @@ from .descriptions import Names, read_description
 from .port import Port
 from .recorded_types import recorded_types
 from .source import Source
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.viewing.notebook import Plot
 
 
 class UnknownPort(WiringError, KeyError):
@@ -106,6 +109,26 @@ class Recording:
         """Return a sentence for all that is wrong with it: damage and holes."""
         holes = [f"has a hole: {hole}" for hole in self.holes()]
         return [*([f"is damaged: {self.damage}"] if self.damage else []), *holes]
+
+    def __repr__(self) -> str:
+        """Return its path and its end."""
+        return f"<Recording {self.path}, up to step {self.last_step}>"
+
+    def plot(self, *signals: str) -> "Plot":
+        """Return a picture of signals, such as `plant.joint_state.position`; a notebook shows it.
+
+        signals: as of `stepbus plot`; none: the positions of all joints. Raises WiringError for one
+        that is not there, ExtraMissing without matplotlib.
+        """
+        from stepbus_orchestrator.viewing.notebook import plot  # noqa: PLC0415  (loads matplotlib)
+
+        return plot(self, signals)
+
+    def _repr_html_(self) -> str:
+        """Return a table of its ports, for a notebook."""
+        from stepbus_orchestrator.viewing.notebook import recording_html  # noqa: PLC0415  (draws)
+
+        return recording_html(self)
 
     def close(self) -> None:
         """Close the file; what was read stays."""

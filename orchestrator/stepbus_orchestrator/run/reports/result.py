@@ -72,6 +72,12 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         """Return the simulated time [s]."""
         return self.steps * self.step_ns * 1e-9
 
+    def _repr_html_(self) -> str:
+        """Return outcome, reason and figures, for a notebook."""
+        from stepbus_orchestrator.viewing.notebook import result_html  # noqa: PLC0415  (draws)
+
+        return result_html(self)
+
     def save(self) -> None:
         """Write result.json; nobody sees half of it. Raises OSError when it cannot be written."""
         data = msgspec.json.format(msgspec.json.encode(self), indent=2)
