@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what the tests of other languages need, where it is missing: Debian, as root.
+# Installs what the tests of other languages and of our pages need, where it is missing: Debian, as root.
 # Without it `make test` skips those tests and says so.
 set -euo pipefail
 
@@ -9,6 +9,7 @@ command -v node >/dev/null || packages+=(nodejs)
 command -v octave >/dev/null || packages+=(octave)
 command -v javac >/dev/null || packages+=(default-jdk-headless)
 command -v cargo >/dev/null || packages+=(cargo)
+command -v chromium >/dev/null || packages+=(chromium)
 
 if [ ${#packages[@]} -gt 0 ]; then
     export DEBIAN_FRONTEND=noninteractive

@@ -185,3 +185,14 @@ def test_half_a_recording_is_exported_and_a_foreign_file_is_one_sentence(
     assert main(["export", str(empty), f"--{form}", str(tmp_path / "b.mcap")]) != 0
     assert "has no message that can be exported" in capsys.readouterr().err
     assert not list(Path(tmp_path).glob("*b.mcap*"))
+
+
+@pytest.mark.parametrize("option", ["csv", "parquet", "ros2", "foxglove", "video", "scene"])
+def test_a_recording_of_another_system_is_one_sentence(bag, recording, tmp_path, capsys, option):
+    foreign = recording.with_name("ros2.mcap")
+    end = {"video": ".mp4", "scene": ".html"}.get(option, ".mcap")
+    assert main(["export", str(foreign), f"--{option}", str(tmp_path / f"out{end}")]) != 0
+    error = capsys.readouterr().err
+    assert error.startswith(f"stepbus: {foreign} has no ")
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,7 @@
 """Exports of a recording: Parquet and CSV."""
 
 from .columns import CLOCK, Column, Table
-from .files import Exported, replaced
+from .files import Exported, replaced, unreadable
 from .progress import progress_bar
 from .tables import export_tables
 
@@ -13,4 +13,5 @@ __all__ = [
     "export_tables",
     "progress_bar",
     "replaced",
+    "unreadable",
 ]

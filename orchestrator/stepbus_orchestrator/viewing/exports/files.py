@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_schemas import ENVELOPE_TYPES, StepbusError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +17,22 @@ class Exported:
 
     paths: Sequence[Path]
     problems: Sequence[str] = ()
+
+
+def nothing_to_export(recording: Recording) -> RecordingFailed:
+    """Return why nothing of a recording can be exported: it is empty, damaged or foreign."""
+    unknown = sorted({p.type for p in recording.ports.values() if p.type not in recording.types})
+    unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
+    why = recording.damage
+    if unknown:
+        why = f"it is not of stepbus, or of a newer one: its types are {', '.join(unknown)}"
+    reason = f": {why}" if why else ""
+    return RecordingFailed(f"{recording.path} has no message that can be exported{reason}")
+
+
+def unreadable(port: Port, exc: StepbusError) -> str:
+    """Return why a port is not shown, without the list of all types that are known."""
+    return f"{port.topic}: {str(exc).partition('; known:')[0]}"
 
 
 @contextmanager
@@ -28,6 +46,8 @@ def replaced(target: Path) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield part
         part.replace(target)
+    except RecordingFailed:
+        raise
     except OSError as exc:
         raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
     finally:

@@ -3,11 +3,11 @@
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.viewing.scene import Latest, Pose, Scene, build_scene
 from stepbus_schemas import Message, StepbusError
 
+from .files import nothing_to_export, unreadable
 from .progress import Reached
 
 NS = 1_000_000_000
@@ -64,13 +64,12 @@ def readable(recording: Recording, problems: list[str]) -> list[Port]:
         try:
             port.message_class  # noqa: B018  (raises for an unknown type)
         except StepbusError as exc:
-            problems.append(f"{port.topic}: {exc}")
+            problems.append(unreadable(port, exc))
             continue
         if port.last_step >= 0:
             found.append(port)
     if not found:
-        why = f" ({recording.damage})" if recording.damage else ""
-        raise RecordingFailed(f"{recording.path} has no message that can be exported{why}")
+        raise nothing_to_export(recording)
     return found
 
 

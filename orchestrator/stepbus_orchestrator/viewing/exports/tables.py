@@ -17,7 +17,7 @@ from stepbus_participant import need
 from stepbus_schemas import StepbusError
 
 from .columns import CLOCK, Cells, Column, Table
-from .files import Exported, replaced
+from .files import Exported, nothing_to_export, replaced, unreadable
 from .progress import Reached
 
 _GROUP_ROWS = 100_000
@@ -79,7 +79,7 @@ def export_tables(recording: Recording, target: Path, form: str, reached: Reache
             paths = [path for _, path in _files(tables, target, form)]
             if form == "csv":
                 paths.append(_describe(tables, target))
-    return Exported(paths=paths, problems=[f"{k}: {v}" for k, v in problems.items()])
+    return Exported(paths=paths, problems=list(problems.values()))
 
 
 def _tables(recording: Recording) -> tuple[list[Table], dict[str, str]]:
@@ -91,16 +91,12 @@ def _tables(recording: Recording) -> tuple[list[Table], dict[str, str]]:
         try:
             table = Table(port, recording.types)
         except StepbusError as exc:
-            problems[port.topic] = str(exc)
+            problems[port.topic] = unreadable(port, exc)
         else:
             if port.last_step >= 0:
                 found.append(table)
     if not found:
-        why = "; ".join(f"{topic}: {text}" for topic, text in problems.items())
-        raise RecordingFailed(
-            f"{recording.path} has no message that can be exported"
-            f"{f': {why}' if why else ''}{f' ({recording.damage})' if recording.damage else ''}"
-        )
+        raise nothing_to_export(recording)
     return found, problems
 
 
@@ -120,7 +116,9 @@ def _values(table: Table, batch: Batch, problems: dict[str, str]) -> list[Cells]
     try:
         return table.values(batch)
     except (StepbusError, ValueError) as exc:
-        problems[table.port.topic] = f"{exc}; its rows end before step {batch.steps[0]}"
+        problems[table.port.topic] = (
+            f"{table.port.topic}: {exc}; its rows end before step {batch.steps[0]}"
+        )
         return None
 
 

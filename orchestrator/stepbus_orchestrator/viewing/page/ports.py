@@ -8,7 +8,7 @@ import numpy as np
 from stepbus_orchestrator.analysis.report.curves.curve import Curve
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
-from stepbus_orchestrator.viewing.exports import CLOCK, Column, Table
+from stepbus_orchestrator.viewing.exports import CLOCK, Column, Table, unreadable
 from stepbus_schemas import Contacts, Image, Message, StepbusError
 
 from .arrays import Arrays
@@ -184,5 +184,5 @@ def takers(recording: Recording) -> tuple[list[Taker], list[str]]:
             if port.type == "BaseState/1":
                 found.append(BasePath(port))
         except StepbusError as exc:
-            problems.append(f"{port.topic}: {exc}")
+            problems.append(unreadable(port, exc))
     return found, problems
