@@ -9,11 +9,11 @@ import os
 import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from os import PathLike
 from typing import Any, Literal
 
 import gymnasium
+import msgspec
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
@@ -38,8 +38,7 @@ _ALONE = "an environment runs in one process"
 _LOG = re.compile(r"; its log: \S+")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True, kw_only=True):
     """What a reward is made of.
 
     step: of the scenario, and t: its time [s], of the observation. observation: after the action.

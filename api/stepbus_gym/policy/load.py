@@ -1,6 +1,7 @@
 """Finds a policy: a function of an observation."""
 
 import importlib
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -51,7 +52,8 @@ def checked_action(action: Any, size: int, step: int) -> Vector:
         raise RunError(f"step {step}: the action is no vector of numbers: {exc}") from exc
     if vector.shape != (size,):
         raise RunError(f"step {step}: the action has the shape {vector.shape}, not ({size},)")
-    if not np.isfinite(vector).all():
+    # Of a few numbers, this takes a tenth of what NumPy takes.
+    if not all(map(math.isfinite, vector.tolist())):
         index = int(np.flatnonzero(~np.isfinite(vector))[0])
         raise RunError(f"step {step}: entry {index} of the action is {vector[index]}")
     return vector

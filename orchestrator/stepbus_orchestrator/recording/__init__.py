@@ -11,7 +11,6 @@ from .recorder import Recorder
 from .recover import Recovery, recover
 from .sink import Descriptions, Sink
 from .timing import TimingRecorder
-from .unrecorded import NoRecorder, NoTiming
 
 if TYPE_CHECKING:
     from .reader import BATCH_BYTES, Batch, Entry, Port, Recording, Tail, TailPort
@@ -24,8 +23,6 @@ __all__ = [
     "Descriptions",
     "Entry",
     "McapFile",
-    "NoRecorder",
-    "NoTiming",
     "Port",
     "Recorder",
     "Recording",

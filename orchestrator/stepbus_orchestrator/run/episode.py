@@ -45,6 +45,8 @@ class Episode:
     """
 
     _open: ClassVar[set["Episode"]] = set()
+    _inside: ClassVar["Episode | None"] = None
+    _handler: ClassVar[Any] = None
 
     def __init__(
         self,
@@ -70,7 +72,6 @@ class Episode:
         self._thread = threading.get_ident()
         self._is_main = threading.current_thread() is threading.main_thread()
         self._pid = os.getpid()
-        self._handler: Any = None
         self._room: Room | None = None
         self._queue: Queue | None = None
         self._answer: Any = None
@@ -82,6 +83,11 @@ class Episode:
         """Return the path of run.mcap."""
         return self._options.out / layout.RUN_FILE
 
+    @classmethod
+    def left_open(cls) -> set["Episode"]:
+        """Return the episodes of the main thread that have not ended."""
+        return cls._open
+
     # --- the caller's side ----------------------------------------------------------------
 
     def start(self) -> Step:
@@ -89,7 +95,7 @@ class Episode:
 
         Raises RunFailure where it ends before.
         """
-        Episode._open.add(self)
+        self._remember()
         self._switch()
         return self._step()
 
@@ -134,23 +140,42 @@ class Episode:
     def _switch(self) -> None:
         """Let the run work until it needs us."""
         self._caller = self._run.parent = getcurrent()
-        if self._is_main:
-            self._handler = signal.signal(signal.SIGINT, self._take_interrupt)
+        outer, Episode._inside = Episode._inside, self
         try:
             self._run.switch()
         finally:
-            if self._is_main:
-                signal.signal(signal.SIGINT, self._handler)
+            Episode._inside = outer
         if self._run.dead:
             self.step = None
-            Episode._open.discard(self)
+            self._forget()
         if self._interrupt.is_set():
             self._interrupt.clear()
             raise KeyboardInterrupt
 
-    def _take_interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        """End the run, and let Ctrl-C reach the caller behind it."""
-        self._interrupt.set()
+    def _remember(self) -> None:
+        """Take Ctrl-C, as long as any episode is open: to set a handler takes as long as a step."""
+        if self._is_main:
+            if not Episode._open:
+                Episode._handler = signal.signal(signal.SIGINT, _take_interrupt)
+            Episode._open.add(self)
+
+    def _forget(self) -> None:
+        if self in Episode._open:
+            Episode._open.remove(self)
+            if not Episode._open and signal.getsignal(signal.SIGINT) is _take_interrupt:
+                signal.signal(signal.SIGINT, Episode._handler)
+
+    @classmethod
+    def take_interrupt(cls, number: int, frame: FrameType | None) -> None:
+        """Let Ctrl-C reach the caller, behind the step that is being made."""
+        if cls._handler is signal.SIG_IGN:
+            return
+        if cls._inside is not None:
+            cls._inside._interrupt.set()
+        elif callable(cls._handler):
+            cls._handler(number, frame)
+        else:
+            raise KeyboardInterrupt
 
     def _step(self) -> Step:
         if self.step is None or self._run.dead:
@@ -214,9 +239,13 @@ class Episode:
         return True
 
 
+def _take_interrupt(number: int, frame: FrameType | None) -> None:
+    Episode.take_interrupt(number, frame)
+
+
 def _end_all() -> None:
     """End what was left open, so that no folder of it stays."""
-    for episode in list(Episode._open):
+    for episode in list(Episode.left_open()):
         episode.abandon()
 
 

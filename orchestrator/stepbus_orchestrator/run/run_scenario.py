@@ -20,8 +20,6 @@ from stepbus_orchestrator.processes.links.endpoints import (
 from stepbus_orchestrator.recording import (
     CheckpointWriter,
     McapFile,
-    NoRecorder,
-    NoTiming,
     Recorder,
     Sink,
     TimingRecorder,
@@ -54,6 +52,7 @@ from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
 from .setup.live_run import LiveRun
 from .setup.opened_files import OpenedFiles
 from .setup.options import PROFILE_FOLDER, Options, without_deadlines
+from .setup.unrecorded import NoRecorder, NoTiming
 
 __all__ = [
     "Options",

@@ -84,7 +84,7 @@ class LocalRun:
         watch = Watch(self._current, self._limit_s, self._interrupt.is_set)
         try:
             if self._options.seat is not None:
-                self._offer(self._options.seat, around, watch)
+                self._offer(self._options.seat, around)
             yield
         finally:
             try:
@@ -95,16 +95,11 @@ class LocalRun:
                 if self._reaper is not None:
                     self._reaper.end()
 
-    def _offer(self, seat: Seat, around: Surroundings, watch: Watch) -> None:
+    def _offer(self, seat: Seat, around: Surroundings) -> None:
         """Let a participant of our caller take part."""
-
-        def leave() -> None:
-            watch.leave()
-            around.leave()
 
         def enter(away_s: float) -> None:
             around.enter()
-            watch.enter()
             if self._state is not None:
                 self._state.away_s += away_s
 
@@ -112,7 +107,7 @@ class LocalRun:
             if self._state is not None:
                 self._state.ask_end(step, reason)
 
-        seat.sit(Room(queue=self.hub.queue, ask_end=ask_end, leave=leave, enter=enter))
+        seat.sit(Room(queue=self.hub.queue, ask_end=ask_end, leave=around.leave, enter=enter))
         self.hub.away = seat.away
 
     def _take_program(self, group: int) -> None:

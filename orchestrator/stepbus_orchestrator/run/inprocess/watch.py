@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
+from typing import Any, ClassVar
 
 from stepbus_orchestrator.run.kernel.participants import KeptThread
 
@@ -39,6 +40,9 @@ class Watch:
     well, this process ends, 10 s later, with the traceback of every thread.
     """
 
+    _open: ClassVar[list["Watch"]] = []
+    _before: ClassVar[Any] = None
+
     def __init__(
         self,
         current: Callable[[], tuple[HostedParticipant, int] | None],
@@ -53,7 +57,8 @@ class Watch:
         self._over = threading.Event()
         self._late: KeptThread | None = None
         self._is_armed = False
-        self._before = signal.signal(_SIGNAL, self._raise) if self._is_main else None
+        if self._is_main:
+            self._handle()
         self._thread = threading.Thread(target=self._watch, name="watch", daemon=True)
         self._thread.start()
 
@@ -63,17 +68,20 @@ class Watch:
         self._thread.join(_JOIN_S)
         self._disarm()
         if self._is_main:
-            signal.signal(_SIGNAL, self._before)
+            Watch._open.remove(self)
+            if not Watch._open:
+                signal.signal(_SIGNAL, Watch._before)
 
-    def leave(self) -> None:
-        """Put back the signal's handler while our caller works."""
-        if self._is_main:
-            signal.signal(_SIGNAL, self._before)
+    def _handle(self) -> None:
+        """Handle the signal as long as any run in this process is watched."""
+        if not Watch._open:
+            Watch._before = signal.signal(_SIGNAL, Watch._raise_late)
+        Watch._open.append(self)
 
-    def enter(self) -> None:
-        """Handle the signal again."""
-        if self._is_main:
-            self._before = signal.signal(_SIGNAL, self._raise)
+    @staticmethod
+    def _raise_late(_number: int, _frame: FrameType | None) -> None:
+        for watch in tuple(Watch._open):
+            watch._raise()
 
     def _disarm(self) -> None:
         # It is one of this process: other runs in it have it too.
@@ -118,7 +126,7 @@ class Watch:
             holder.late = self._late
             ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, error)
 
-    def _raise(self, _number: int, _frame: FrameType | None) -> None:
+    def _raise(self) -> None:
         """Raise in the midst of the participant, unless it has come back meanwhile."""
         late, self._late = self._late, None
         holder = self._current()

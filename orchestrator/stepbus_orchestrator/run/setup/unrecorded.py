@@ -3,11 +3,9 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from stepbus_orchestrator.errors import ParticipantFault
+from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Decoder, Event, MessageError, Outputs, type_name
-
-from .sink import Descriptions
-from .timing import TimingRecorder
 
 _EVENT = type_name(Event)
 
