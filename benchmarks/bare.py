@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from queue import SimpleQueue
 from typing import Any, Protocol
 
@@ -111,61 +112,63 @@ WIRES: dict[str, Callable[[str, tuple[str, ...], str], Wire]] = {
 }
 
 
-def plant(wire: Wire, steps: int) -> None:
+Role = Callable[[Wire, int, Callable[[], None]], None]
+"""What a process does with its wire, for so many steps; it calls the last one when it is ready."""
+HEARS = {"plant": ("controller",), "controller": ("plant", "mission"), "mission": ("credit",)}
+
+
+def plant(wire: Wire, steps: int, ready: Callable[[], None]) -> None:
     """Send the state, wait for the command; every half window, let the mission advance."""
+    ready()
+    start = time.perf_counter()
     for step in range(steps):
         wire.put(STATE)
         wire.get("controller")
         if step % CREDIT == CREDIT - 1:
             wire.grant()
+    sys.stdout.write(f"{steps / (time.perf_counter() - start):.0f}\n")
 
 
-def controller(wire: Wire, steps: int) -> None:
+def controller(wire: Wire, steps: int, ready: Callable[[], None]) -> None:
     """Wait for state and reference, send the command."""
+    ready()
     for _ in range(steps):
         wire.get("plant")
         wire.get("mission")
         wire.put(COMMAND)
 
 
-def mission(wire: Wire, steps: int) -> None:
+def mission(wire: Wire, steps: int, ready: Callable[[], None]) -> None:
     """Send the reference, at most a window ahead of the commands."""
+    ready()
     for step in range(steps):
         if step >= WINDOW and step % CREDIT == 0:
             wire.get("credit")
         wire.put(REFERENCE)
 
 
-ROLES = {
-    "plant": (plant, ("controller",)),
-    "controller": (controller, ("plant", "mission")),
-    "mission": (mission, ("credit",)),
-}
+ROLES: dict[str, Role] = {"plant": plant, "controller": controller, "mission": mission}
 
 
-def _take_part(transport: str, name: str, steps: int, folder: str, barrier: Any) -> None:
-    role, hears = ROLES[name]
-    wire = WIRES[transport](name, hears, folder)
+def _take_part(role: Role, make_wire: Callable[[], Wire], steps: int, barrier: Any) -> None:
+    wire = make_wire()
     time.sleep(1.0)  # every link is up within 0.5 s
-    barrier.wait()
-    start = time.perf_counter()
-    role(wire, steps)
-    if name == "plant":
-        sys.stdout.write(f"{steps / (time.perf_counter() - start):.0f}\n")
-        sys.stdout.flush()
+    role(wire, steps, barrier.wait)
     barrier.wait()
     wire.close()
+    sys.stdout.flush()
     os._exit(0)
 
 
-def main(transport: str, steps: int) -> None:
-    """Run one chain."""
+def main(transport: str, steps: int, roles: dict[str, Role] = ROLES) -> None:
+    """Run one chain, a process for each role."""
     context = multiprocessing.get_context("spawn")
     barrier = context.Barrier(len(PARTICIPANTS))
     with tempfile.TemporaryDirectory(prefix="bare-") as folder:
         children = [
-            context.Process(target=_take_part, args=(transport, name, steps, folder, barrier))
+            context.Process(target=_take_part, args=(roles[name], make_wire, steps, barrier))
             for name in PARTICIPANTS
+            for make_wire in [partial(WIRES[transport], name, HEARS[name], folder)]
         ]
         for child in children:
             child.start()

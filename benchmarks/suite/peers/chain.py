@@ -4,18 +4,13 @@ No orchestrator, no types, no recording. The mission runs ahead by up to a windo
 `python -m benchmarks.suite.peers.chain pyzmq|zenoh STEPS`.
 """
 
-import multiprocessing
-import os
 import sys
-import tempfile
-import time
 from typing import Any
 
-from benchmarks.bare import CREDIT, PARTICIPANTS, WINDOW, WIRES, Wire
+from benchmarks import bare
+from benchmarks.bare import CREDIT, WINDOW, Role, Wire
 
 from .arm import Clock, Controller, Plant, reference
-
-HEARS = {"plant": ("controller",), "controller": ("plant", "mission"), "mission": ("credit",)}
 
 
 def plant(wire: Wire, steps: int, ready: Any) -> None:
@@ -50,33 +45,8 @@ def mission(wire: Wire, steps: int, ready: Any) -> None:
         wire.put(reference(step))
 
 
-ROLES = {"plant": plant, "controller": controller, "mission": mission}
-
-
-def _take_part(transport: str, name: str, steps: int, folder: str, barrier: Any) -> None:
-    wire = WIRES[transport](name, HEARS[name], folder)
-    time.sleep(1.0)  # every link is up within 0.5 s
-    ROLES[name](wire, steps, barrier.wait)
-    barrier.wait()
-    wire.close()
-    sys.stdout.flush()
-    os._exit(0)
-
-
-def main(transport: str, steps: int) -> None:
-    """Run one chain."""
-    context = multiprocessing.get_context("spawn")
-    barrier = context.Barrier(len(PARTICIPANTS))
-    with tempfile.TemporaryDirectory(prefix="chain-") as folder:
-        children = [
-            context.Process(target=_take_part, args=(transport, name, steps, folder, barrier))
-            for name in PARTICIPANTS
-        ]
-        for child in children:
-            child.start()
-        for child in children:
-            child.join()
+ROLES: dict[str, Role] = {"plant": plant, "controller": controller, "mission": mission}
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
+    bare.main(sys.argv[1], int(sys.argv[2]), ROLES)
