@@ -10,6 +10,7 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.recording.reader.recorded_types import recorded_types
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
+from stepbus_orchestrator.viewing.page import write_page
 from stepbus_schemas import Description, Outputs, Scalars, Types, WiringError, encode
 
 STEP_NS = 1_000_000
@@ -92,6 +93,13 @@ def test_types_that_differ_are_named_and_compared_as_they_are(path, tmp_path):
 
 def test_a_run_without_joints_is_plotted_by_its_own_types(path):
     assert write_report(path) == [f"plots     {path.with_name('report.png')}"]
+
+
+def test_the_page_of_a_run_shows_its_own_types_with_their_units(path):
+    text = write_page([path]).read_text()
+    assert '"title":"vehicle.out (Thruster/1)"' in text
+    assert '"title":"thrust","unit":"N"' in text
+    assert '"label":"left"' in text
 
 
 def test_named_numbers_are_plotted_too(tmp_path):

@@ -12,6 +12,8 @@ from support.browser import needs_chromium, opened
 from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
+from stepbus_orchestrator.recording import TimingRecorder
+from stepbus_orchestrator.run.reports.lateness import Lateness
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.viewing.page import page, write_page
 from stepbus_orchestrator.viewing.page.arrays import thin
@@ -20,6 +22,10 @@ from stepbus_schemas import BaseState, Description, Event, Image, JointState, Sc
 
 LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
 STEPS = 400
+LATE = Lateness(
+    factor=1.0, steps=120, p50_us=80.0, p99_us=900.0, max_us=1200.0,
+    histogram={"100": 100, "1000": 19, "more": 1}, late={},
+)  # fmt: skip
 
 
 def state(step):
@@ -113,9 +119,17 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
         participant="controller", at_step=120, steps=120, step_ns=10_000_000, seed=0, window=8,
         transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
         faults=["freeze controller at 110"], file="arm.yaml", overrides=["a.b=1 2"],
+        real_time=LATE,
     ).save()  # fmt: skip
+    timing = TimingRecorder(tmp_path / "timing.mcap")
+    timing.steps(
+        "controller", [(step, 5_000, 250_000) for step in range(99)] + [(99, 0, 9_000_000)]
+    )
+    timing.close()
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
+    assert "<td>controller</td><td>338 µs</td><td>≤ 316 µs</td><td>9 ms</td>" in text
+    assert "p50 80 µs, p99 900 µs, max 1200 µs" in text
     assert "silent for 1 s &amp; more (controller, step 120, exit code 4)" in head
     marks = content(tmp_path / "report.html")["marks"]
     assert [(mark["level"], mark["t"]) for mark in marks[1:]] == [
