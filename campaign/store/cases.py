@@ -135,12 +135,12 @@ def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]
     """Put the post beside the outlet while the arm swings there, or leaves it."""
     if chance.random() < 0.7:
         late = chance.uniform(0.0, 1.0)
-        # The wrist comes along here at this time, while the base still drives.
-        x, y = 0.93 - 0.8 * late + chance.uniform(-0.1, 0.1), chance.uniform(0.5, 0.72)
+        # The wrist comes along here a little later, while the base still drives.
+        x, y = 0.83 - 0.8 * late + chance.uniform(-0.1, 0.1), chance.uniform(0.5, 0.72)
         return {"scenario": "store", "script": [_put("pillar", 11.4 + late, x, y)]}
     x, y = chance.uniform(0.22, 0.4), chance.uniform(0.4, 0.58)
     height = -chance.uniform(0.45, 0.6)
-    script = [_put("pillar", chance.uniform(17.0, 18.2), x, y, z=height)]
+    script = [_put("pillar", chance.uniform(16.8, 17.5), x, y, z=height)]
     return {"scenario": "store", "script": script}
 
 
