@@ -13,7 +13,7 @@ from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.control.live_file import LIVE_FILE
 
-_NICE = 5
+_NICE = 15
 _LOOPBACK = "127.0.0.1"
 
 
