@@ -14,6 +14,7 @@ from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, draw_variants, variants
+from stepbus_orchestrator.viewing.page import page_line
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 
@@ -77,7 +78,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="repeat all from step 0, whatever the run has saved",
     )
-    parser.add_argument("--no-report", action="store_true", help="make no plots, only figures")
+    parser.add_argument(
+        "--no-report", action="store_true", help="make no report.html and no report.png"
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     add_trust(parser)
 
@@ -160,7 +163,8 @@ def _conclude(branch: Branch, *, has_plots: bool) -> None:
             say(line)
     if has_plots and result.recording.exists() and result.steps:
         with abortable():
-            for line in write_report(result.recording, has_plots=True):
+            lines = write_report(result.recording, has_plots=True)
+            for line in [*lines, page_line(result.recording, lines)]:
                 say(line)
     say(f"recording {result.recording}\nsha256    {result.sha256}")
 

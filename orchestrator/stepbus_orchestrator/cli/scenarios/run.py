@@ -25,7 +25,7 @@ from stepbus_orchestrator.run.run_scenario import (
 )
 from stepbus_orchestrator.run.setup.options import check_names
 from stepbus_orchestrator.scenario import Scenario, load
-from stepbus_schemas import StepbusError, WiringError
+from stepbus_schemas import WiringError
 
 from .viewer import viewed
 
@@ -240,13 +240,9 @@ def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> l
 
 
 def _page(result: Result, lines: list[str]) -> list[str]:
-    """Write report.html, and return the line of the summary about it."""
-    from stepbus_orchestrator.viewing.page import write_page  # noqa: PLC0415  (loads NumPy)
+    from stepbus_orchestrator.viewing.page import page_line  # noqa: PLC0415  (loads NumPy)
 
-    try:
-        return [f"report    {write_page([result.recording], lines=[lines])}"]
-    except StepbusError as exc:
-        return [f"no report {exc}"]
+    return [page_line(result.recording, lines)]
 
 
 def _summarise(result: Result, lines: list[str]) -> None:

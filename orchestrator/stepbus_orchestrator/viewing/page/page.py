@@ -14,7 +14,7 @@ from typing import Any
 from stepbus_orchestrator.viewing.exports import replaced
 from stepbus_orchestrator.viewing.render import pixels_of
 from stepbus_participant import ExtraMissing, extra_hint
-from stepbus_schemas import Image
+from stepbus_schemas import Image, StepbusError
 
 from .arrays import Arrays
 from .run import RunPage, read_run
@@ -62,6 +62,17 @@ def write_page(
     with replaced(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
+
+
+def page_line(recording: Path, lines: Sequence[str]) -> str:
+    """Write the page of a run, and return what its summary should say of it.
+
+    lines: of the summary. A page that cannot be written changes no run.
+    """
+    try:
+        return f"report    {write_page([recording], lines=[lines])}"
+    except StepbusError as exc:
+        return f"no report {exc}"
 
 
 def _charts() -> Path:
