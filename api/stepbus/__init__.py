@@ -33,6 +33,8 @@ if TYPE_CHECKING:
         StartFailed,
         StepTimeout,
         StopTimeout,
+        SweepProgress,
+        SweepResult,
         Tolerance,
         Verification,
     )
@@ -44,8 +46,16 @@ if TYPE_CHECKING:
     from .recordings import branch, diff, recover, replay, rerun
     from .runs import call, describe, load, run, verify
     from .scenarios import Scenario
+    from .sweeps import sweep
 
-_HOMES = ("stepbus_participant", "stepbus_schemas", ".runs", ".recordings", "stepbus_orchestrator")
+_HOMES = (
+    "stepbus_participant",
+    "stepbus_schemas",
+    ".runs",
+    ".recordings",
+    ".sweeps",
+    "stepbus_orchestrator",
+)
 """Where a name of `__all__` comes from: the first that has it."""
 
 __all__ = [
@@ -136,6 +146,8 @@ __all__ = [
     "StepTimeout",
     "StepbusError",
     "StopTimeout",
+    "SweepProgress",
+    "SweepResult",
     "Text",
     "TextMessage",
     "Ticket",
@@ -162,6 +174,7 @@ __all__ = [
     "replay",
     "rerun",
     "run",
+    "sweep",
     "take_part",
     "testing",
     "verify",

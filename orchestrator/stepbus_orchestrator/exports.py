@@ -34,6 +34,8 @@ from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
 from .run.setup.external import as_external
 from .scenario import Problem, Scenario, ScenarioError, check_data, load
+from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
+from .sweep import sweep as sweep_scenario
 
 __all__ = [
     "Branch",
@@ -65,6 +67,9 @@ __all__ = [
     "StepTimeout",
     "StepTiming",
     "StopTimeout",
+    "SweepProgress",
+    "SweepResult",
+    "Terms",
     "Tolerance",
     "Verification",
     "as_external",
@@ -72,8 +77,10 @@ __all__ = [
     "call",
     "check_data",
     "default_folder",
+    "default_name",
     "describe",
     "diff",
+    "find_spec",
     "load",
     "parse_tolerance",
     "plan",
@@ -81,5 +88,6 @@ __all__ = [
     "recover",
     "replay_participant",
     "run_scenario",
+    "sweep_scenario",
     "verify",
 ]

@@ -3,7 +3,7 @@
 from .again import Again, rerun_row
 from .execute import SweepProgress, SweepResult, sweep
 from .results import PAGE_FILE, TABLE_FILE
-from .spec import SPEC_FILE, Spec, default_name, load_spec, make_spec, read_spec
+from .spec import SPEC_FILE, Spec, default_name, find_spec, load_spec
 from .work import KEEP, Terms
 
 __all__ = [
@@ -17,9 +17,8 @@ __all__ = [
     "SweepResult",
     "Terms",
     "default_name",
+    "find_spec",
     "load_spec",
-    "make_spec",
-    "read_spec",
     "rerun_row",
     "sweep",
 ]

@@ -8,14 +8,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.errors import Interrupted, RecordingFailed
 from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_participant import need
 from stepbus_schemas import WiringError
 
 from .check import Checked, check
 from .optimize import Optimizer
-from .results import Journal, extremes, write_page, write_table
+from .results import PAGE_FILE, TABLE_FILE, Journal, extremes, write_page, write_table
 from .space import Point
 from .spec import SPEC_FILE, Spec, differences, load_spec, save_spec
 from .work import Content, Pool, Row, Terms, collect, write_run
@@ -52,6 +54,16 @@ class SweepResult:
     metric_errors: int
     causes: Mapping[str, int]
     wall_s: float
+
+    def table(self) -> Any:
+        """Return all rows, as a `pyarrow.Table`."""
+        (parquet,) = need("a sweep", "pyarrow.parquet")
+        return parquet.read_table(self.folder / TABLE_FILE)
+
+    @property
+    def page(self) -> Path:
+        """Return the path of report.html."""
+        return self.folder / PAGE_FILE
 
 
 def sweep(

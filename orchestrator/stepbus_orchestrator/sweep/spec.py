@@ -124,6 +124,23 @@ def _beside(folder: Path, value: Any) -> Any:
     return str(folder / str(value)) if (folder / name).exists() else value
 
 
+def find_spec(scenario: str, options: Mapping[str, Any]) -> Spec:
+    """Return the sweep of a scenario, or that of a sweep's file, some of it replaced.
+
+    Raises SettingsError with every problem.
+    """
+    path = Path(scenario)
+    if path.is_file() and _is_sweep(path):
+        return read_spec(path, options)
+    return make_spec({"scenario": scenario, **options})
+
+
+def _is_sweep(path: Path) -> bool:
+    """Return whether a file is that of a sweep: it names a scenario."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return any(line.startswith(("scenario:", "vary:")) for line in text.splitlines())
+
+
 def make_spec(options: Mapping[str, Any]) -> Spec:
     """Return a sweep from its settings alone; raises SettingsError with every problem."""
     from stepbus_participant import Problems  # noqa: PLC0415

@@ -182,6 +182,55 @@ def test_a_run_that_takes_too_long_is_a_row(tmp_path: Path) -> None:
     assert table["reason"][1] == "it took longer than 20 s"
 
 
+FLAKY = """
+import os, pathlib, stepbus
+
+class Flaky(stepbus.Participant):
+    def start(self, inputs):
+        mark = pathlib.Path(self.config.param("mark") + str(self.config.param("number")))
+        if self.config.param("number") and not mark.exists():
+            mark.touch()
+            os._exit(3)
+
+raise SystemExit(stepbus.main(Flaky))
+"""
+
+
+@pytest.mark.slow
+def test_what_a_machine_may_have_failed_is_repeated_and_values_vary_together(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "flaky.py").write_text(FLAKY)
+    (tmp_path / "s.yaml").write_text(
+        "extends: two_link\nname: flaky\nduration: 50ms\nparticipants:\n  flaky:\n"
+        "    exec: [python, flaky.py]\n    inputs: {joint_state: plant.joint_state}\n"
+        f"    params: {{mark: {tmp_path}/mark, number: 0}}\n"
+    )
+    axis = "flaky.params.number=0,1,2 & controller.params.kp=50,60,70"
+    words = ["s.yaml", "--vary", axis, "--jobs", "1", "--keep", "none"]
+    sweep(tmp_path, *words, "--retry", "1")
+    table = rows(tmp_path)
+    assert table["exit_code"] == [0, 0, 0]
+    assert table["controller.params.kp"] == [50, 60, 70]
+    times = parquet.read_table(tmp_path / "sweep/times.parquet").to_pydict()
+    assert times["attempts"] == [1, 2, 2]
+    # Without, they are rows with their cause; and Python has the same sweep.
+    for mark in tmp_path.glob("mark*"):
+        mark.unlink()
+    text = (
+        "import stepbus; "
+        f"done = stepbus.sweep('s.yaml', [{axis!r}], jobs=1, keep='none', out='plain'); "
+        "print(done.failed, dict(done.causes), done.table()['exit_code'].to_pylist())"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, timeout=100,
+        check=False, env={**os.environ, "HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr
+    cause = {"failed (flaky), exit code 5": 2}
+    assert found.stdout.strip() == f"2 {cause} [0, 5, 5]", found.stdout
+
+
 @pytest.mark.slow
 def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
     words = ["two_link", *SHORT, "--vary", "controller.params.kp=50:100:60"]

@@ -22,8 +22,7 @@ from stepbus_orchestrator.sweep import (
     SweepResult,
     Terms,
     default_name,
-    make_spec,
-    read_spec,
+    find_spec,
     sweep,
 )
 
@@ -132,16 +131,7 @@ def _spec(args: argparse.Namespace) -> Spec:
     options: dict[str, Any] = {key: value for key, value in given.items() if value}
     if args.seed == 0:
         options["seed"] = 0
-    path = Path(args.scenario)
-    if path.is_file() and _is_sweep(path):
-        return read_spec(path, options)
-    return make_spec({"scenario": args.scenario, **options})
-
-
-def _is_sweep(path: Path) -> bool:
-    """Return whether a file is that of a sweep: it names a scenario."""
-    text = path.read_text(encoding="utf-8", errors="replace")
-    return any(line.startswith(("scenario:", "vary:")) for line in text.splitlines())
+    return find_spec(args.scenario, options)
 
 
 @contextmanager

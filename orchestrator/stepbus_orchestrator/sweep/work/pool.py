@@ -125,6 +125,8 @@ class Pool:
 
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
+        if self._ray.is_initialized():
+            raise StartFailed("this process uses Ray already: call ray.shutdown() before the sweep")
         self._sweep_up()
         options: dict[str, Any] = {"address": self._terms.address}
         if not self._terms.address:
