@@ -15,7 +15,7 @@ _FLAGS = [
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 _OWN = ("data:", "blob:", "file:", "http://127.0.0.1:", "ws://127.0.0.1:")
-_LONGEST_S = 60.0
+_LONGEST_S = 300.0
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 
@@ -56,6 +56,7 @@ def opened(address, width=800, height=600):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_FLAGS)
         try:
             watched = Watched(browser.new_page(viewport={"width": width, "height": height}))
+            watched.page.set_default_timeout(1000 * _LONGEST_S)
             watched.page.goto(address)
             yield watched
         finally:

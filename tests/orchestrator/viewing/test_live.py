@@ -88,6 +88,7 @@ def test_run_with_a_view_leaves_nothing_and_has_the_same_hash(tmp_path, plain):
 
 @pytest.mark.slow
 @needs_chromium
+@pytest.mark.timeout(900)
 def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
     paused = Paused(tmp_path / "run")
     over = threading.Event()

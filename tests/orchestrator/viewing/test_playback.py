@@ -76,6 +76,7 @@ def test_half_a_recording_is_shown_up_to_its_damage(recording, tmp_path, page):
 
 @pytest.mark.slow
 @needs_chromium
+@pytest.mark.timeout(900)
 def test_the_buttons_of_the_page_do_what_they_say(recording, page):
     playback = Playback(page.server, Recording(recording))
     with opened(page.address, 640, 360) as watched:

@@ -16,12 +16,13 @@ class Images:
 
     def __init__(self, server: Any, ports: Ports) -> None:
         self._gui = server.gui
-        self.topics = frozenset(port.topic for port in ports.values() if port.type == "Image/1")
+        self._order = [port.topic for port in ports.values() if port.type == "Image/1"]
+        self.topics = frozenset(self._order)
         self._shown: dict[str, tuple[int, Any]] = {}
 
     def show(self, messages: Messages) -> None:
         """Show what is new."""
-        for topic in sorted(self.topics & messages.keys()):
+        for topic in (name for name in self._order if name in messages):
             latest = messages[topic]
             step, handle = self._shown.get(topic, (-1, None))
             pixels = pixels_of(latest.message) if latest.step != step else None

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.viewing.scene import Chain, Messages, Ports, Pose, Scene
+from stepbus_orchestrator.viewing.scene import Chain, Messages, Ports, Pose
 from stepbus_schemas import Contacts, Detections, Message, Plan
+
+from .stage import Stage
 
 _CONTACT: tuple[int, int, int] = (230, 30, 30)
 _PATH: tuple[int, int, int] = (20, 160, 60)
@@ -20,9 +22,10 @@ _ROOT = "/shown"
 class Overlays:
     """Draws what messages of some types say beside the frames, when they change."""
 
-    def __init__(self, server: Any, scene: Scene, ports: Ports) -> None:
+    def __init__(self, server: Any, stage: Stage, ports: Ports) -> None:
         self._server = server
-        self._scene = scene
+        self._stage = stage
+        self._scene = scene = stage.scene
         self._chains = {chain.topic: chain for chain in scene.chains}
         self._drawn: dict[str, tuple[int, Any]] = {}
         self._visible = True
@@ -79,16 +82,16 @@ class Overlays:
         sizes = {"shaft_radius": 0.006, "head_radius": 0.015, "head_length": 0.03}
         return [scene.add_arrows(path, points=points, colors=_CONTACT, **sizes)]
 
-    def _plan(self, path: str, message: Message, messages: Messages) -> Sequence[Any]:
+    def _plan(self, path: str, message: Message, _: Messages) -> Sequence[Any]:
         """Draw the path of the last link that a plan moves."""
         chain = self._chains.get(next((t for t in self._chains if _path(t) == path), ""))
         if chain is None or not isinstance(message, Plan) or len(message.position) < 2:
             return []
-        root = self._scene.world_poses(messages)[chain.root]
-        points = np.array([(root @ _tip(chain, row)).position for row in _thinned(message)])
+        points = np.array([_tip(chain, row).position for row in _thinned(message)])
         segments = np.stack([points[:-1], points[1:]], axis=1)
+        # It is of the joints, so it moves with the base.
         line = self._server.scene.add_line_segments(
-            path, points=segments, colors=_PATH, line_width=4.0
+            f"{self._stage.paths[chain.root]}/plan", points=segments, colors=_PATH, line_width=4.0
         )
         return [line]
 

@@ -14,7 +14,8 @@ _NEAR = 1e-9
 class Stage:
     """Draws a scene on a server of viser, and moves its frames.
 
-    root: of its nodes. tint: colour of a scene that is only shown beside another one.
+    root: of its nodes. tint: colour of a scene that is only shown beside another one. paths: frame
+    → its node.
     """
 
     def __init__(self, server: Any, scene: Scene, root: str = "/run", tint: Color | None = None):
@@ -25,6 +26,7 @@ class Stage:
         self._ghosts: list[Any] = []
         self._poses: dict[str, Pose] = {}
         paths: dict[str, str] = {"": root}
+        self.paths = paths
         with server.atomic():
             self._root = server.scene.add_frame(root, show_axes=False)
             for frame in scene.frames:

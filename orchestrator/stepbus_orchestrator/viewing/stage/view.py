@@ -31,7 +31,7 @@ class View:
         self._server = server
         self.stage = Stage(server, scene)
         self._ports = ports
-        self._overlays = Overlays(server, scene, ports)
+        self._overlays = Overlays(server, self.stage, ports)
         self._names = {port.topic: port.names for port in ports.values()}
         self.status = server.gui.add_markdown("")
         self.tabs = server.gui.add_tab_group()

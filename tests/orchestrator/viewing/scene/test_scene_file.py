@@ -30,6 +30,7 @@ def test_the_file_is_whole_and_small(scene_file):
 
 @pytest.mark.slow
 @needs_chromium
+@pytest.mark.timeout(900)
 def test_the_file_shows_the_arm_offline(scene_file):
     with opened(scene_file.as_uri()) as watched:
         watched.wait(lambda: watched.colours() > 300, "the arm to be drawn")
