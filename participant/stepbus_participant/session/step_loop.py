@@ -125,34 +125,38 @@ class StepLoop:
     def _await_trigger(self, step: int) -> None:
         start_ns = _now_ns()
         self._control.poll()
+        timeout, has_reported = FLUSH_AFTER_S, False
         if self._reads_ahead and step >= self._control.step_limit and not self._control.calls:
-            self._read_ahead(step)
+            timeout = self._read_ahead(step)
             self._control.poll()
-        timeout = FLUSH_AFTER_S
         while step >= self._control.step_limit:
             while self._control.calls:
                 self._answers.answer(self._control.calls.popleft())
-            if not self._control.wait(timeout) and timeout == FLUSH_AFTER_S:
+            if not self._control.wait(timeout) and not has_reported:
                 self._outbox.flush(Waiting(step=step, sources=[]))
-                timeout = 1.0
+                timeout, has_reported = 1.0, True
         self._waited_ns += _now_ns() - start_ns
 
-    def _read_ahead(self, step: int) -> None:
-        """Wait for the inputs of a step that is not released yet, for a short time each.
+    def _read_ahead(self, step: int) -> float:
+        """Wait for the inputs of a step that is not released yet; return what is left of 20 ms [s].
 
         The trigger arrives meanwhile: to wait for it first would wake this thread once more, which
         takes longer than all else that a trigger costs. What arrives is not read before it (P5.2):
         the run may end before this step.
         """
+        until_s = time.monotonic() + FLUSH_AFTER_S
+        left_s = FLUSH_AFTER_S
         for source in self._sources:
             if source.early is None and source.step < source.due(step):
                 try:
-                    source.early = source.queue.get(timeout=FLUSH_AFTER_S)
+                    source.early = source.queue.get(timeout=left_s)
                 except Empty:
-                    return
+                    return 0.0
+                left_s = max(0.0, until_s - time.monotonic())
                 if source.early is None:
                     # The orchestrator has sent something urgent.
-                    return
+                    break
+        return left_s
 
     def _receive(self, source: Source) -> None:
         """Accept the next message of a source, however long it takes to arrive (P6.2)."""

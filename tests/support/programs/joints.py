@@ -161,7 +161,10 @@ class Nonsense(Controller):
         if FAULT == "envelope" and isinstance(message, Outputs):
             return msgspec.msgpack.encode({"token": message.token, "step": "seven"})
         if FAULT == "skip" and isinstance(message, Outputs):
-            return real(msgspec.structs.replace(message, step=message.step + 1))
+            # With the time of that step: whoever sees it first names the same fault.
+            step = message.step + 1
+            t_ns = message.t_ns // message.step * step
+            return real(msgspec.structs.replace(message, step=step, t_ns=t_ns))
         if FAULT == "time" and isinstance(message, Outputs):
             return real(msgspec.structs.replace(message, t_ns=message.t_ns + 1))
         if FAULT == "garbage" and isinstance(message, Outputs):
