@@ -105,7 +105,8 @@ class Overlays:
             where = (frame @ Pose(at)).position
             name = f"{path}/{number}"
             made.append(scene.add_icosphere(name, radius=0.012, color=_SEEN, position=where))
-            made.append(scene.add_label(f"{name}/type", message.types[number]))
+            # It goes with the point that it is below of.
+            scene.add_label(f"{name}/type", message.types[number])
         return made
 
 
