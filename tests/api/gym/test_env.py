@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import gymnasium
@@ -15,6 +16,7 @@ import stepbus_gym
 from stepbus_gym import StepbusEnv
 from stepbus_orchestrator import Episode, RunFailure, load
 from stepbus_participant import Participant
+from stepbus_schemas import WiringError
 
 PUSH = np.array([3.0, -2.0])
 
@@ -222,6 +224,26 @@ def test_ctrl_c_during_a_step_reaches_the_caller(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run.advance(None)
     assert run.end("closed").outcome == "finished"
+
+
+def test_an_environment_belongs_to_the_thread_that_made_it(make):
+    env = make()
+    env.reset()
+    alone, _ = episode(make())
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(WiringError, match="belongs to the thread that started it"):
+            pool.submit(env.step, PUSH).result()
+        rows = pool.submit(in_a_thread).result()
+    assert np.array_equal(rows, alone)
+    assert env.step(PUSH)[4]["step"] == 1
+
+
+def in_a_thread():
+    env = StepbusEnv("two_link", reward=nothing, duration="100ms")
+    try:
+        return episode(env)[0]
+    finally:
+        env.close()
 
 
 def test_a_simulation_that_fails_says_why(make):
