@@ -1,8 +1,11 @@
 """Where the files of an environment's episodes are."""
 
 import itertools
+import os
 import shutil
 import tempfile
+import weakref
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
@@ -21,15 +24,17 @@ class Folders:
     def __init__(self, record: str | PathLike[str]) -> None:
         self.is_recorded = record != "none"
         self._parent = Path(DEFAULT if record == "all" else record).absolute()
-        self._temporary: Path | None = None
+        self._remove: Callable[[], object] = _nothing
 
     def make(self) -> Path:
         """Return a new folder; raises RecordingFailed where none can be made."""
         try:
             if not self.is_recorded:
                 self.drop()
-                self._temporary = Path(tempfile.mkdtemp(prefix="gym-stepbus-")).resolve()
-                return self._temporary / "run"
+                folder = Path(tempfile.mkdtemp(prefix="gym-stepbus-")).resolve()
+                # Also at the end of a process that has closed nothing.
+                self._remove = weakref.finalize(self, _remove, folder, os.getpid())
+                return folder / "run"
             self._parent.mkdir(parents=True, exist_ok=True)
             return next(
                 path
@@ -47,9 +52,17 @@ class Folders:
 
     def drop(self) -> None:
         """Remove what is temporary."""
-        if self._temporary is not None:
-            shutil.rmtree(self._temporary, ignore_errors=True)
-            self._temporary = None
+        self._remove()
+
+
+def _nothing() -> None:
+    """Remove nothing."""
+
+
+def _remove(folder: Path, pid: int) -> None:
+    """Remove a folder, but not from a process that was forked."""
+    if os.getpid() == pid:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_made(folder: Path) -> bool:
