@@ -54,7 +54,8 @@ def failure_of(recording, *overrides, **options):
         ("controller", "deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("controller", "port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
         ("nonsense", "message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: .*\$\.values"),
-        ("nonsense", "skip", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),
+        ("nonsense", "skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
+        ("nonsense", "time", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),
     ],
 )  # fmt: skip
 def test_a_fault_in_a_step_is_blamed_with_its_step(joints_recording, program, kind, code, sentence):
