@@ -225,7 +225,7 @@ def test_beside_space_that_nothing_senses_a_link_is_slow_enough_to_stop_within_t
 def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
     stand = Stand()
     stand.look(("elbow", "pillar", 0.0, 0.10), ("elbow", "crate", 0.0, 0.03), dt=0.016)
-    near, left = stand.look(
+    (near, left), _ = stand.look(
         ("elbow", "pillar", 0.0, 0.08), ("elbow", "crate", 0.0, 0.03), dt=0.016
     ).strange
     assert near.pair == ("elbow", "pillar")
@@ -236,7 +236,7 @@ def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
 def test_what_appears_all_of_a_sudden_comes_as_fast_as_the_link_moves(gap, counts):
     stand = Stand(range=0.15)
     stand.look(dt=0.016)
-    _, left = stand.look(("elbow", "pillar", 0.0, gap), dt=0.016, speed=0.8).strange
+    ((_, left),) = stand.look(("elbow", "pillar", 0.0, gap), dt=0.016, speed=0.8).strange
     assert left == pytest.approx(gap - counts * (0.8 * 0.05 + 0.8**2 / 16))
 
 

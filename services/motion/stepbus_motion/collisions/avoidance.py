@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from stepbus_kinematics import Vector
 from stepbus_motion.collisions.monitor import Approach, Collision, CollisionMonitor, Watch
 from stepbus_motion.goals.measured import Measured
 from stepbus_motion.goals.outcome import Outcome
@@ -10,7 +11,9 @@ from stepbus_motion.goals.parts import MOVES, Part, Parts
 from stepbus_motion.goals.reports import Reports
 from stepbus_schemas import Goal, RunError
 
+from .arm_retreat import ArmRetreat
 from .base_back_off import BaseBackOff
+from .sensed import SensedThings, Strange
 
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""
@@ -72,7 +75,10 @@ class Avoidance:
         self._base_back_off: BaseBackOff | None = None
         self._near: Approach | None = None
         self._replans = 0
-        self._close: tuple[str, str] | None = None
+        self._sensed = SensedThings(settings.stop_within)
+        self._hindrance: Approach | None = None
+        self._q: Vector | None = None
+        self._retreat: ArmRetreat | None = None
         self.slowest = ""
         """What the robot was nearest to while the goal slowed down for it; empty: nothing."""
         self._least_scale = 1.0
@@ -86,7 +92,7 @@ class Avoidance:
     def start(self, goal: Goal, part: Part) -> None:
         """Watch a new goal."""
         self._touched, self._is_slow = None, False
-        self._back_off, self._replans, self._close = None, 0, None
+        self._back_off, self._retreat, self._replans = None, None, 0
         self.slowest, self._least_scale = "", 1.0
         self._base_back_off, self._near = None, None
         self._is_beside = False
@@ -97,7 +103,7 @@ class Avoidance:
 
         What has happened to the base is not forgotten.
         """
-        self._back_off, self._replans, self._close = None, 0, None
+        self._back_off, self._retreat, self._replans = None, None, 0
         self.slowest, self._least_scale = "", 1.0
         self._is_beside = driving is not None
         if self._monitor is not None:
@@ -128,6 +134,9 @@ class Avoidance:
         if watch.near is not None and not self._is_slow and has_goal:
             self._reports.warn(f"{_gap(watch)}: slower")
         self._is_slow = watch.near is not None
+        self._q = now.q
+        self._sensed.update(watch.strange, is_moving=self._parts.arm.is_moving)
+        self._monitor.wary = self._sensed.known
         if watch.slow is not None and watch.scale < self._least_scale:
             ours, other, gap = watch.slow
             self._least_scale = watch.scale
@@ -179,8 +188,9 @@ class Avoidance:
 
     @property
     def backs_off(self) -> bool:
-        """Return whether the robot backs off from what it has touched."""
-        return self._back_off is not None or self._base_back_off is not None
+        """Return whether the robot backs off from what it has touched, or has stopped before."""
+        backs_off = (self._back_off, self._base_back_off, self._retreat)
+        return any(each is not None for each in backs_off)
 
     def check_back_off(
         self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
@@ -191,6 +201,13 @@ class Avoidance:
         """
         if self._base_back_off is not None:
             return self._base_back_off.check(collision)
+        if self._retreat is not None:
+            return self._check_retreat(goal, part, end, collision, t)
+        return self._check_arm(goal, part, end, collision, t)
+
+    def _check_arm(
+        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
+    ) -> Outcome | None:
         back_off = self._back_off
         if back_off is None:
             return None
@@ -207,6 +224,29 @@ class Avoidance:
             return self.replan(goal, part, back_off.failure.text, t)
         return back_off.failure
 
+    def _check_retreat(
+        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
+    ) -> Outcome | None:
+        """Return the end of the goal of an arm that leaves what it has stopped for."""
+        retreat, strange = self._retreat, self._strange
+        if retreat is None:
+            return None
+        if collision is not None and not retreat.leaves:
+            self._retreat = None
+            return self.collide(goal, part, collision, t)
+        if retreat.leaves:
+            obstacle = collision or self._sensed.hindrance(strange, on_plan=True)
+            if obstacle is not None:
+                self._parts.rest(part, t, touches=True)
+                return retreat.failure(obstacle)
+        gaps = (near.gap for near, _ in strange if near.other == retreat.other)
+        if end is None or not retreat.is_over(end, min(gaps, default=math.inf), t):
+            return None
+        if end.state != "succeeded":
+            return retreat.failure()
+        self._retreat = None
+        return self.replan(goal, part, retreat.text, t)
+
     def _behind(self, left: Collision, collision: Collision | None) -> str:
         """Return what is in the way of an arm that backs off; empty: nothing.
 
@@ -218,7 +258,7 @@ class Avoidance:
             self._is_apart = force == 0.0 and (gap is None or gap > _APART)
         if collision is not None and (self._is_apart or collision.pair != left.pair):
             return str(collision)
-        near, room = (self._watch.strange if self._watch is not None else None) or (None, math.inf)
+        near, room = self._nearest
         if near is None or (near.pair == left.pair and not self._is_apart):
             return ""
         return str(near) if _comes(near, room) and room < self._settings.stop_within else ""
@@ -246,55 +286,82 @@ class Avoidance:
 
     def hindrance(self, part: Part) -> str:
         """Return a sentence about what hinders an arm on a path; empty: nothing."""
-        arm, watch = self._parts.arm, self._watch
+        arm = self._parts.arm
         if part != "arm":
             return ""
         # How close its own links come on a path, the planner has checked.
-        near, left = (watch.strange if watch is not None else None) or (None, math.inf)
+        self._hindrance = None
         if arm.blocked:
             return arm.blocked
-        if not arm.follows_plan:
-            self._close = near.pair if near is not None else None
-            return ""
-        if near is None or left >= self._settings.stop_within:
-            return ""
-        # What is close from the start on may stay so, but not come closer.
-        return str(near) if near.pair != self._close or _comes(near, left) else ""
+        self._hindrance = self._sensed.hindrance(self._strange, on_plan=arm.follows_plan)
+        return "" if self._hindrance is None else str(self._hindrance)
+
+    def remember(self) -> bool:
+        """Remember where what is sensed hinders the arm; return whether it has done so before."""
+        near = self._hindrance
+        if near is None or self._q is None:
+            return False
+        return self._sensed.remember(near, self._parts.arm.place_of(near.ours, self._q))
+
+    @property
+    def _strange(self) -> Strange:
+        return self._watch.strange if self._watch is not None else ()
+
+    @property
+    def _nearest(self) -> tuple[Approach | None, float]:
+        """Return what the arm can least avoid, and what the hardest stop would leave [m]."""
+        return self._strange[0] if self._strange else (None, math.inf)
 
     @property
     def is_urgent(self) -> bool:
         """Return whether the arm hits something unless it stops harder than the gripper holds."""
-        strange = self._watch.strange if self._watch is not None else None
-        return strange is not None and strange[1] < 0.0
+        return self._nearest[1] < 0.0
+
+    def hurry(self, t: float) -> None:
+        """Stop harder than the gripper holds, where the stop under way turns out too weak."""
+        if self.is_urgent:
+            self._parts.arm.stop_harder(t)
 
     def evade(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop for a hindrance; ask for another path, or return the end of a goal without one.
 
-        A straight line has no other path.
+        A straight line has no other path. What only the skin senses, the planner may not know: the
+        arm leaves it first, and gives up where another path leads to the same place.
         """
-        if self._parts.arm.follows_plan:
+        again = self.remember()
+        if not self._parts.arm.follows_plan:
+            return self._give_up(part, f"{why}; stopped", t, "blocked")
+        if again:
+            return self._give_up(part, f"{why}; stopped; another path leads there again", t)
+        if self._hindrance is None:
             return self.replan(goal, part, why, t)
-        return self._give_up(part, f"{why}; stopped", t, "blocked")
+        distance, is_urgent = self._settings.back_off, self.is_urgent
+        self._retreat = ArmRetreat(
+            self._parts, self._hindrance, why, distance, t, is_urgent=is_urgent
+        )
+        self._reports.warn(f"{why}; stops")
+        return None
 
     def replan(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
         """Stop and ask for another path; return the end of a goal that cannot have one."""
         most = self._settings.replans
+        stopped = why if "; stopped" in why else f"{why}; stopped"
         if self._replans == most:
             tried = f", after {most} other path{'s' if most > 1 else ''}" if most else ""
-            return self._give_up(part, f"{why}; stopped{tried}", t)
+            return self._give_up(part, f"{stopped}{tried}", t)
         self._replans += 1
         try:
             self._parts.arm.replan(t, touches=self.is_urgent)
         except RunError as exc:
-            return self._give_up(part, f"{why}; stopped; {exc}", t)
+            return self._give_up(part, f"{stopped}; {exc}", t)
         self._monitor_goal(goal, part)
-        text = f"{why}; stopped, asked for another path ({self._replans} of {most})"
+        text = f"{stopped}, asked for another path ({self._replans} of {most})"
         self._reports.status(goal.id, "running", text=text)
         self._reports.warn(text)
         return None
 
     def _give_up(self, part: Part, text: str, t: float, cause: str = "no_path") -> Outcome:
-        self._parts.rest(part, t)
+        self._parts.rest(part, t, touches=self.is_urgent)
         return Outcome(state="failed", cause=cause, text=text)
 
 

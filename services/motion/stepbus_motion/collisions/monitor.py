@@ -26,6 +26,9 @@ _SUDDEN = 0.03
 """So much nearer than the range of the contacts, something new has not come from beyond it, even
 if it is measured somewhat too near [m]."""
 
+_WARY = 0.25
+"""Share of `creep` at which the arm creeps near what has stopped it before."""
+
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
 
@@ -63,13 +66,13 @@ class MonitorSettings:
     stop: float = 8.0
     stop_holding: float = 5.0
 
-    def safe_speed(self, gap: float) -> float:
+    def safe_speed(self, gap: float, *, wary: bool = False) -> float:
         """Return the largest speed of a link that can still stop within a gap [m, m/s].
 
         The path of reaction and braking, v·t + v²/2a, ends at `clearance` (speed and separation
-        monitoring: ISO/TS 15066, 2016, section 5.5.4).
+        monitoring: ISO/TS 15066, 2016, section 5.5.4). wary: of what has stopped the arm before.
         """
-        return max(self._speed(self.brake, gap), self.creep)
+        return max(self._speed(self.brake, gap), self.creep * (_WARY if wary else 1.0))
 
     def unseen_speed(self, *, holding: bool) -> float:
         """Return the largest speed of a link beside space that the contacts do not reach [m/s].
@@ -140,9 +143,9 @@ class Watch:
     """What the monitor found in a step.
 
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. strange: the pair that the arm
-    can least avoid, of which one is no link of the robot, and the distance that the hardest stop
-    would leave, below 0: it would not. room: for the base, the distance
+    not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
+    no link of the robot, and the distance that the hardest stop of the arm would leave, below 0: it
+    would not; the least one first. room: for the base, the distance
     to the closest thing, longer for what it passes by [m]. held: link of the world between the
     pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
     their distance [m].
@@ -155,7 +158,7 @@ class Watch:
     scale: float
     room: float = math.inf
     slow: tuple[str, str, float] | None = None
-    strange: tuple[Approach, float] | None = None
+    strange: tuple[tuple[Approach, float], ...] = ()
 
 
 class CollisionMonitor:
@@ -183,6 +186,8 @@ class CollisionMonitor:
         self._last: list[_Row] = []
         self._closing: list[_Row] = []
         self._gaps: dict[tuple[str, str], float] = {}
+        self.wary: frozenset[str] = frozenset()
+        """What has stopped the arm before."""
 
     @property
     def held(self) -> str:
@@ -266,13 +271,13 @@ class CollisionMonitor:
         dt: float,
         speed_of: Callable[[str], tuple[float, float]],
         base_speed: float,
-    ) -> tuple[Approach, float] | None:
-        """Return the pair of `Watch.strange`; dt: since the last contacts [s].
+    ) -> tuple[tuple[Approach, float], ...]:
+        """Return the pairs of `Watch.strange`; dt: since the last contacts [s].
 
         What appears all of a sudden comes as fast as the link moves at all.
         """
         settings = self._settings
-        found: tuple[Approach, float] | None = None
+        found = []
         for row in closing:
             if {row.ours, row.other} <= settings.links or row.ours in settings.base_links:
                 continue
@@ -284,10 +289,9 @@ class CollisionMonitor:
             else:
                 speed = 0.0
             left = row.distance - settings.stopping(speed, holding=bool(self._held))
-            if found is None or left < found[1]:
-                gap = max(row.distance, 0.0)
-                found = (Approach(ours=row.ours, other=row.other, gap=gap), left)
-        return found
+            gap = max(row.distance, 0.0)
+            found.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
+        return tuple(sorted(found, key=lambda pair: pair[1]))
 
     def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
         """Return the closest pair that has come closer in this step and is about to touch.
@@ -330,7 +334,8 @@ class CollisionMonitor:
             return 1.0
         # Where base and arm move, each of them may use up one half.
         gap = row.distance / 2 if self._moves == "all" else row.distance
-        return min(self._settings.safe_speed(gap) / max(closing, 1e-9), 1.0)
+        speed = self._settings.safe_speed(gap, wary=row.other in self.wary)
+        return min(speed / max(closing, 1e-9), 1.0)
 
     def _speeds(
         self, row: _Row, speed_of: Callable[[str], tuple[float, float]]

@@ -111,6 +111,7 @@ class BesideBase:
             end = companion.follow(end, now, t)
             drives, moves = goals.driving is not None, companion.phase == "moves"
             if end is None and drives and moves and self._avoidance.hindrance("arm"):
+                self._avoidance.remember()
                 companion.postpone(now, t, is_urgent=self._avoidance.is_urgent)
         except RunError as exc:
             return failure_of(exc)

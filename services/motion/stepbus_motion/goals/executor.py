@@ -93,6 +93,7 @@ class GoalExecutor:
         scale = self._avoidance.scale(now, dt, has_goal=goals.active is not None)
         if scale is not None or self._parts.base is not None:
             self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
+            self._avoidance.hurry(t)
         ends = self._parts.check(now, t)
         self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)

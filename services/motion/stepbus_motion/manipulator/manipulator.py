@@ -97,6 +97,7 @@ class Manipulator:
         self._blocked = ""
         self._behind = BackOffPath(robot, options.tip)
         self._backs_off = False
+        self._keeps_held = False
         self._ready: tuple[list[Trajectory], PlannerSearch] | None = None
         self._beside = Beside()
         self._began_at = 0.0
@@ -153,6 +154,20 @@ class Manipulator:
         x, y, z = pose.translation.tolist()
         a, b, c, d = pin.Quaternion(pose.rotation).coeffs().tolist()
         return (x, y, z), (a, b, c, d)
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether the motion under way moves the joints now."""
+        return bool(self._player.nominal().velocity.any())
+
+    def place_of(self, link: str, q: Vector) -> Vector:
+        """Return where a link is in the base at q, shape (n,) [rad], as shape (3,) [m].
+
+        What is no link of the robot is where the tip is.
+        """
+        frame = link if link in self._robot.links else self._options.tip
+        place: Vector = self._robot.frame_pose(q, frame).translation.copy()
+        return place
 
     def link_speeds(self) -> Callable[[str], tuple[float, float]]:
         """Return a function: link → its speed now, and at the full rate of the motion [m/s].
@@ -280,7 +295,7 @@ class Manipulator:
 
         What the gripper holds is kept, unless the robot touches something, or is about to.
         `take_plan` continues from there. Raises RunError without a planner's path, under way or
-        left by `back_off`.
+        left by `back_off` or `stop`.
         """
         route = self._route
         if route is None:
@@ -291,16 +306,26 @@ class Manipulator:
         candidates = itertools.chain([route.candidate], route.candidates)
         self._search(route.goal, route.held, rest, candidates)
 
-    def stop(self, t: float, *, touches: bool = False) -> None:
+    def stop(self, t: float, *, touches: bool = False, keeps_route: bool = False) -> None:
         """Come to rest as fast as the motors can, whatever the scale; `check` reports when.
 
         What the gripper holds is kept, unless the robot touches something, or is about to.
+        keeps_route: `replan` will continue.
         """
         now = self._player.catch_up(t)
-        self._route = None
+        self._route = self._route if keeps_route else None
         self._forget()
         self._brake(now, hard=True, touches=touches)
         self._watch()
+
+    def stop_harder(self, t: float) -> None:
+        """Stop as hard as the motors can, where a stop is under way that keeps what is held."""
+        if not (self._keeps_held and self.is_moving):
+            return
+        if self._route is not None and self._queries.search is not None:
+            self.replan(t, touches=True)
+        else:
+            self.stop(t, touches=True, keeps_route=True)
 
     def back_off(self, t: float, distance: float) -> float:
         """Go back along the path the arm came, whatever the scale; return its length [m].
@@ -401,13 +426,16 @@ class Manipulator:
     def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
         self._backs_off = False
         holds = self._queries.load > 0.0 and not touches
+        self._keeps_held = hard and holds
         return self._player.brake(now, hard=hard, holds=holds)
 
     def _start(self, trajectory: Trajectory) -> None:
+        self._keeps_held = False
         self._player.start(trajectory)
         self._watch()
 
     def _then(self, parts: list[Trajectory]) -> None:
+        self._keeps_held = False
         self._player.then(parts)
         self._watch()
 

@@ -88,9 +88,65 @@ def test_what_comes_too_close_on_a_planned_way_is_gone_around(planned):
     robot = planned
     robot.touching = [("hand", "crate", 0.0, 0.003)]
     robot.step()
-    assert robot.news[-1].text.startswith("hand is 3.0 mm from crate; stopped, asked for another")
+    assert "hand is 3.0 mm from crate; stops" in robot.warnings
+    asked_again(robot)
+    assert robot.news[-1].text == (
+        "hand is 3.0 mm from crate; stopped, backed off 50 mm, asked for another path (1 of 3)"
+    )
     assert finish(robot)[-1] == "succeeded"
     assert len(robot.requests) == 2
+
+
+def asked_again(robot, seconds=3.0):
+    """Run until the planner is asked for another path."""
+    count = len(robot.requests)
+    for _ in range(round(seconds / DT)):
+        robot.step()
+        if len(robot.requests) > count:
+            return
+
+
+class Post:
+    """Stands where the hand of a robot gets after some path of its tip; the robot senses it."""
+
+    def __init__(self, robot, ahead):
+        self.robot, self.ahead, self.nearest = robot, ahead, ahead
+        self.start, self.answered = robot.q[0], len(robot.requests)
+        self.sense()
+
+    def sense(self):
+        # The arm only pans, and its hand is 0.9 m from the axis.
+        gap = float(self.ahead - 0.9 * (self.robot.q[0] - self.start))
+        self.nearest = min(self.nearest, gap)
+        self.robot.touching = [("hand", "post", 0.0, gap)] if gap < 0.15 else []
+        return gap
+
+    def meet(self, seconds):
+        """Run, and let the planner, which does not know the post, answer each question."""
+        for _ in range(round(seconds / DT)):
+            self.sense()
+            open_requests = self.robot.requests[self.answered :]
+            self.answered = len(self.robot.requests)
+            answers = {"plan": answered(open_requests[-1])} if open_requests else {}
+            self.robot.step(**answers)
+
+
+def test_what_the_planner_does_not_know_is_left_and_not_gone_towards_twice(planned):
+    robot = planned
+    post = Post(robot, 0.14)
+    post.meet(12.0)
+    assert post.nearest > 2e-3
+    end = robot.news[-1]
+    assert (end.state, end.cause) == ("failed", "no_path")
+    assert end.text.endswith("; stopped; another path leads there again")
+    assert len(robot.requests) == 2
+    assert np.abs(robot.v).max() < 1e-9
+    # What has stopped it before stops it again, in the next goal and from as near.
+    near = post.sense()
+    robot.start(1, "move_joints", joints=["pan"], values=[0.8])
+    post.meet(12.0)
+    assert robot.news[-1].state == "failed"
+    assert post.nearest > min(near, 2e-3)
 
 
 def test_what_comes_fast_on_a_planned_way_is_stopped_for_before_it_is_too_late(planned):
@@ -99,7 +155,8 @@ def test_what_comes_fast_on_a_planned_way_is_stopped_for_before_it_is_too_late(p
     robot.step()
     assert len(robot.requests) == 1
     robot.touching = [("crate", "hand", 0.0, 0.08)]
-    robot.step()
+    asked_again(robot)
+    # It is far enough away to stay where it is.
     assert robot.news[-1].text.startswith("hand is 80.0 mm from crate; stopped, asked for another")
 
 
@@ -113,7 +170,20 @@ def test_what_is_close_from_the_start_stops_the_arm_once_it_comes_closer(tmp_pat
     robot.run(0.4)
     robot.touching = [("crate", "hand", 0.0, gap)]
     robot.step()
+    robot.touching = []
+    asked_again(robot, 0.5)
     assert len(robot.requests) == requests
+
+
+def test_an_arm_does_not_start_towards_what_is_close_from_the_start(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.step()
+    post = Post(robot, 3e-3)
+    robot.step()
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    post.meet(9.0)
+    assert post.nearest > 1e-3
+    assert robot.news[-1].state == "failed"
 
 
 @pytest.mark.parametrize(("gap", "hardest"), [(0.002, 15.0), (0.079, 7.5)])
@@ -132,6 +202,26 @@ def test_an_arm_that_holds_something_stops_as_hard_as_it_must(tmp_path, gap, har
         robot.step()
         speeds.append(robot.v.copy())
     assert np.abs(np.diff(speeds, axis=0)).max() / DT == pytest.approx(hardest, rel=0.1)
+
+
+def test_a_stop_that_keeps_what_is_held_gets_harder_once_it_is_too_weak(tmp_path):
+    robot = Robot(config(tmp_path, plans=True))
+    robot.thing, robot.mass = 0.066, 0.8
+    robot.go(0, "grip", width=0.0, force=30.0)
+    robot.run(1.0)
+    robot.start(1, "move_joints", joints=["pan"], values=[0.8])
+    robot.step(plan=answered(robot.requests[0]))
+    robot.run(0.4)
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
+    robot.run(2 * DT)
+    robot.touching = [("crate", "hand", 0.0, 0.01)]
+    speeds = [robot.v.copy()]
+    for _ in range(round(0.3 / DT)):
+        robot.step()
+        speeds.append(robot.v.copy())
+    assert np.abs(np.diff(speeds, axis=0)).max() / DT == pytest.approx(15.0, rel=0.1)
+    # The planner is asked anew, from where the arm stands now.
+    assert robot.requests[-1].start == pytest.approx(robot.q, abs=1e-6)
 
 
 def test_backing_off_ends_before_what_was_left_is_pressed_again(tmp_path):
@@ -157,7 +247,7 @@ def test_its_own_links_are_as_close_as_the_planner_has_checked_but_others_behind
     assert len(robot.requests) == 1
     robot.touching += [("crate", "hand", 0.0, 0.003)]
     robot.step()
-    assert robot.news[-1].text.startswith("hand is 3.0 mm from crate; stopped, asked for another")
+    assert robot.warnings[-1] == "hand is 3.0 mm from crate; stops"
 
 
 def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(planned):
@@ -169,7 +259,7 @@ def test_what_is_touched_on_a_planned_way_is_left_first_and_then_gone_around(pla
     while len(robot.requests) < 2:
         robot.step()
     assert np.linalg.norm(robot.place("grasp").translation - touched) > 0.02
-    assert "hand touches crate with 7.5 N; stopped, backed off 50 mm; " in robot.news[-1].text
+    assert "hand touches crate with 7.5 N; stopped, backed off 50 mm, asked" in robot.news[-1].text
     assert finish(robot)[-1] == "succeeded"
 
 
