@@ -13,6 +13,7 @@ from pathlib import Path
 
 temporary = tempfile.mkdtemp(prefix="nodes-", dir="/tmp")
 os.environ |= {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0", "RAY_TMPDIR": temporary}
+os.environ["TMPDIR"] = temporary  # the node that is killed cannot remove its folder
 (Path(temporary) / "ray").mkdir()
 
 from ray.cluster_utils import Cluster  # noqa: E402  (Ray reads the environment when it is imported)
