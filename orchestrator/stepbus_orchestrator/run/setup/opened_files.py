@@ -136,27 +136,37 @@ class _Readers:
         self._ids: dict[int, frozenset[int]] = {}
         self._found: set[tuple[Path, int]] = set()
         self._is_over = threading.Event()
+        self._wake = -1
         self._thread = threading.Thread(target=self._work, name="opened files", daemon=True)
         try:
+            self._wake = os.eventfd(0)
             for folder in folders:
                 mask = _OPENED | _READ | _ON_FILES
                 _checked(mark(self._descriptor, _ADD, mask, _HERE, os.fsencode(folder)))
             self._thread.start()
         except BaseException:
-            os.close(self._descriptor)
+            self._close_files()
             raise
 
     def close(self) -> None:
         """End the watch."""
-        self._is_over.set()
-        self._thread.join(_END_S)
+        self._end_thread()
         if not self._thread.is_alive():
-            os.close(self._descriptor)
+            self._close_files()
+
+    def _end_thread(self) -> None:
+        self._is_over.set()
+        os.eventfd_write(self._wake, 1)
+        self._thread.join(_END_S)
+
+    def _close_files(self) -> None:
+        for descriptor in (self._descriptor, self._wake):
+            if descriptor >= 0:
+                os.close(descriptor)
 
     def read_by(self, processes: Collection[int]) -> Iterator[Path]:
         """Yield what these processes, groups or sessions have read."""
-        self._is_over.set()
-        self._thread.join(_END_S)
+        self._end_thread()
         with contextlib.suppress(OSError):
             self._take()
         ours = frozenset(processes)
@@ -165,7 +175,7 @@ class _Readers:
     def _work(self) -> None:
         """Take the events as they come: who has ended can no longer be asked who it was."""
         while not self._is_over.is_set():
-            select.select([self._descriptor], [], [], _TICK_S)
+            select.select([self._descriptor, self._wake], [], [], _TICK_S)
             try:
                 self._take()
             except OSError:
