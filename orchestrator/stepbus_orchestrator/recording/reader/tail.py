@@ -185,6 +185,10 @@ class Tail:
         """Return the newest step with a message; −1 without any."""
         return max((step for step, _ in self._newest.values()), default=-1)
 
+    def newest(self, topic: str) -> tuple[int, bytes] | None:
+        """Return (step, bytes) of the newest message of a port; None before the first."""
+        return self._newest.get(topic)
+
     def latest(self, topic: str) -> tuple[int, PortMessage] | None:
         """Return (step, message) of the newest message of a port; None without one to read."""
         if topic not in self._newest:

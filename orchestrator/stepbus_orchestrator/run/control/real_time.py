@@ -27,7 +27,7 @@ class RealTime:
         self, step_ns: int, factor: float, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
         self._period_ns = step_ns / Fraction(factor).limit_denominator(1_000_000)
-        self._factor = factor
+        self.factor = factor
         self._clock = clock
         self._origin_ns: int | None = None
         self._lateness_ns = array("q")
@@ -89,7 +89,7 @@ class RealTime:
             bound = next((str(us) for us in _BOUNDS_US if value <= us * 1000), "more")
             histogram[bound] += 1
         return Lateness(
-            factor=self._factor,
+            factor=self.factor,
             steps=len(found),
             p50_us=found[len(found) // 2] * 1e-3,
             p99_us=found[len(found) * 99 // 100] * 1e-3,

@@ -21,7 +21,8 @@ class RunSteering:
     """Answers calls that name no participant: status, pause, resume, step, speed, flush, stop.
 
     pace, speed: of the run. progress: returns how far it is. interrupt: ends it. flush_s: how often
-    the recording is written, for who watches it; None: as often as always.
+    the recording is written, for who watches it; None: as often as always. real_time: factor of a
+    run in real time.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class RunSteering:
         self._progress = progress
         self._interrupt = interrupt
         self.flush_s: float | None = None
+        self.real_time: float | None = None
         self._methods: Mapping[str, Callable[[Sequence[Any]], object]] = {
             "status": self._status,
             "pause": lambda _: pace.pause(),
@@ -64,7 +66,12 @@ class RunSteering:
 
     def _status(self, _: Sequence[Any]) -> dict[str, Any]:
         status = dataclasses.asdict(self._progress())
-        return {**status, "speed": self._speed.factor, "waited_us": self._state.waited_us()}
+        return {
+            **status,
+            "speed": self._speed.factor,
+            "real_time": self.real_time,
+            "waited_us": self._state.waited_us(),
+        }
 
     def _step(self, args: Sequence[Any]) -> None:
         count = args[0] if args else 1

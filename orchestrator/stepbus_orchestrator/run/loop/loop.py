@@ -117,6 +117,8 @@ class RunLoop:
         self.steering = RunSteering(
             self.state, self.pace, self.speed, self.progress, controls.interrupt
         )
+        if controls.real_time is not None:
+            self.steering.real_time = controls.real_time.factor
         self.calls.steer = self.steering.take
         gates = (controls.injector, self.pace, self.speed, controls.prefix, self.calls)
         self._gates: list[Gate] = [gate for gate in gates if gate is not None]
@@ -293,6 +295,6 @@ class RunLoop:
             drops={
                 participant.name: sum(participant.drops.values()) for participant in participants
             },
-            holders=tuple(state.barrier.holders()) if is_moving else (),
+            holders=tuple(state.barrier.holders()) if is_moving and not state.is_held else (),
             angles=measured_angles(state.scenario, self.descriptions, state.newest),
         )

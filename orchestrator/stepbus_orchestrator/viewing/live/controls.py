@@ -35,9 +35,28 @@ class Controls:
         self._speed = self._gui.add_dropdown(
             "speed", tuple(SPEEDS), initial_value=next(iter(SPEEDS))
         )
-        self._speed.on_update(lambda _: link.ask("", "speed", SPEEDS[self._speed.value]))
+        self._speed.on_update(self._set_speed)
         self._table: Any = None
+        self._real_time: float | None = None
         self._has_hands = False
+
+    def _set_speed(self, event: Any) -> None:
+        # What this process sets has no client.
+        if event.client_id is not None:
+            self._link.ask("", "speed", SPEEDS.get(self._speed.value))
+
+    def _show_speed(self, status: Mapping[str, Any]) -> None:
+        """Show how fast the run goes, also where it was started in real time or another set it."""
+        factor = status.get("real_time")
+        if factor is not None and factor != self._real_time:
+            self._real_time = factor
+            slower = [name for name, value in SPEEDS.items() if value and value < factor]
+            self._speed.options = (_pace(factor), *slower)
+        first = self._speed.options[0]
+        now = next((n for n, v in SPEEDS.items() if v == status.get("speed")), first)
+        shown = now if now in self._speed.options else first
+        if shown != self._speed.value:
+            self._speed.value = shown
 
     def _toggle(self) -> None:
         is_paused = self._link.status.get("phase") == "paused"
@@ -45,7 +64,7 @@ class Controls:
 
     def add_tabs(self, tabs: Any, stage: Stage) -> None:
         """Add a tab about the participants, and one of what can be changed."""
-        self.hands = Hands(self._server, self._link, self._ports, stage.scene)
+        self.hands = Hands(self._server, self._link, self._ports, stage)
         self._change = tabs.add_tab("Change")
         with self._change:
             self._hint = self._gui.add_markdown(_HINT)
@@ -62,12 +81,19 @@ class Controls:
         label = "resume" if status["phase"] == "paused" else "pause"
         if self._link.offered and not self._has_hands:
             self._has_hands = True
-            self._hint.content = _REDONE
             with self._change:
                 self.hands.offer(self._link.offered)
         if self._pause.label != label:
             self._pause.label = label
+        self._show_speed(status)
+        self.hands.update()
+        if self._has_hands:
+            self._hint.content = f"{_REDONE}  \n{self._link.last}"
         self._table.content = _participants(status)
+
+
+def _pace(factor: float) -> str:
+    return "real time" if factor == 1.0 else f"{factor:g} × real time"
 
 
 def _participants(status: Mapping[str, Any]) -> str:

@@ -1,11 +1,14 @@
 """What a viewer can change in a run: each change is a recorded call, which `rerun` repeats."""
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from stepbus_orchestrator.recording import TailPort
-from stepbus_orchestrator.viewing.scene import Messages, Scene
+from stepbus_orchestrator.viewing.scene import Messages
+from stepbus_orchestrator.viewing.stage import Stage
+from stepbus_schemas import JointState
 
 from .link import Link
 
@@ -17,6 +20,8 @@ _ORDER = "order"
 _MOVE_S = 0.5
 """How long a joint takes to a new target [s]."""
 _NOBODY = "(none)"
+_TOUCHED_S = 3.0
+"""For so long a slider shows what was asked for, then what is measured."""
 _MOST_JOINTS = 40
 
 Offered = Mapping[str, Mapping[str, Any]]
@@ -25,16 +30,18 @@ Offered = Mapping[str, Mapping[str, Any]]
 class Hands:
     """Sliders of joints, a handle at a body, orders, and emergency stop, where calls offer them."""
 
-    def __init__(self, server: Any, link: Link, ports: Mapping[str, TailPort], scene: Scene):
+    def __init__(self, server: Any, link: Link, ports: Mapping[str, TailPort], stage: Stage):
         self._server = server
         self._gui = server.gui
         self._link = link
         self._ports = ports
-        self._scene = scene
+        self._stage = stage
+        self._scene = scene = stage.scene
         self._bodies = {frame.body: frame.name for frame in reversed(scene.frames) if frame.body}
         self._handle: Any = None
         self._messages: Messages = {}
         self._sliders: dict[str, Any] = {}
+        self._touched: dict[str, float] = {}
 
     def offer(self, offered: Offered) -> None:
         """Add what the participants of a run offer; call it once, in a tab."""
@@ -59,9 +66,8 @@ class Hands:
             return
         self._gui.add_markdown(f"joint targets [rad], by `{who} {method}`")
         for joint, low, high in list(_limits(self._ports))[:_MOST_JOINTS]:
-            slider = self._gui.add_slider(
-                joint, min=low, max=high, step=0.001, initial_value=min(max(0.0, low), high)
-            )
+            now = min(max(self._measured().get(joint, 0.0), low), high)
+            slider = self._gui.add_slider(joint, min=low, max=high, step=0.001, initial_value=now)
             slider.on_update(self._sender(who, method, joint, slider))
             self._sliders[joint] = slider
 
@@ -70,9 +76,28 @@ class Hands:
 
         def send(event: Any) -> None:
             if event.client_id is not None:
+                self._touched[joint] = time.monotonic()
                 self._link.ask(who, method, joint, float(slider.value), *more)
 
         return send
+
+    def _measured(self) -> dict[str, float]:
+        """Return joint → its newest measured position."""
+        found: dict[str, float] = {}
+        for port in self._ports.values():
+            latest = self._messages.get(port.topic)
+            if latest is not None and isinstance(latest.message, JointState):
+                found |= dict(zip(port.names, latest.message.position or (), strict=False))
+        return found
+
+    def update(self) -> None:
+        """Let each slider that nobody has touched for a while show where its joint is."""
+        now, measured = time.monotonic(), self._measured()
+        for joint, slider in self._sliders.items():
+            if now - self._touched.get(joint, -_TOUCHED_S) >= _TOUCHED_S and joint in measured:
+                position = round(min(max(measured[joint], slider.min), slider.max), 3)
+                if position != slider.value:
+                    slider.value = position
 
     # --- orders ---------------------------------------------------------------------------
 
@@ -98,9 +123,16 @@ class Hands:
             return
         names = (_NOBODY, *sorted(self._bodies))
         choice = self._gui.add_dropdown("move", names, initial_value=_NOBODY)
+        self._choice = choice
         button = self._gui.add_button("put it there")
         choice.on_update(lambda _: self._take(choice.value))
         button.on_click(lambda _: self._put(who, choice.value))
+        self._stage.on_click(self._choose)
+
+    def _choose(self, body: str) -> None:
+        """Take a body that was clicked at."""
+        if body in self._bodies and body != self._choice.value:
+            self._choice.value = body
 
     def _take(self, body: str) -> None:
         """Put a handle where a body is."""
@@ -110,7 +142,7 @@ class Hands:
         if body in self._bodies:
             pose = self._scene.world_poses(self._messages)[self._bodies[body]]
             self._handle = self._server.scene.add_transform_controls(
-                "/handle", scale=0.4, position=pose.position, wxyz=pose.wxyz
+                "/handle", scale=0.4, depth_test=False, position=pose.position, wxyz=pose.wxyz
             )
 
     def _put(self, who: str, body: str) -> None:

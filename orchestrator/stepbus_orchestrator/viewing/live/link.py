@@ -17,12 +17,15 @@ _ANSWER_S = 10.0
 Ask = tuple[str, str, Sequence[Any]]
 """Participant, or nothing for the run itself; method; arguments."""
 
+_DRAGGED = frozenset({"set_target", "set_joint_position"})
+"""Calls of sliders: while one is dragged, only the newest position counts."""
+
 
 class Link:
     """A line to a run with a thread of its own.
 
     status: the newest one. offered: calls of participants. said: sentences about calls that were
-    made, the newest last.
+    made, the newest last. last: the newest of them.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -31,6 +34,7 @@ class Link:
         self.status: Mapping[str, Any] = {}
         self.offered: Mapping[str, Mapping[str, Any]] = {}
         self.said: list[str] = []
+        self.last = ""
         self.is_lost = False
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._work, name="link", daemon=True)
@@ -58,28 +62,50 @@ class Link:
         try:
             while not self._over.is_set():
                 self._look(line)
-                with contextlib.suppress(queue.Empty):
-                    self._do(line, self._asked.get(timeout=_STATUS_S))
-                    while True:
-                        self._do(line, self._asked.get_nowait())
+                for ask in newest(self._take()):
+                    self._do(line, ask)
         finally:
             with contextlib.suppress(StepbusError):
                 line.call("", "flush", [None], _ANSWER_S)
+
+    def _take(self) -> list[Ask]:
+        """Wait for what is asked, and take all of it."""
+        found: list[Ask | None] = []
+        with contextlib.suppress(queue.Empty):
+            found.append(self._asked.get(timeout=_STATUS_S))
+            while True:
+                found.append(self._asked.get_nowait())
+        return [ask for ask in found if ask is not None]
 
     def _look(self, line: Line) -> None:
         self.status = line.call("", "status", (), _ANSWER_S).value or {}
         if not self.offered and self.status.get("phase") in {"stepping", "paused"}:
             self.offered = line.call("", "", (), _ANSWER_S).value or {}
 
-    def _do(self, line: Line, ask: Ask | None) -> None:
-        if ask is None:
-            return
+    def _do(self, line: Line, ask: Ask) -> None:
         participant, method, args = ask
         words = " ".join(map(str, (participant, method, *args))).strip()
         try:
             reply = line.call(participant, method, args)
         except WiringError as exc:
-            self.said.append(f"{words}: refused: {exc}")
+            self._say(f"{words}: refused: {exc}")
             return
         if participant:
-            self.said.append(f"{words}, before step {reply.step}")
+            self._say(f"{words}, before step {reply.step}")
+
+    def _say(self, sentence: str) -> None:
+        self.said.append(sentence)
+        self.last = sentence
+
+
+def newest(asked: Sequence[Ask]) -> list[Ask]:
+    """Return what is asked, without positions of a slider that has been dragged on since."""
+    kept: list[Ask] = []
+    for ask in asked:
+        participant, method, args = ask
+        if kept and method in _DRAGGED and kept[-1][:2] == (participant, method):
+            before = kept[-1][2]
+            if before[0] == args[0]:
+                kept.pop()
+        kept.append(ask)
+    return kept

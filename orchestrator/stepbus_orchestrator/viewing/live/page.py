@@ -7,24 +7,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.viewing.scene import Latest, Messages, build_scene
-from stepbus_orchestrator.viewing.stage.curves import Data
-from stepbus_orchestrator.viewing.stage.signals import Signal, value_of
-from stepbus_orchestrator.viewing.stage.view import View
+from stepbus_orchestrator.viewing.stage.view import View, plain_topics
 from stepbus_schemas import Event
 
 from .controls import Controls
 from .link import Link
+from .points import Points
 
 FRAME_S = 1 / 30
-_POINTS = 900
-"""Of a curve: half a minute."""
 _CHART_S = 0.25
 _WORDS_S = 0.5
+_RATE_S = 2.0
 _IDLE_S = 5.0
 
 
@@ -38,15 +34,16 @@ class LivePage:
         self._tail = tail
         self._link = link
         self._step_ns = 0
-        self._picked: Signal | None = None
-        self._points: deque[tuple[float, list[float]]] = deque(maxlen=_POINTS)
+        self._has_shown = False
         self._events: list[str] = []
         self._event_topics = [p.topic for p in tail.ports.values() if p.type == "Event/1"]
         tail.keep(self._event_topics)
         self._controls = Controls(server, link, tail.ports)
         scene = build_scene(tail.path, tail.ports, tail.attachments)
-        self._view = View(server, scene, tail.ports, self._sample)
+        self._points = Points(tail, plain_topics(tail.ports), lambda: self._step_ns)
+        self._view = View(server, scene, tail.ports, self._points.sample)
         self._controls.add_tabs(self._view.tabs, self._view.stage)
+        self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
         self._charted = self._worded = 0.0
         self._grown_at = time.monotonic()
 
@@ -57,13 +54,15 @@ class LivePage:
 
     def turn(self) -> None:
         """Show what is new."""
-        is_new = self._tail.poll()
+        # What was there before the page is new to it, also when the run is paused.
+        is_new = self._tail.poll() or not self._has_shown
         self._step_ns = self._link.status.get("step_ns", 0) or self._step_ns
         if is_new:
+            self._has_shown = True
             messages = self._latest(self._view.topics)
             self._view.show(messages)
             self._controls.hands.follow(messages)
-            self._add_point()
+            self._points.add()
         now = time.monotonic()
         self._grown_at = now if is_new else self._grown_at
         if now - self._charted >= _CHART_S:
@@ -77,29 +76,22 @@ class LivePage:
         found = {topic: self._tail.latest(topic) for topic in topics}
         return {t: Latest(step=row[0], message=row[1]) for t, row in found.items() if row}
 
-    # --- curves ---------------------------------------------------------------------------
-
-    def _add_point(self) -> None:
-        signal = self._view.curves.signal
-        if signal is not self._picked:
-            self._picked = signal
-            self._points.clear()
-        row = None if signal is None else self._tail.latest(signal.topic)
-        if signal is not None and row is not None:
-            t_s = row[0] * self._step_ns * 1e-9 if self._step_ns else float(row[0])
-            if not self._points or t_s > self._points[-1][0]:
-                self._points.append((t_s, value_of(signal, row[1])))
-
-    def _sample(self, signal: Signal) -> Data:
-        rows = list(self._points) if signal is self._picked else []
-        values = np.array([row for _, row in rows]).reshape(len(rows), len(signal.names))
-        return np.array([t for t, _ in rows]), values
+    def _rate(self) -> float:
+        """Return how fast the run went lately, as a factor of real time."""
+        status = self._link.status
+        if not status or status["phase"] == "paused":
+            self._pace.clear()
+            return math.nan
+        self._pace.append((status["elapsed_s"], status["step"]))
+        (began, first), (now, step) = self._pace[0], self._pace[-1]
+        simulated_s = (step - first) * status["step_ns"] * 1e-9
+        return simulated_s / (now - began) if now > began else math.nan
 
     # --- words ----------------------------------------------------------------------------
 
     def _show_words(self) -> None:
-        self._view.offer_signals(self._latest(self._view.plain_topics))
-        self._view.status.content = headline(self._link.status, self._tail.last_step)
+        self._view.offer_signals(self._latest(plain_topics(self._tail.ports)))
+        self._view.status.content = headline(self._link.status, self._tail.last_step, self._rate())
         self._controls.update()
         count = len(self._events)
         for topic in self._event_topics:
@@ -114,17 +106,14 @@ class LivePage:
             self._view.tell(self._events)
 
 
-def headline(status: Any, last_step: int) -> str:
-    """Return how far a run is, in words."""
+def headline(status: Any, last_step: int, rate: float) -> str:
+    """Return how far a run is, in words. rate: factor of real time; NaN while it is unknown."""
     if not status:
         return f"step {last_step}"
     t_s = status["step"] * status["step_ns"] * 1e-9
-    factor = t_s / status["elapsed_s"] if status["elapsed_s"] else math.nan
     total = "" if status["steps"] is None else f" of {status['steps']}"
-    return (
-        f"**{status['phase']}**, t = {t_s:.2f} s, step {status['step']}{total}, "
-        f"{factor:.2f} × real time"
-    )
+    factor = "" if math.isnan(rate) else f", {rate:.2f} × real time"
+    return f"**{status['phase']}**, t = {t_s:.2f} s, step {status['step']}{total}{factor}"
 
 
 def follow(server: Any, folder: Path, is_over: Callable[[], bool], start_s: float = 600.0) -> bool:

@@ -12,7 +12,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.viewing.scene import build_scene
 from stepbus_orchestrator.viewing.stage import Stage
 from stepbus_orchestrator.viewing.stage.stage import OTHER_COLOR
-from stepbus_orchestrator.viewing.stage.view import View
+from stepbus_orchestrator.viewing.stage.view import View, plain_topics
 from stepbus_schemas import StepbusError
 
 from .history import History
@@ -189,7 +189,9 @@ class Playback:
         )
 
     def _offer(self) -> None:
-        self._view.offer_signals(self._history.at(self._view.plain_topics, self._history.end_ns))
+        self._view.offer_signals(
+            self._history.at(plain_topics(self._history.recording.ports), self._history.end_ns)
+        )
 
     def _add_other(self, other: Recording) -> Stage:
         scene = build_scene(other.path, other.ports, other.attachments)

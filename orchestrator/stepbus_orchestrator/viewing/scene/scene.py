@@ -96,7 +96,11 @@ class Scene:
 
     def world_poses(self, messages: Messages) -> dict[str, Pose]:
         """Return frame → its pose in the world, of all frames."""
-        moved, found = self.poses(messages), dict[str, Pose]()
+        return self.placed(self.poses(messages))
+
+    def placed(self, moved: Mapping[str, Pose]) -> dict[str, Pose]:
+        """Return frame → its pose in the world. moved: frame → its pose in its parent."""
+        found = dict[str, Pose]()
         for frame in self.frames:
             pose = moved.get(frame.name, frame.pose)
             found[frame.name] = found[frame.parent] @ pose if frame.parent else pose

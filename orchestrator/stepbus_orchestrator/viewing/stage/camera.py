@@ -6,7 +6,7 @@ import numpy as np
 
 from stepbus_orchestrator.viewing.scene import Messages, Scene
 
-_AWAY = np.array([0.62, -0.62, 0.42])
+_AWAY = np.array([0.56, -0.56, 0.38])
 _FLOOR_M = 8.0
 _FEW = 40
 _APART = (4.0, 96.0)

@@ -1,5 +1,6 @@
 """Curves of the signal that a viewer picks."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from .signals import Signal
 
 NOTHING = "(none)"
 Data = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Times, shape (T,) [s], and values, shape (T, n)."""
+"""Times, shape (T,) [s], and values, shape (T, n). Times up to 0 count back from now."""
 
 _COLORS = (
     "#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd", "#8c564b", "#e377c2", "#17becf",
@@ -27,6 +28,7 @@ class Curves:
         self._sample = sample
         self._signals: dict[str, Signal] = {}
         self._chart: Any = None
+        self._span = (0.0, 0.0)
         self._shown = NOTHING
         with tab:
             self._choice = self._gui.add_dropdown("signal", (NOTHING,), initial_value=NOTHING)
@@ -64,13 +66,16 @@ class Curves:
         times, values = self._sample(signal)
         if len(times) < 2 or values.shape[1] != len(signal.names):
             return
-        data = (times, *values.T.copy())
+        data, span = (times, *values.T.copy()), _span(times)
         if self._chart is None:
-            self._chart = self._make(signal, data)
+            self._chart = self._make(signal, data, span)
         else:
             self._chart.data = data
+            if span != self._span:
+                self._chart.scales = _scales(span)
+        self._span = span
 
-    def _make(self, signal: Signal, data: tuple[Any, ...]) -> Any:
+    def _make(self, signal: Signal, data: tuple[Any, ...], span: tuple[float, float]) -> Any:
         lines = tuple(
             {"label": name, "stroke": _COLORS[number % len(_COLORS)], "width": 1.5}
             for number, name in enumerate(signal.names)
@@ -78,8 +83,26 @@ class Curves:
         with self._tab:
             return self._gui.add_uplot(
                 data=data,
-                series=({"label": "t [s]"}, *lines),
-                scales={"x": {"time": False}},
+                series=({"label": "t [s]" if span[1] else "before now [s]"}, *lines),
+                scales=_scales(span),
                 legend={"show": True},
                 aspect=1.4,
             )
+
+
+def _span(times: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the first and the last time of a chart; before now, it is one of a few sizes."""
+    first, last = float(times[0]), float(times[-1])
+    if last > 0:
+        return first, last
+    decade = 10.0 ** math.floor(math.log10(max(-first, 1e-3)))
+    return -next(n * decade for n in (1, 2, 3, 4, 6, 8, 10) if n * decade >= -first - 1e-9), 0.0
+
+
+def _scales(span: tuple[float, float]) -> dict[str, Any]:
+    """Return scales with limits of our own.
+
+    viser's page, left to find them, loses them for ever when it is so busy that new data comes
+    before the chart is first drawn: the chart stays empty.
+    """
+    return {"x": {"time": False, "range": span}}

@@ -1,9 +1,11 @@
 """A scene on a page: its nodes, and what moves them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from stepbus_orchestrator.viewing.scene import Color, Frame, Pose, Scene, Visual
+
+from .ghosts import Ghosts
 
 GHOST_COLOR: Color = (40, 140, 255)
 OTHER_COLOR: Color = (255, 120, 30)
@@ -23,7 +25,8 @@ class Stage:
         self._server = server
         self._tint = tint
         self._nodes: dict[str, Any] = {}
-        self._ghosts: list[Any] = []
+        self._bodies: dict[str, list[Any]] = {}
+        self._ghost_meshes: dict[str, list[Any]] = {}
         self._poses: dict[str, Pose] = {}
         paths: dict[str, str] = {"": root}
         self.paths = paths
@@ -32,6 +35,8 @@ class Stage:
             for frame in scene.frames:
                 paths[frame.name] = f"{paths[frame.parent]}/{_node_name(frame.name)}"
                 self._add(frame, paths[frame.name])
+        self._ghosts = Ghosts(self._ghost_meshes)
+        self._ghosts.compare(scene.placed({}) if self._ghosts else {})
 
     def _add(self, frame: Frame, path: str) -> None:
         if self._tint is not None and frame.is_ghost:
@@ -42,8 +47,10 @@ class Stage:
         self._nodes[frame.name], self._poses[frame.name] = node, frame.pose
         for number, visual in enumerate(frame.visuals):
             mesh = self._add_visual(f"{path}/{number}", frame, visual)
+            if not frame.is_ghost and frame.body:
+                self._bodies.setdefault(frame.body, []).append(mesh)
             if frame.is_ghost:
-                self._ghosts.append(mesh)
+                self._ghost_meshes.setdefault(frame.name, []).append(mesh)
 
     def _add_visual(self, path: str, frame: Frame, visual: Visual) -> Any:
         ghost = GHOST_COLOR if frame.is_ghost else self._tint
@@ -68,8 +75,13 @@ class Stage:
 
     def show_ghosts(self, *, visible: bool) -> None:
         """Show or hide where joints should be."""
-        for mesh in self._ghosts:
-            mesh.visible = visible
+        self._ghosts.show(visible=visible)
+
+    def on_click(self, take: Callable[[str], None]) -> None:
+        """Call `take` with the name of a body that is clicked at."""
+        for body, meshes in self._bodies.items():
+            for mesh in meshes:
+                mesh.on_click(lambda _, name=body: take(name))
 
     def show(self, *, visible: bool) -> None:
         """Show or hide all of it."""
@@ -85,6 +97,8 @@ class Stage:
             if _differ(pose.wxyz, before.wxyz):
                 node.wxyz = pose.wxyz
             self._poses[name] = pose
+        if moved and self._ghosts:
+            self._ghosts.compare(self.scene.placed(self._poses))
         return len(moved)
 
     def _has_moved(self, name: str, pose: Pose) -> bool:

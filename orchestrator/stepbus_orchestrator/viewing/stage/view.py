@@ -55,12 +55,6 @@ class View:
         kinds = ("GripperState/1", "BaseState/1")
         return frozenset(port.topic for port in self._ports.values() if port.type in kinds)
 
-    @property
-    def plain_topics(self) -> list[str]:
-        """Return the ports that may have curves."""
-        known = recorded_topics(list(self._ports))
-        return [topic for topic in known if self._ports[topic].type not in _BULKY]
-
     def _add_scene(self) -> None:
         gui = self._server.gui
         if self.stage.has_ghosts:
@@ -96,12 +90,17 @@ class View:
 
     def offer_signals(self, messages: Messages) -> None:
         """Offer the signals of messages as curves."""
-        plain = {topic: messages[topic] for topic in self.plain_topics if topic in messages}
+        plain = {topic: messages[topic] for topic in plain_topics(self._ports) if topic in messages}
         self.curves.offer(signals(plain, self._names))
 
     def tell(self, events: Sequence[str]) -> None:
         """Show the last sentences of a run."""
         self._events.content = _list(events[-_MOST_EVENTS:])
+
+
+def plain_topics(ports: Ports) -> list[str]:
+    """Return the ports that may have curves."""
+    return [topic for topic in recorded_topics(list(ports)) if ports[topic].type not in _BULKY]
 
 
 def _held(topic: str, messages: Messages) -> str:
