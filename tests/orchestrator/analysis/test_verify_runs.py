@@ -24,7 +24,7 @@ class Racy(Participant):
 
 raise SystemExit(stepbus.main(Racy))
 """
-SHORT = "duration=300ms"
+SHORT = "duration=100ms"
 
 
 @pytest.fixture
@@ -36,12 +36,12 @@ def racy(tmp_path):
 
 def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
     scenario, reported = load("two_link", [SHORT]), []
-    trials = plan(scenario, 4, 0, in_process=True)
+    trials = plan(scenario, 3, 0, in_process=True)
     found = verify(scenario, trials, tmp_path, seed=0, on_result=reported.append)
     assert len({trial.result.sha256 for trial in found.results}) == 1
     assert found.different is found.failed is None
     assert reported == list(found.results)
-    assert [trial.delays > 0 for trial in reported] == [False, True, True, True, False]
+    assert [trial.delays > 0 for trial in reported] == [False, True, True, False]
 
 
 def test_the_command_prints_a_line_per_run_and_leaves_nothing(tmp_path, monkeypatch, capsys):
@@ -49,20 +49,18 @@ def test_the_command_prints_a_line_per_run_and_leaves_nothing(tmp_path, monkeypa
     assert cli.main(["verify", "two_link", "-n", "2", "--set", SHORT]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("run 1 of 2: window 64, unix, started plant controller mission,")
-    assert lines[2] == "2 runs of 60 steps, one result"
+    assert lines[2] == "2 runs of 20 steps, one result"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_participant_that_is_not_deterministic_is_caught_at_its_step(racy, tmp_path, capsys):
+def test_a_participant_that_is_not_deterministic_is_caught_and_its_runs_are_kept(
+    racy, tmp_path, capsys
+):
     code = cli.main(["verify", *racy, "-n", "3", "--keep", str(tmp_path / "runs")])
     output = capsys.readouterr()
     assert code == ExitCode.DIFFERENT == 10
     assert "run 2 differs from run 1" in output.err
     assert "first divergence: step 7: controller/command: values[0]: " in output.out
-
-
-def test_the_runs_that_differ_are_kept(racy, tmp_path):
-    cli.main(["verify", *racy, "-n", "3", "--keep", str(tmp_path / "runs")])
     kept = sorted(path.name for path in (tmp_path / "runs").glob("*/run.mcap"))
     folders = sorted(path.name for path in (tmp_path / "runs").iterdir())
     assert (kept, folders) == (["run.mcap"] * 2, ["1", "2"])

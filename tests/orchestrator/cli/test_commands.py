@@ -68,8 +68,8 @@ def test_a_scenario_with_five_mistakes_lists_all_and_starts_nothing(tmp_path, ca
 def test_a_new_scenario_runs_as_it_is(tmp_path, capsys):
     folder = tmp_path / "mine"
     assert main(["new", str(folder)]) == 0
-    run = ["run", str(folder), "--set", "duration=200ms", "--out", str(tmp_path / "out")]
-    assert main(run) == 0
+    words = ["run", str(folder), "--in-process", "--set", "duration=200ms"]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
     assert "tracking RMSE" in capsys.readouterr().out
     assert (tmp_path / "out" / "report.png").stat().st_size > 10_000
 
@@ -133,7 +133,7 @@ def test_closed_standard_streams_are_no_mistake(tmp_path, closed):
 
 def test_dropped_messages_are_counted_in_words(tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
-    words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
+    words = ["run", str(path), "--in-process", "--no-report", "--out", str(tmp_path / "out")]
     assert main([*words, "--fault", "duplicate controller at 5"]) == 0
     assert "messages dropped: 1 by plant; unauthenticated: 0" in capsys.readouterr().out
 

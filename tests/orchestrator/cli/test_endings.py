@@ -24,7 +24,7 @@ STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 def run_words(tmp_path):
     """Return the command line of a short run."""
     path = write_scenario(tmp_path / "source")
-    return [*STEPBUS, "run", str(path), "--out", str(tmp_path / "out")]
+    return [*STEPBUS, "run", str(path), "--in-process", "--out", str(tmp_path / "out")]
 
 
 def result_of(tmp_path):
@@ -70,9 +70,10 @@ def unread(pair):
 
 
 def test_a_failed_run_keeps_its_code_though_its_reader_has_gone(run_words):
-    words = [*run_words, "--no-report", "--json", "--fault", "kill plant at 20"]
+    words = [*run_words, "--no-report", "--json", "--fault", "drop plant at 20"]
+    words += ["--set", "controller.step_timeout=200ms"]
     with closed_pipe() as pipe:
-        assert ended(words, pipe)[0] == ExitCode.DIED
+        assert ended(words, pipe)[0] == ExitCode.STEP_TIMEOUT
 
 
 def test_a_difference_keeps_its_code_though_its_reader_has_gone(tmp_path):
@@ -165,6 +166,7 @@ def test_a_signal_that_a_callback_swallows_ends_the_report_all_the_same(
 
 def test_a_terminal_that_is_closed_ends_the_run_cleanly(tmp_path, run_words):
     master, slave = os.openpty()
+    run_words.remove("--in-process")
     words = ["setsid", "--ctty", *run_words, "--set", "duration=1000s"]
     process = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave)
     os.close(slave)

@@ -45,7 +45,7 @@ def small_disk(tmp_path):
 @pytest.mark.parametrize("size", ["1800k", "2500k"])
 def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     disk = small_disk(size)
-    command = [STEPBUS, "run", "two_link", "--set", "duration=1000s", "--no-report"]
+    command = [STEPBUS, "run", "two_link", "--in-process", "--set", "duration=1000s", "--no-report"]
     done = subprocess.run(
         [*command, "--out", disk / "run"], capture_output=True, text=True, timeout=120, check=False
     )

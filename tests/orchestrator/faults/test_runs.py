@@ -4,7 +4,7 @@ import re
 
 import pytest
 from support.messages.recordings import messages, metadata
-from support.runs.joints import PROGRAM, leftovers, write_scenario
+from support.runs.joints import PROGRAM, leftovers, run_joints, write_scenario
 from support.runs.large import write_large
 
 from stepbus_orchestrator import Options, load
@@ -28,7 +28,7 @@ def run_with(folder, *faults, overrides=()):
 
 
 def test_faults_that_only_take_time_change_no_message(tmp_path):
-    plain = run_with(tmp_path / "plain")
+    plain = run_joints(tmp_path / "plain", in_process=True)
     faults = (
         "delay plant at 20 for 30ms",
         "duplicate controller at 30",

@@ -23,7 +23,7 @@ REPLAY = ("--participant", "controller", "--recorded")
 @pytest.fixture
 def recorded(tmp_path):
     """Return a recording whose programs this user has run here."""
-    return run_joints(tmp_path, "duration=50ms").recording
+    return run_joints(tmp_path, "duration=50ms", in_process=True).recording
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from support.runs.stranger import PATIENT
 @pytest.fixture(scope="session")
 def reference(tmp_path_factory):
     """Return the result of the run that nobody disturbs."""
-    return run_joints(tmp_path_factory.mktemp("reference"), *PATIENT)
+    return run_joints(tmp_path_factory.mktemp("reference"), *PATIENT, in_process=True)
 
 
 @pytest.fixture

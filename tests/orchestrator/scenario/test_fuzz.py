@@ -105,8 +105,8 @@ BASES = {"two_link": plain(), "services": YAML(typ="safe", pure=True).load(SERVI
 PLACES = [(name, path) for name, data in BASES.items() for path in paths_of(data)]
 
 
-STRIDE = 20
-"""Each value is tried in every twentieth place, from another one on than the value before."""
+STRIDE = 40
+"""Each value is tried in every fortieth place, from another one on than the value before."""
 
 
 def ends_well(path, overrides=()):

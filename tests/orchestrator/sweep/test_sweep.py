@@ -12,6 +12,9 @@ import psutil
 import pyarrow.parquet as parquet
 import pytest
 
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
+
 pytest.importorskip("ray")
 pytestmark = pytest.mark.timeout(600)
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
@@ -108,12 +111,17 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     ],
 )
 def test_a_mistake_is_one_sentence_before_anything_starts(
-    tmp_path: Path, words: list[str], sentences: list[str]
+    tmp_path: Path,
+    words: list[str],
+    sentences: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    done = sweep(tmp_path, "two_link", *words, check=False)
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert all(sentence in done.stderr for sentence in sentences), done.stderr
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", "two_link", *words, "--out", "sweep"]) == ExitCode.SCENARIO == 2
+    errors = " ".join(capsys.readouterr().err.split())
+    assert "Traceback" not in errors
+    assert all(sentence in errors for sentence in sentences), errors
     assert not (tmp_path / "sweep/rows.jsonl").exists()
 
 

@@ -71,7 +71,7 @@ def test_a_run_that_is_paused_and_stepped_has_the_same_recording(tmp_path, windo
     scenario = load(
         write_scenario(tmp_path / "source"), [f"window={window}", "plant.step_timeout=1s"]
     )
-    plain = run(scenario, Options(out=tmp_path / "plain"))
+    plain = run(scenario, Options(out=tmp_path / "plain", in_process=True))
     pace = Pace(30)
     watcher = Stepper(pace)
     result = run(scenario, Options(out=tmp_path / "out", pace=pace), watcher)

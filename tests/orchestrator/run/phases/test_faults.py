@@ -34,9 +34,6 @@ def recorded_steps(result):
         ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 1\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
         ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
-        ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
-        ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
-        ("huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],
 )  # fmt: skip
 def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):

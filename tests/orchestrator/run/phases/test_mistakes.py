@@ -81,7 +81,8 @@ def scenario(folder, more="", urdf=None):
 def test_a_mistake_is_shown_summed_up_and_recorded(tmp_path, capsys, change, more, sentence):
     out = tmp_path / "run"
     folder = str(scenario(tmp_path / "source", more))
-    assert main(["run", folder, "--no-report", "--out", str(out), "--set", change]) == 0
+    words = ["run", folder, "--in-process", "--no-report", "--out", str(out), "--set", change]
+    assert main(words) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert shown.count(sentence) == 2
     result = json.loads((out / "result.json").read_text())
@@ -91,7 +92,9 @@ def test_a_mistake_is_shown_summed_up_and_recorded(tmp_path, capsys, change, mor
 
 
 def test_the_scenario_without_mistakes_has_no_warning(tmp_path):
-    result = run(load(scenario(tmp_path / "source")), Options(out=tmp_path / "run"))
+    result = run(
+        load(scenario(tmp_path / "source")), Options(out=tmp_path / "run", in_process=True)
+    )
     assert (result.exit_code, result.warning_count) == (0, 0)
 
 
@@ -103,7 +106,8 @@ def test_a_joint_that_is_fixed_in_the_model_is_named_before_the_first_step(tmp_p
     world = (source / "world.yaml").read_text().replace("      joint2: {position: 1.0}\n", "")
     (source / "arm.urdf").write_text(fixed)
     (source / "world.yaml").write_text(world)
-    assert main(["run", str(source), "--no-report", "--out", str(tmp_path / "run")]) != 0
+    words = ["run", str(source), "--in-process", "--no-report", "--out", str(tmp_path / "run")]
+    assert main(words) != 0
     assert "params.joints: 'joint2' is fixed in its model" in capsys.readouterr().err
 
 
@@ -120,7 +124,8 @@ def test_the_order_of_the_joints_in_the_model_changes_nothing(tmp_path):
         urdf = f'<robot name="arm"><link name="base"/>{branches}</robot>'
         source = scenario(tmp_path / names[0], urdf=urdf)
         changes = [f"plant.params.joints=[{', '.join(names)}]"]
-        result = run(load(source, changes), Options(out=tmp_path / f"run_{names[0]}"))
+        out = tmp_path / f"run_{names[0]}"
+        result = run(load(source, changes), Options(out=out, in_process=True))
         states.append(read_tracking(Recording(result.recording)).state)
     assert [state.names for state in states] == [["joint1", "joint2"], ["joint2", "joint1"]]
     for name in ("joint1", "joint2"):

@@ -19,6 +19,7 @@ from support.runs.elsewhere import JOIN, SHORT, Elsewhere, run_with_external
 from support.runs.joints import PROGRAM, fault, run_joints, write_scenario
 
 from stepbus_orchestrator import ExitCode, Options, load
+from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.control import invitations
 from stepbus_orchestrator.run.run_scenario import run
@@ -30,8 +31,8 @@ TICKET = "out/controller.ticket"
 
 @pytest.fixture(scope="module")
 def as_child(tmp_path_factory):
-    """Return the result of the run whose participants are all started by the orchestrator."""
-    return run_joints(tmp_path_factory.mktemp("child"), *SHORT)
+    """Return the result of the run that starts all participants itself, in one process."""
+    return run_joints(tmp_path_factory.mktemp("child"), *SHORT, in_process=True)
 
 
 @pytest.fixture
@@ -267,7 +268,7 @@ def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
     if shutil.which("node") is None:
         pytest.skip("needs node")
     scenario = load(CHECKOUT / "examples/controllers/javascript/scenario.yaml", SHORT)
-    child = run(scenario, Options(out=tmp_path / "child"))
+    child = run(scenario, Options(out=tmp_path / "child", in_process=True))
     assert child.exit_code == 0, child.reason
     ticket = tmp_path / "c.ticket"
     elsewhere.join(ticket)
@@ -337,15 +338,9 @@ def test_the_exit_code_of_the_program_is_that_of_join(tmp_path, elsewhere):
 
 def test_a_recording_of_it_is_run_again_and_replayed(tmp_path, elsewhere):
     result, _ = run_with_external(tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET))
-    program = (sys.executable, "-m", "stepbus_orchestrator.cli")
-    again = elsewhere.start(
-        *program, "rerun", result.recording, "--trust", "--out", tmp_path / "again"
-    )
-    assert again.wait(60) == 0, again.stderr.read()
-    replayed = elsewhere.start(
-        *program, "replay", result.recording, "--participant", "controller", "--trust"
-    )
-    assert replayed.wait(60) == 0, replayed.stderr.read()
+    recording, again = str(result.recording), str(tmp_path / "again")
+    assert main(["rerun", recording, "--trust", "--out", again]) == 0
+    assert main(["replay", recording, "--participant", "controller", "--trust"]) == 0
     sha256 = json.loads((tmp_path / "again/result.json").read_text())["sha256"]
     assert sha256 == result.sha256
 

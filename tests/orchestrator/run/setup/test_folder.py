@@ -24,7 +24,7 @@ def test_a_default_folder_that_cannot_be_made_is_reported(tmp_path):
 
 
 def test_runs_that_start_together_do_not_share_a_folder(tmp_path):
-    words = ["run", "two_link", "--no-report", "--json", "--set", "duration=50ms"]
+    words = ["run", "two_link", "--in-process", "--no-report", "--json", "--set", "duration=50ms"]
     runs = [
         subprocess.Popen(
             [sys.executable, "-m", "stepbus_orchestrator.cli", *words],
