@@ -4,7 +4,7 @@ import re
 
 import pytest
 from support.paths import DOCS
-from support.runs.scenario import write
+from support.runs.scenario import shipped, write
 
 from stepbus_orchestrator.scenario import builtin_names, files, load, resolved
 from stepbus_orchestrator.scenario.reading.declaration import ParticipantRow, ScenarioFile
@@ -27,7 +27,7 @@ def test_the_first_example_of_the_reference_is_a_scenario(tmp_path):
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_what_ships_with_stepbus_can_be_run_again_from_its_recording(name, tmp_path):
-    scenario = load(name)
+    scenario = shipped(name)
     for path, file in files(scenario).items():
         write(tmp_path, file.read_text(encoding="utf-8"), path)
     again = load(write(tmp_path, resolved(scenario)))

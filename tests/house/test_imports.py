@@ -3,6 +3,7 @@
 import ast
 import importlib
 import subprocess
+from functools import cache
 from pathlib import Path
 
 from support.paths import CHECKOUT
@@ -13,7 +14,13 @@ ONE = {"stepbus_gym": "stepbus", "stepbus_pytest": "stepbus"}
 """Packages that are part of another one."""
 
 
+@cache
 def imports():
+    """Return all of `found_imports`."""
+    return list(found_imports())
+
+
+def found_imports():
     """Yield (file, module, names) of each import of ours from another package of ours."""
     listed = subprocess.run(
         ["git", "ls-files", "*.py"], cwd=CHECKOUT, capture_output=True, text=True, check=True

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -83,6 +84,7 @@ def timeout_of(call: ast.Call) -> str:
     return ""
 
 
+@cache
 def found() -> list[Wait]:
     """Return all waits of the code."""
     return [
@@ -93,6 +95,7 @@ def found() -> list[Wait]:
     ]
 
 
+@cache
 def listed() -> dict[Wait, str]:
     """Return wait → its bound, of all rows of the page; bound: what stands for a time-out."""
     rows = {}

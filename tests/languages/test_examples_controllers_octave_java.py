@@ -1,4 +1,4 @@
-"""The controllers in Octave and Java, on the bus through the bridge."""
+"""The controllers in Octave and Java, through the bridge: in one process, and on the bus."""
 
 import shutil
 
@@ -22,14 +22,15 @@ def result(request, tmp_path_factory):
     if shutil.which(PROGRAMS[request.param]) is None:
         pytest.skip(f"{PROGRAMS[request.param]} is not installed")
     scenario = load(EXAMPLES / request.param, ["duration=1s"])
-    return run(scenario, Options(out=tmp_path_factory.mktemp(request.param) / "out"))
+    out = tmp_path_factory.mktemp(request.param) / "out"
+    return run(scenario, Options(out=out, in_process=True))
 
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory):
     """Return the result of a second of the built-in PD controller."""
     out = tmp_path_factory.mktemp("python") / "out"
-    return run(load("two_link/pd", ["duration=1s"]), Options(out=out))
+    return run(load("two_link/pd", ["duration=1s"]), Options(out=out, in_process=True))
 
 
 def trajectory(result):

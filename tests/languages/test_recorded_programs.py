@@ -132,7 +132,7 @@ def virtual(folder):
 
 def recorded(folder):
     """Run a scenario, then remove its folder; return the result."""
-    result = run(load(folder), Options(out=folder.with_name("out")))
+    result = run(load(folder), Options(out=folder.with_name("out"), in_process=True))
     assert (result.exit_code, result.steps) == (0, 10), result.reason
     shutil.rmtree(folder)
     return result
@@ -152,6 +152,6 @@ def test_an_environment_inside_of_the_folder_is_a_warning_of_the_run(tmp_path):
     shutil.move(tmp_path / "environment", folder / ".venv")
     text = SCENARIO.format(command="[.venv/bin/python, counter.py]")
     (folder / "scenario.yaml").write_text(text)
-    result = run(load(folder), Options(out=tmp_path / "out"))
+    result = run(load(folder), Options(out=tmp_path / "out", in_process=True))
     said = [warning.text for warning in result.warnings]
     assert any("a virtual environment is not recorded; write its" in text for text in said), said

@@ -34,7 +34,8 @@ def test_a_starter_runs_as_it_is(language, tmp_path):
     write_starter(tmp_path / "arm", language)
     build = STARTERS[language].build.format(folder=tmp_path / "arm")
     subprocess.run(build, shell=True, check=True, capture_output=True)
-    result = run(load(tmp_path / "arm", ["duration=100ms"]), Options(out=tmp_path / "out"))
+    scenario = load(tmp_path / "arm", ["duration=100ms"])
+    result = run(scenario, Options(out=tmp_path / "out", in_process=True))
     assert (result.exit_code, result.steps, result.scenario) == (0, 20, "arm")
 
 

@@ -52,11 +52,11 @@ participants:
 """
 
 
-def hear(folder, *overrides):
+def hear(folder, *overrides, in_process=True):
     """Return what the sink has heard at each of its steps."""
     path = write_scenario(folder / "source", SCENARIO)
     (folder / "source" / "echo.py").write_text(ECHO)
-    result = run(load(path, overrides), Options(out=folder / "out"))
+    result = run(load(path, overrides), Options(out=folder / "out", in_process=in_process))
     assert result.exit_code == 0, result.reason
     with result.recording.open("rb") as file:
         rows = make_reader(file).iter_messages(topics=["sink/said"])
@@ -83,5 +83,5 @@ def test_an_input_is_the_newest_output_at_its_due_step_and_is_held(tmp_path, ove
 
 def test_bulk_content_arrives_with_its_step(tmp_path):
     bulk = "source.outputs.said={type: Event/1, bulk: true}"
-    heard = hear(tmp_path, bulk, "source.params.size=300000")
+    heard = hear(tmp_path, bulk, "source.params.size=300000", in_process=False)
     assert [text[0] for text in heard] == list("012345")

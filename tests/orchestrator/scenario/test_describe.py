@@ -9,8 +9,9 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 from support.paths import CHECKOUT
+from support.runs.scenario import shipped
 
-from stepbus_orchestrator.scenario import builtin_names, load
+from stepbus_orchestrator.scenario import builtin_names
 from stepbus_orchestrator.scenario.describe.__main__ import generated_files, main
 
 COMMENT = "# yaml-language-server: $schema="
@@ -48,10 +49,11 @@ def test_a_stale_page_is_named(tmp_path):
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_shipped_scenario_names_the_schema_and_keeps_to_it(name):
-    text = load(name).file.read_text(encoding="utf-8")
+    scenario = shipped(name)
+    text = scenario.file.read_text(encoding="utf-8")
     first = text.partition("\n")[0]
     assert first.startswith(COMMENT)
-    assert (load(name).folder / first.removeprefix(COMMENT)).is_file()
+    assert (scenario.folder / first.removeprefix(COMMENT)).is_file()
     assert found_in(schema("scenario"), text) == []
 
 

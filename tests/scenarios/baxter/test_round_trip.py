@@ -74,5 +74,6 @@ def test_with_weak_shoulders_exactly_the_named_poses_are_missed(weak):
     assert all("0 missed without being named" in row for row in told(weak, "summary"))
 
 
+@pytest.mark.slow
 def test_a_run_in_separate_processes_is_the_same_to_the_byte(strong, tmp_path):
     assert round_trip(tmp_path / "out", in_process=False).sha256 == strong.sha256

@@ -31,6 +31,7 @@ def test_the_summary_and_the_plots_have_both(result):
     assert lines[5].startswith("plots")
 
 
+@pytest.mark.slow
 def test_in_processes_of_their_own_the_recording_has_the_same_hash(tmp_path):
     scenario = load("two_link/pair", ["duration=100ms"])
     runs = [run(scenario, Options(out=tmp_path / str(n), in_process=bool(n))) for n in (0, 1)]

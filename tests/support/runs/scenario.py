@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,12 @@ participants:
     inputs: {joint_state: {from: plant.joint_state, delay: 1}}
     outputs: {reference: JointReference/1}
 """
+
+
+@cache
+def shipped(name: str) -> Scenario:
+    """Return a scenario that ships, which is frozen: the larger ones take half a second to load."""
+    return load(name)
 
 
 def write(folder: Path, text: str = TWO_LINK, name: str = "scenario.yaml") -> Path:

@@ -63,7 +63,7 @@ def test_where_readers_are_not_known_the_warning_says_so(reading, tmp_path, monk
         raise PermissionError
 
     monkeypatch.setattr(opened_files, "_Readers", refuse)
-    (warned,) = run_it(reading, tmp_path / "run").warnings
+    (warned,) = run_it(reading, tmp_path / "run", in_process=True).warnings
     assert warned.text.endswith("if it is one of them that read it")
 
 
@@ -78,4 +78,4 @@ def test_a_declared_file_is_recorded_and_found_again(reading, tmp_path):
 def test_a_run_that_reads_what_is_recorded_warns_of_nothing(tmp_path):
     path = write_scenario(tmp_path / "source")
     path.with_name("unread.dat").write_text("1")
-    assert not run_it(path, path.with_name("runs") / "one").warnings
+    assert not run_it(path, path.with_name("runs") / "one", in_process=True).warnings
