@@ -20,49 +20,63 @@ import sys
 import stepbus
 
 FAULT = %r
-NAMES = ["a", "b", "slide"]
+# Joint: its type, where it is at the start, and its stops.
+JOINTS = {
+    "turns": ("revolute", 0.1, -4.0, 4.0),
+    "slides": ("prismatic", 0.0, 0.0, 0.2),
+    "passive": ("revolute", 0.1, -1.0, 1.0),
+    "degrees": ("revolute", 0.1, -1.0, 1.0),
+    "swapped": ("revolute", 0.1, -1.0, 1.0),
+    "backwards": ("revolute", 0.1, -1.0, 1.0),
+    "stuck": ("revolute", 0.1, -1.0, 1.0),
+    "short": ("revolute", 0.1, -1.0, 1.0),
+    "coupled": ("revolute", 0.1, -1.0, 1.0),
+    "driven": ("revolute", 0.0, -4.0, 4.0),
+}
+NAMES = list(JOINTS)
+TYPES, STARTS, LOWER, UPPER = (list(column) for column in zip(*JOINTS.values()))
 
 
-class Perfect(stepbus.Participant):
-    '''Joints that are where they are told to be; one thing about them may be wrong.'''
+class Plant(stepbus.Participant):
+    '''Joints that are where they are told to be, and some with one thing wrong about them.'''
 
-    q = [0.1, 0.0, 0.0]
+    q = dict(zip(NAMES, STARTS))
 
     def describe(self):
         return {"state": stepbus.Description(
             names=NAMES,
-            limits={"lower": [-1.0, -4.0, 0.0], "upper": [1.0, 4.0, 0.2], "velocity": [2.0] * 3},
-            details={"type": ["revolute", "revolute", "prismatic"],
-                     "mode": ["passive" if FAULT == "passive" else "position"] + ["position"] * 2},
+            limits={"lower": LOWER, "upper": UPPER, "velocity": [2.0] * len(NAMES)},
+            details={"type": TYPES,
+                     "mode": ["passive" if name == "passive" else "position" for name in NAMES]},
         )}
 
     def start(self, inputs):
         self.names = inputs["command"].names
 
     def output(self, step):
-        q = [math.degrees(self.q[0]), *self.q[1:]] if FAULT == "degrees" else self.q
-        return {"state": stepbus.JointState(position=q)}
+        q = {**self.q, "degrees": math.degrees(self.q["degrees"])}
+        return {"state": stepbus.JointState(position=[q[name] for name in NAMES])}
 
     def update(self, step):
         if FAULT == "crash":
             raise RuntimeError("no power")
-        told = dict(zip(self.names, step.read("command").values))
-        a, b, slide = (told.get(name, 0.1) for name in NAMES)
+        told = dict(zip(NAMES, STARTS)) | dict(zip(self.names, step.read("command").values))
         self.q = {
-            "swapped": [b + 0.1, a - 0.1, slide],
-            "backwards": [0.2 - a, b, slide],
-            "stuck": [0.1, b, slide],
-            "short": [0.1 + 0.9 * (a - 0.1), b, slide],
-            "coupled": [a, b + 0.5 * (a - 0.1), slide],
-        }.get(FAULT, [a, b, slide])
+            **told,
+            "swapped": told["driven"] + 0.1,
+            "driven": (told["swapped"] - 0.1) + 0.5 * (told["coupled"] - 0.1),
+            "backwards": 0.2 - told["backwards"],
+            "stuck": 0.1,
+            "short": 0.1 + 0.9 * (told["short"] - 0.1),
+        }
 
 
 class Controller(stepbus.Participant):
     def describe(self):
-        return {"command": stepbus.Description(names=NAMES)}
+        return {"command": stepbus.Description(names=[name for name in NAMES if name != "passive"])}
 
 
-raise SystemExit(stepbus.main(Controller if "controller" in sys.argv else Perfect))
+raise SystemExit(stepbus.main(Controller if "controller" in sys.argv else Plant))
 """
 
 SCENARIO = """
@@ -104,38 +118,38 @@ def scenario(folder, fault=""):
     return folder
 
 
-def verdicts(folder, fault=""):
-    found = selftest(load(scenario(folder, fault)), 1.5708)
+@pytest.fixture(scope="module")
+def verdicts(tmp_path_factory):
+    """Return what was found out about each joint, by its name."""
+    found = selftest(load(scenario(tmp_path_factory.mktemp("plant"))), 1.5708)
     return {verdict.joint: verdict for verdict in found.joints}
 
 
-def test_joints_that_do_as_they_are_told_pass(tmp_path):
-    found = verdicts(tmp_path)
-    assert [verdict.findings for verdict in found.values()] == [[], [], []]
-    assert [found[name].commanded for name in found] == [1.0, 1.5708, 0.05]
-    assert found["b"].measured == pytest.approx(1.5708)
+def test_joints_that_do_as_they_are_told_pass(verdicts):
+    assert [verdicts[name].findings for name in ("turns", "slides")] == [[], []]
+    assert [verdicts[name].commanded for name in ("turns", "slides")] == [1.5708, 0.05]
+    assert verdicts["turns"].measured == pytest.approx(1.5708)
 
 
 @pytest.mark.parametrize(
-    ("fault", "finding"),
+    ("joint", "finding"),
     [
         ("degrees", r"reads 57\.3 for 1\.0000 rad; does it measure in degrees\?"),
-        ("swapped", r"does not move; b moves in its place: are they swapped\?"),
+        ("swapped", r"does not move; driven moves in its place: are they swapped\?"),
         ("backwards", r"moves in the other direction, by -51\.57°"),
         ("stuck", r"does not move; is something in its way\?"),
         ("short", r"ends 5\.16° from where it was sent"),
-        ("coupled", r"moves b as well, by 25\.78°"),
+        ("coupled", r"moves driven as well, by 25\.78°"),
     ],
 )
-def test_what_is_wrong_with_a_joint_is_named(tmp_path, fault, finding):
-    verdict = verdicts(tmp_path, fault)["a"]
-    assert not verdict.ok
-    assert re.match(finding, verdict.findings[0])
+def test_what_is_wrong_with_a_joint_is_named(verdicts, joint, finding):
+    assert not verdicts[joint].ok
+    assert verdicts[joint].commanded == 1.0
+    assert re.match(finding, verdicts[joint].findings[0])
 
 
-def test_a_passive_joint_is_not_tested(tmp_path):
-    verdict = verdicts(tmp_path, "passive")["a"]
-    assert (verdict.ok, verdict.commanded) == (True, None)
+def test_a_passive_joint_is_not_tested(verdicts):
+    assert (verdicts["passive"].ok, verdicts["passive"].commanded) == (True, None)
 
 
 def test_torque_joints_are_pushed_and_put(capsys):
