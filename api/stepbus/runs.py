@@ -80,11 +80,12 @@ def run(
     scenario, set, faults: as of `load`. out: folder of the run, a new one; default:
     `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
     run. interrupt: ends the run once it is set, from any thread. in_process: host all participants
-    in this process, which is quicker and records the same bytes (docs/in_process.md). external:
-    participants that somebody else starts, with `stepbus join`, each with the path of its ticket
-    (docs/guide/attach.md); the tickets of others with `start: external` are in `out`. real_time:
-    let steps begin on the grid of the wall clock, so many times as fast (docs/guide/real_time.md);
-    `result.real_time` has how late they were.
+    in this process, which is quicker and records the same bytes
+    (docs/guide/running/in_process.md). external: participants that somebody else starts, with
+    `stepbus join`, each with the path of its ticket (docs/guide/running/attach.md); the tickets of
+    others with `start: external` are in `out`. real_time: let steps begin on the grid of the wall
+    clock, so many times as fast (docs/guide/running/real_time.md); `result.real_time` has how late
+    they were.
 
     Raises ScenarioError when the scenario cannot run, RecordingFailed when `out` cannot be written.
     """

@@ -43,7 +43,7 @@ def sweep(
     """Run a scenario once for each point, and return one table; what is done already stays done.
 
     scenario: a name, a file or a folder, or the file of a sweep, of which the arguments replace a
-    part (docs/guide/sweeps.md). vary: the axes, `["controller.params.kp=50:200:7"]` or
+    part (docs/guide/running/sweeps.md). vary: the axes, `["controller.params.kp=50:200:7"]` or
     `{"controller.params.kp": [50, 100], "controller.params.kd": "~uniform(10, 20)"}`. metrics:
     `FILE.py:FUNCTION`. out: folder of the sweep; default: one in `sweeps/`, the same for the same
     sweep. jobs: processes; default: all cores. timeout_s: limit of a run [s]; 0: none. retry: how

@@ -1,4 +1,4 @@
-"""Scenarios as Gymnasium environments (docs/guide/gymnasium.md).
+"""Scenarios as Gymnasium environments (docs/guide/running/gymnasium.md).
 
 `import stepbus_gym` registers `stepbus/two_link-v0`.
 """

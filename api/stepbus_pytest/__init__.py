@@ -1,4 +1,4 @@
-"""A pytest plugin: recorded logs as tests, in three lines (docs/guide/replay.md).
+"""A pytest plugin: recorded logs as tests, in three lines (docs/guide/testing/replay.md).
 
 It is loaded with every pytest of an environment that has stepbus, so it imports nothing of it
 before a test asks for the fixture.

@@ -1,4 +1,4 @@
-"""The formats that the bridge speaks to a program (docs/guide/bridge.md)."""
+"""The formats that the bridge speaks to a program (docs/guide/writing/bridge.md)."""
 
 from collections.abc import Mapping
 from typing import Literal, get_args

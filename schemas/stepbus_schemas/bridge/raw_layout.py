@@ -1,4 +1,4 @@
-"""The numbers of a message in format `raw` of the bridge (docs/guide/bridge.md, B3)."""
+"""The numbers of a message in format `raw` of the bridge (docs/guide/writing/bridge.md, B3)."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

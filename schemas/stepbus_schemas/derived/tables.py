@@ -20,7 +20,7 @@ one entry per name of its port's description, in that order. Optional fields may
 Unknown fields are ignored; a missing or mistyped one is refused. Integers are MessagePack integers;
 a float may also come as a float32 or as an integer.
 
-A scenario may bring [types of its own](../guide/message_types.md).
+A scenario may bring [types of its own](../guide/writing/message_types.md).
 
 Machine-readable: JSON Schema in `schemas/json/`, byte vectors for your codec in
 `schemas/vectors.json` (its `notation` says how to read it).

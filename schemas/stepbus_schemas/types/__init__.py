@@ -1,4 +1,4 @@
-"""Message types of one's own (docs/guide/message_types.md)."""
+"""Message types of one's own (docs/guide/writing/message_types.md)."""
 
 from .catalogue import SHIPPED, Types, class_declaration, name_of
 from .declaration import declaration_of, type_problems

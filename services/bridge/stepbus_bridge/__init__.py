@@ -1,1 +1,1 @@
-"""The bridge: takes part in a run on behalf of a program without Zenoh (docs/guide/bridge.md)."""
+"""The bridge: takes part in a run for a program without Zenoh (docs/guide/writing/bridge.md)."""

@@ -1,4 +1,4 @@
-"""Our own programs against golden logs; docs/guide/replay.md says how these are made."""
+"""Our own programs against golden logs; docs/guide/testing/replay.md says how these are made."""
 
 import pytest
 

@@ -11,7 +11,7 @@ from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.viewing.notebook import recording_html, result_html
 from stepbus_schemas import Event, JointState, WiringError
 
-EXAMPLE = CHECKOUT / "docs/guide/notebook.ipynb"
+EXAMPLE = CHECKOUT / "docs/guide/looking/notebook.ipynb"
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The participants of `baxter` against a golden log; docs/guide/replay.md says how it is made."""
+"""The participants of `baxter` against a golden log; docs/guide/testing/replay.md says how it is made."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The participants of `store` against the golden log of a sale; docs/guide/replay.md says how it is made.
+"""The participants of `store` against the golden log of a sale; docs/guide/testing/replay.md says how it is made.
 
 Not the plant: its contacts, computed with other last bits on another processor, go another way.
 `test_sale.py` replays that as well, on the processor that recorded it.

@@ -35,8 +35,8 @@ COMMAND = Command(
     name="bridge",
     summary="take part in a run on behalf of a program",
     description="Joins a run with the ticket of STEPBUS_TICKET, starts a program, and exchanges "
-    "each step with it over descriptors 3 and 4 (docs/guide/bridge.md). A scenario starts it with "
-    "the key `bridge`; by hand: `exec: [stepbus, bridge, --format, json, --, node, "
+    "each step with it over descriptors 3 and 4 (docs/guide/writing/bridge.md). A scenario starts "
+    "it with the key `bridge`; by hand: `exec: [stepbus, bridge, --format, json, --, node, "
     "controller.mjs]`.",
     examples=(
         "stepbus bridge --format json -- node controller.mjs",

@@ -76,7 +76,7 @@ COMMAND = Command(
     description="Waits for the run of a ticket, then becomes the program: in its own place, with "
     "this terminal, as the run would have started it (bridge included). The run waits for it: "
     "`stepbus run --external NAME`, or `start: external` in the scenario. Either may be first "
-    "(docs/guide/attach.md). The exit code is that of the program.",
+    "(docs/guide/running/attach.md). The exit code is that of the program.",
     examples=(
         "stepbus join runs/two_link-20260101-120000/controller.ticket",
         "stepbus join /tmp/c.ticket -- python my_controller.py",

@@ -22,7 +22,7 @@ def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:
         "--tolerance",
         type=Path,
         metavar="FILE",
-        help="YAML file of tolerances (docs/guide/replay.md)",
+        help="YAML file of tolerances (docs/guide/testing/replay.md)",
     )
 
 

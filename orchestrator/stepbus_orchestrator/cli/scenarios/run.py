@@ -60,7 +60,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PARTICIPANT[=TICKET]",
         help="wait for a participant that you start yourself, with `stepbus join TICKET`; default: "
-        "the ticket is in the folder of the run; may be repeated (docs/guide/attach.md)",
+        "the ticket is in the folder of the run; may be repeated (docs/guide/running/attach.md)",
     )
     parser.add_argument(
         "--join-timeout",
@@ -81,7 +81,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         const=1.0,
         metavar="FACTOR",
         help="let steps begin on the wall clock's grid, FACTOR times as fast (default: 1), and "
-        "count who is late (docs/guide/real_time.md)",
+        "count who is late (docs/guide/running/real_time.md)",
     )
     parser.add_argument(
         "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
@@ -117,7 +117,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--view",
         action="store_true",
-        help="show the run in 3D in the browser while it goes on (docs/guide/viewing.md)",
+        help="show the run in 3D in the browser while it goes on (docs/guide/looking/viewing.md)",
     )
     parser.add_argument("--no-open", action="store_true", help="with --view, start no browser")
 

@@ -32,7 +32,8 @@ _PLAIN_EVERY = 0.1
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scenario",
-        help="a scenario, as of `stepbus run`, or the YAML file of a sweep (docs/guide/sweeps.md)",
+        help="a scenario, as of `stepbus run`, or the YAML file of a sweep "
+        "(docs/guide/running/sweeps.md)",
     )
     add_overrides(parser, "what is the same in all runs, e.g. duration=2s; may be repeated")
     _add_design(parser)

@@ -17,7 +17,7 @@ from .expected import Expected, Ports
 
 _WHY = (
     "it got its recorded inputs, so it is not deterministic, or not the program that was recorded; "
-    "see docs/guide/branch.md"
+    "see docs/guide/testing/branch.md"
 )
 _WHY_RESTORED = (
     "it started from its checkpoint before step {step}, which does not have all of its state, or "

@@ -70,10 +70,10 @@ class ParticipantRow(Settings):
     ([parameters.md](parameters.md))."""
     start: Start = ParticipantSpec.start
     """Who starts it: the orchestrator, or you, with `stepbus join`
-    ([attach.md](../guide/attach.md)). Changes no result."""
+    ([attach.md](../guide/running/attach.md)). Changes no result."""
     real_time: bool = ParticipantSpec.real_time
     """Whether it has to keep time in a run in real time
-    ([real_time.md](../guide/real_time.md)). Changes no result."""
+    ([real_time.md](../guide/running/real_time.md)). Changes no result."""
     on_late: OnLate = ParticipantSpec.on_late
     """With `real_time`, whether the run counts its late steps, or fails at the first."""
     spawn_timeout_ns: Duration | None = None
@@ -91,7 +91,7 @@ class ParticipantRow(Settings):
     ([faults.md](../faults.md))."""
     bridge: BridgeSpec | None = None
     """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
-    ([bridge.md](../guide/bridge.md))."""
+    ([bridge.md](../guide/writing/bridge.md))."""
 
     files: tuple[str, ...] = ()
     """What it loads from the scenario's folder and nothing names: patterns and folders, such as
@@ -146,12 +146,12 @@ class ScenarioFile(Settings):
     default. Changes no result."""
     checkpoint_ns: Duration | None = None
     """How often participants save their state, so that a branch need not start at step 0
-    ([branch.md](../guide/branch.md#checkpoints)). Default: never. Changes no result."""
+    ([branch.md](../guide/testing/branch.md#checkpoints)). Default: never. Changes no result."""
     bus: BusSpec = BusSpec()
     """How participants reach each other. Changes no result."""
     types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}
     """Message types of your own: declared here, in YAML files, or as classes in installed Python
-    modules; also a list of these ([message_types.md](../guide/message_types.md))."""
+    modules; also a list of these ([message_types.md](../guide/writing/message_types.md))."""
     templates: dict[Name, dict[str, Any]] = {}
     """Participants to be: name → keys of a participant, with parameters `${…}`; see below."""
     extends: str | None = None

@@ -56,7 +56,7 @@ def test_every_check_names_a_clause_of_the_protocol():
 def test_the_page_has_the_checks_of_the_list(capsys):
     main(["conformance", "--list", "--json"])
     listed = [tuple(row.values()) for row in json.loads(capsys.readouterr().out)]
-    page = (DOCS / "guide/conformance.md").read_text()
+    page = (DOCS / "guide/testing/conformance.md").read_text()
     rows = re.findall(r"^\| `([a-z-]+)` \| (P[\d.]+) \| (.*) \|$", page, re.MULTILINE)
     assert rows == listed
 

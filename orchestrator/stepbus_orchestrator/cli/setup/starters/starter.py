@@ -86,7 +86,7 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     if language not in STARTERS:
         raise WiringError(
             f"no starter in {language!r}{suggest(language, STARTERS)}; a program in any language "
-            "takes part through the bridge: docs/guide/bridge.md"
+            "takes part through the bridge: docs/guide/writing/bridge.md"
         )
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     try:
