@@ -4,6 +4,7 @@ import contextlib
 import io
 import shutil
 import time
+import types
 
 import pytest
 from PIL import Image
@@ -41,12 +42,53 @@ class Watched:
         image = Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
         return len(image.getcolors(maxcolors=1 << 24))
 
+    def values(self):
+        """Return what all fields of the page hold."""
+        return self.page.locator("input").evaluate_all("fields => fields.map(f => f.value)")
+
     def wait(self, is_done, what):
         """Wait until something is true, however slow this machine is."""
         deadline = time.monotonic() + _LONGEST_S
         while not is_done():
             assert time.monotonic() < deadline, f"waited for {what}; errors: {self.errors}"
             self.page.wait_for_timeout(200)
+
+
+class Curves:
+    """The curves that a page shows, from its charts in the browser."""
+
+    JS = """() => Object.values((window.__viserTestpoints || {}).uplots || {}).map(({chart}) => ({
+        names: chart.series.map(s => s.label), data: chart.data.map(d => Array.from(d)),
+        x: [chart.scales.x.min, chart.scales.x.max], width: chart.bbox.width}))"""
+    PIXELS = """() => { const canvas = document.querySelector(".u-over").parentNode
+        .querySelector("canvas"), seen = new Set();
+        const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        for (let i = 0; i < data.length; i += 4) if (data[i + 3] === 255)
+            seen.add([data[i], data[i + 1], data[i + 2]].join());
+        return [...seen] }"""
+
+    def __init__(self, watched):
+        self.watched = watched
+
+    def drawn(self):
+        """Return the names, data and limits of the chart that is drawn; None without one."""
+        charts = [chart for chart in self.watched.page.evaluate(self.JS) if chart["width"] > 0]
+        return types.SimpleNamespace(**charts[0]) if charts else None
+
+    def has(self, *names):
+        """Return whether curves with these names have data."""
+        drawn = self.drawn()
+        return drawn is not None and drawn.names[1:] == list(names) and len(drawn.data[0]) > 1
+
+    def pick(self, before, label):
+        """Choose another signal in the place of one that is shown."""
+        now = self.watched.values().index(before)
+        self.watched.page.locator("input").nth(now).click()
+        self.watched.page.get_by_role("option", name=label, exact=True).click()
+
+    def colours(self):
+        """Return the colours of the chart's canvas, red, green, blue."""
+        return set(self.watched.page.evaluate(self.PIXELS))
 
 
 @contextlib.contextmanager

@@ -9,13 +9,13 @@ import time
 
 import psutil
 import pytest
-from support.browser import needs_chromium, opened
+from support.browser import Curves, needs_chromium, opened
+from support.runs.paused import Paused
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.viewing.live import follow
 from stepbus_orchestrator.viewing.stage import open_page
@@ -30,26 +30,6 @@ def page():
     page.close()
 
 
-class Paused:
-    """A run in a thread of its own that is paused before its first step."""
-
-    def __init__(self, out, *overrides):
-        self.out, self.pace, self.interrupt = out, Pace(0), threading.Event()
-        scenario = load("two_link", ["duration=1s", *overrides])
-        self.thread = threading.Thread(target=self.work, args=(scenario,))
-        self.result = None
-        self.thread.start()
-
-    def work(self, scenario):
-        options = Options(out=self.out, pace=self.pace)
-        self.result = run(scenario, options, interrupt=self.interrupt)
-
-    def end(self):
-        self.pace.resume()
-        self.thread.join()
-        return self.result
-
-
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     """The hash of the run that nobody looks at."""
@@ -58,7 +38,7 @@ def plain(tmp_path_factory):
 
 
 def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_process):
-    paused, ended = Paused(tmp_path / "run"), []
+    paused, ended = Paused(tmp_path / "run", load("two_link", ["duration=1s"])), []
     viewer = threading.Thread(target=lambda: ended.append(follow(page.server, paused.out, bool)))
     viewer.start()
     # Let it go while it is watched.
@@ -90,7 +70,7 @@ def test_run_with_a_view_leaves_nothing_and_has_the_same_hash(tmp_path, plain):
 @needs_chromium
 @pytest.mark.timeout(900)
 def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
-    paused = Paused(tmp_path / "run")
+    paused = Paused(tmp_path / "run", load("two_link", ["duration=1s"]))
     over = threading.Event()
     viewer = threading.Thread(target=lambda: follow(page.server, paused.out, over.is_set))
     try:
@@ -102,7 +82,15 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
             watched.wait(lambda: shown.get_by_text("step 3 of").count() > 0, "step 3")
             shown.get_by_role("button", name="step", exact=True).click()
             watched.wait(lambda: shown.get_by_text("step 4 of").count() > 0, "step 4")
-            shown.get_by_role("tab", name="Change").click()
+            shown.get_by_role("tab", name="Curves").click()
+            curves = Curves(watched)
+            watched.wait(lambda: curves.has("joint1", "joint2"), "the positions")
+            positions = curves.drawn().data
+            assert positions[0] == pytest.approx([-0.005, 0.0])
+            curves.pick("plant.joint_state.position", "plant.joint_state.effort")
+            watched.wait(lambda: curves.has("joint1", "joint2"), "the efforts")
+            watched.wait(lambda: curves.drawn().data[1:] != positions[1:], "the efforts")
+            shown.get_by_role("tab", name="Steer").click()
             slider = shown.get_by_role("slider").first
             watched.wait(lambda: slider.count() > 0, "a slider")
             slider.press("ArrowRight")

@@ -65,10 +65,10 @@ class Controls:
     def add_tabs(self, tabs: Any, stage: Stage) -> None:
         """Add a tab about the participants, and one of what can be changed."""
         self.hands = Hands(self._server, self._link, self._ports, stage)
-        self._change = tabs.add_tab("Change")
+        self._change = tabs.add_tab("Steer")
         with self._change:
             self._hint = self._gui.add_markdown(_HINT)
-        with tabs.add_tab("Participants"):
+        with tabs.add_tab("Timing"):
             self._table = self._gui.add_markdown("")
             stop = self._gui.add_button("end the run", color="gray")
             stop.on_click(lambda _: self._link.ask("", "stop"))

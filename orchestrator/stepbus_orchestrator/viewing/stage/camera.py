@@ -6,7 +6,9 @@ import numpy as np
 
 from stepbus_orchestrator.viewing.scene import Messages, Scene
 
-_AWAY = np.array([0.56, -0.56, 0.38])
+_AWAY = np.array([0.64, -0.64, 0.43])
+_FLAT, _TALL = 0.6, 0.25
+"""How far away, in sizes of a scene: one that is flat needs less of the page."""
 _FLOOR_M = 8.0
 _FEW = 40
 _APART = (4.0, 96.0)
@@ -44,7 +46,9 @@ def look_at(server: Any, scene: Scene, messages: Messages) -> None:
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
     camera = server.initial_camera
     camera.look_at = tuple(middle.tolist())
-    camera.position = tuple((middle + _AWAY * size).tolist())
+    width, depth, height = (high - low).tolist()
+    away = (_FLAT + _TALL * min(1.0, height / max(width, depth, 1e-9))) * size
+    camera.position = tuple((middle + _AWAY * away).tolist())
     side = max(3.0, np.ceil(1.5 * size))
     server.scene.add_grid(
         "/floor",

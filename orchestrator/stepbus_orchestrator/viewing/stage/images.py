@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from stepbus_orchestrator.viewing.scene import Messages, Ports
 from stepbus_schemas import Image
 
-_FAR_M = 3.0
+_APART = (2.0, 98.0)
+_LEAST_M = 0.05
+"""A depth image spans from black to white what it sees, but at least so much [m]."""
 
 
 class Images:
@@ -49,5 +51,8 @@ def pixels_of(message: object) -> NDArray[np.uint8] | None:
     if len(message.data) != size[0] * size[1] * 4:
         return None
     depth = np.frombuffer(message.data, dtype="<f4").reshape(size)
-    grey = np.nan_to_num(np.clip(depth / _FAR_M, 0.0, 1.0), nan=1.0) * 255
+    known = depth[np.isfinite(depth) & (depth > 0)]
+    near, far = np.percentile(known, _APART) if known.size else (0.0, 1.0)
+    reach = np.clip((depth - near) / max(float(far - near), _LEAST_M), 0.0, 1.0)
+    grey = np.nan_to_num(reach, nan=1.0) * 255
     return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)

@@ -106,7 +106,12 @@ class Overlays:
             name = f"{path}/{number}"
             made.append(scene.add_icosphere(name, radius=0.012, color=_SEEN, position=where))
             # It goes with the point that it is below of.
-            scene.add_label(f"{name}/type", message.types[number])
+            scene.add_label(
+                f"{name}/type",
+                message.types[number],
+                font_size_mode="scene",
+                font_scene_height=0.03,
+            )
         return made
 
 

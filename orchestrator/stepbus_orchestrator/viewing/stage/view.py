@@ -42,7 +42,7 @@ class View:
             self._events = server.gui.add_html(_list([]))
         self._images = Images(server, ports)
         if self._images.topics:
-            self._camera_tab = self.tabs.add_tab("Cameras")
+            self._camera_tab = self.tabs.add_tab("Images")
         self._looked = False
 
     @property
