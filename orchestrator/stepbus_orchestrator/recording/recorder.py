@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -18,7 +18,6 @@ from stepbus_schemas import (
     Description,
     Event,
     Message,
-    MessageError,
     Outputs,
     Types,
     encode,
@@ -37,7 +36,8 @@ OnEvent = Callable[[str, str, int, Event], None]
 
 class _Port(NamedTuple):
     channel: int
-    decoder: Decoder[Message]
+    decode: Callable[[bytes | msgspec.Raw], Message]
+    on_event: Callable[[str, str, int, Any], None] | None
 
 
 class Recorder:
@@ -59,7 +59,7 @@ class Recorder:
     ) -> None:
         self._types = types
         self._file = file
-        self._add = file.add
+        self._add = file.add_all
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
         self._on_event = on_event
@@ -90,7 +90,9 @@ class Recorder:
                     layout.channel_metadata(name, port, msgspec.json.encode(description).decode()),
                     partial(json_schema, types=self._types),
                 )
-                self._ports[name][port] = _Port(channel, Decoder(self._types[output.type]))
+                cls = self._types[output.type]
+                on_event = self._on_event if issubclass(cls, Event) else None
+                self._ports[name][port] = _Port(channel, Decoder(cls).plain, on_event)
         self._chain_channel = self._file.add_channel(layout.CHAIN_TOPIC, layout.CHAIN_TYPE, {})
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
@@ -101,7 +103,7 @@ class Recorder:
         """Write a call that changed something, before the outputs of its step (P15.5)."""
         if self._calls_channel is None:
             self._calls_channel = self._file.add_channel(layout.CALLS_TOPIC, layout.CALLS_TYPE, {})
-        self._add(self._calls_channel, call.step * self._step_ns, encode(call), call.step)
+        self._add([(self._calls_channel, encode(call))], call.step * self._step_ns, call.step)
 
     @property
     def silent(self) -> frozenset[tuple[str, str]]:
@@ -166,40 +168,45 @@ class Recorder:
         self._write_chain(step, is_last=is_last)
 
     def _write_outputs(self, step: int) -> None:
-        for published in self._order.take(step):
-            self._write(published)
+        """Write the outputs of one step, up to the first broken one; the chains have the same."""
+        messages: list[tuple[int, bytes]] = []
+        try:
+            for published in self._order.take(step):
+                self._collect(published, messages)
+        finally:
+            self._add(messages, step * self._step_ns, step)
+
+    def _collect(self, published: Published, messages: list[tuple[int, bytes]]) -> None:
+        """Check what one participant has published, and append it as (channel, content)."""
+        name, content = published.participant, published.content
+        ports, silent = self._ports[name], self._silent
+        number = 0
+        try:
+            for port, data in content:
+                channel, decode, on_event = ports[port]
+                message = decode(data)
+                number += 1
+                messages.append((channel, data))
+                if silent:
+                    silent.discard((name, port))
+                if on_event is not None:
+                    on_event(name, port, published.step, message)
+        except UNDECODABLE as exc:
+            raise self._broken(name, content[number][0], published.step, exc) from exc
+        finally:
+            valid = content if number == len(content) else content[:number]
+            self._chains[name].extend(published.step, valid)
+        if published.fault is not None:
+            raise published.fault
 
     def _write_chain(self, step: int, *, is_last: bool) -> None:
         if self._chain_channel is not None and (is_last or layout.has_chain(step)):
             hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
             content = encode(Chain(step=step, hashes=hashes))
-            self._add(self._chain_channel, step * self._step_ns, content, step)
+            self._add([(self._chain_channel, content)], step * self._step_ns, step)
 
-    def _write(self, published: Published) -> None:
-        """Write one participant's outputs, up to the first broken one; the chain has the same."""
-        name, step = published.participant, published.step
-        t_ns, silent, ports, add = step * self._step_ns, self._silent, self._ports[name], self._add
-        valid: list[tuple[str, bytes]] = []
-        try:
-            for port, data in published.content:
-                channel, decoder = ports[port]
-                try:
-                    message = decoder.plain(data)
-                except UNDECODABLE as exc:
-                    error = decoder.error(exc)
-                    raise self._broken(name, port, step, error) from error
-                valid.append((port, data))
-                add(channel, t_ns, data, step)
-                if silent:
-                    silent.discard((name, port))
-                if isinstance(message, Event) and self._on_event is not None:
-                    self._on_event(name, port, step, message)
-            if published.fault is not None:
-                raise published.fault
-        finally:
-            self._chains[name].extend(step, valid)
-
-    def _broken(self, name: str, port: str, step: int, error: MessageError) -> ParticipantFault:
+    def _broken(self, name: str, port: str, step: int, exc: Exception) -> ParticipantFault:
+        error = Decoder(self._types[self._specs[name].outputs[port].type]).error(exc)
         t_s = step * self._step_ns * 1e-9
         return ParticipantFault(
             f"step {step} (t = {t_s:.3f} s): {name}.{port} is {error}",

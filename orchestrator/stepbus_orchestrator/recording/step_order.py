@@ -42,13 +42,11 @@ class _Buffer:
 
     def take(self) -> Published:
         outputs = self.waiting.popleft()
-        published = Published(participant=self.name, step=outputs.step, content=[])
         if not self.bulk:
-            ports, content = outputs.ports, published.content
-            for port in self.ports:
-                if port in ports:
-                    content.append((port, bytes(ports[port])))
-            return published
+            ports = outputs.ports
+            content = [(port, bytes(ports[port])) for port in self.ports if port in ports]
+            return Published(participant=self.name, step=outputs.step, content=content)
+        published = Published(participant=self.name, step=outputs.step, content=[])
         for port in self.ports:
             try:
                 data = self._content(outputs, port)

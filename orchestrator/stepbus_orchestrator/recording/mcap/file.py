@@ -3,7 +3,7 @@
 import contextlib
 import errno
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -79,11 +79,15 @@ class McapFile:
 
     def add(self, channel: int, t_ns: int, data: bytes, sequence: int) -> None:
         """Write one message."""
-        # Called for every message: the context manager would take longer than the rest.
+        self.add_all([(channel, data)], t_ns, sequence)
+
+    def add_all(self, messages: Iterable[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
+        """Write messages of one time, (channel, content) each, in their order."""
+        # Called for every step: the context manager would take longer than the rest.
         if self._closed or self._failed is not None:
             raise self._refusal()
         try:
-            self._writer.add_message(channel, t_ns, data, t_ns, sequence)
+            self._writer.add_messages(messages, t_ns, t_ns, sequence)
         except OSError as exc:
             raise self._failure(exc) from exc
 

@@ -7,38 +7,27 @@ but counts it; and it keeps an object for every chunk. A test holds both to the 
 
 import contextlib
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from struct import Struct
 from typing import Any
 
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Chunk, ChunkIndex, MessageIndex
+from mcap.records import Chunk, ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
+from .open_chunk import OpenChunk
+
 _MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
-_HEAD_BYTES = _MESSAGE.size
-_FIELDS_BYTES = 22  # of the fields that the length counts, before the content
-_INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
-_ENTRY_BYTES = 16
+_PREFIX_BYTES = 9  # opcode and length
+_FIELDS_BYTES = _MESSAGE.size - _PREFIX_BYTES
 
 
 def _taken(builder: Any) -> bytes:
     """Return what a builder holds, and empty it."""
     data: bytes = builder.end()
     return data
-
-
-class _Index(MessageIndex):
-    """The times and offsets of one channel's messages in a chunk."""
-
-    def write(self, stream: RecordBuilder) -> None:
-        """Append the record."""
-        size = len(self.records) * _ENTRY_BYTES
-        stream.write(_INDEX.pack(Opcode.MESSAGE_INDEX, size + 6, self.channel_id, size))
-        flat = [number for entry in self.records for number in entry]
-        stream.write(Struct(f"<{len(flat)}Q").pack(*flat))
 
 
 class _ChunkIndexes:
@@ -97,7 +86,7 @@ class MessageWriter(Writer):
         self._checked: _Checksummed = checked
         self._compression: CompressionType = own["_Writer__compression"]
         self._compressor = zstandard.ZstdCompressor()
-        self._chunk: Any = own["_Writer__chunk_builder"]
+        self._chunk = own["_Writer__chunk_builder"] = OpenChunk()
         self._chunk_bytes: int = own["_Writer__chunk_size"]
         self._statistics: Any = own["_Writer__statistics"]
         self._records: RecordBuilder = own["_Writer__record_builder"]
@@ -111,28 +100,34 @@ class MessageWriter(Writer):
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
     ) -> None:
         """Append a message to the chunk; raises OSError when a full chunk cannot be written."""
-        chunk = self._chunk
-        # Its own methods took two calls more for each message.
-        buffer = vars(chunk.record_writer)["_buffer"]
-        count = buffer.tell()
-        if chunk.num_messages == 0:
-            chunk.message_start_time = chunk.message_end_time = log_time
-        elif log_time > chunk.message_end_time:
-            chunk.message_end_time = log_time
-        elif log_time < chunk.message_start_time:
-            chunk.message_start_time = log_time
-        chunk.num_messages += 1
-        index = chunk.message_indices.get(channel_id)
-        if index is None:
-            index = chunk.message_indices[channel_id] = _Index(channel_id, [])
-        index.records.append((log_time, count))
-        length = _FIELDS_BYTES + len(data)
-        buffer.write(
-            _MESSAGE.pack(Opcode.MESSAGE, length, channel_id, sequence, log_time, publish_time)
-            + data
-        )
-        if count + _HEAD_BYTES + len(data) > self._chunk_bytes:
-            self._end_chunk()
+        self.add_messages([(channel_id, data)], log_time, publish_time, sequence)
+
+    def add_messages(
+        self,
+        messages: Iterable[tuple[int, bytes]],
+        log_time: int,
+        publish_time: int,
+        sequence: int = 0,
+    ) -> None:
+        """Append messages of one time, (channel, content) each; raises as `add_message` does."""
+        chunk, pack, limit = self._chunk, _MESSAGE.pack, self._chunk_bytes
+        chunk.cover(log_time)
+        records, indexes, count = chunk.records, chunk.indexes, chunk.count
+        for channel, data in messages:
+            index = indexes.get(channel)
+            if index is None:
+                index = indexes[channel] = []
+            index += (log_time, count)
+            length = _FIELDS_BYTES + len(data)
+            head = pack(Opcode.MESSAGE, length, channel, sequence, log_time, publish_time)
+            records.append(head + data)
+            count += _PREFIX_BYTES + length
+            if count > limit:
+                chunk.count = count
+                self._end_chunk()
+                chunk.cover(log_time)
+                records, indexes, count = chunk.records, chunk.indexes, chunk.count
+        chunk.count = count
 
     def add_attachment(self, *args: Any, **named: Any) -> None:
         """Write an attachment; raises OSError, and has not counted it, when it cannot be."""
@@ -151,13 +146,11 @@ class MessageWriter(Writer):
         them, and one that is closed has the same bytes as without.
         """
         chunk, offset = self._chunk, self._output.tell()
-        if chunk.num_messages == 0:
+        if not chunk.indexes:
             return
         known = self._unfinished[1] if self._unfinished[0] == offset else 0
-        end = chunk.count
-        with vars(chunk.record_writer)["_buffer"].getbuffer() as records:
-            self._output.write_ahead(bytes(records[known:end]))
-        self._unfinished = (offset, end)
+        self._output.write_ahead(chunk.content()[known:])
+        self._unfinished = (offset, chunk.count)
 
     def drop_chunk(self) -> None:
         """Forget the messages that are not in the file yet."""
@@ -179,7 +172,7 @@ class MessageWriter(Writer):
     def _end_chunk(self) -> None:
         """Write the chunk and its message indexes at once; raises OSError, and has lost them."""
         chunk = self._chunk
-        if chunk.num_messages == 0:
+        if not chunk.indexes:
             self._keep_checksum()
             return
         try:
@@ -197,9 +190,9 @@ class MessageWriter(Writer):
                 compressed_size=len(record.data),
                 uncompressed_size=record.uncompressed_size,
             )
-            for channel, entries in chunk.message_indices.items():
+            for channel, entries in chunk.index_records().items():
                 index.message_index_offsets[channel] = offset + builder.count
-                entries.write(builder)
+                builder.write(entries)
             index.message_index_length = builder.count - index.chunk_length
             self.keep_room(self._chunk_indexes.size)
             self._checked.write(_taken(builder))
@@ -218,13 +211,13 @@ class MessageWriter(Writer):
 
     def _chunk_record(self) -> Chunk:
         chunk = self._chunk
-        data = _taken(chunk)
+        data = chunk.content()
         is_packed = self._compression == CompressionType.ZSTD
         return Chunk(
             compression="zstd" if is_packed else "",
             data=self._compressor.compress(data) if is_packed else data,
-            message_start_time=chunk.message_start_time,
-            message_end_time=chunk.message_end_time,
+            message_start_time=chunk.earliest,
+            message_end_time=chunk.latest,
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         )
@@ -232,13 +225,10 @@ class MessageWriter(Writer):
     def _count(self) -> None:
         """Add the chunk to the statistics, once it is in the file."""
         chunk, statistics = self._chunk, self._statistics
-        if (
-            statistics.message_count == 0
-            or chunk.message_start_time < statistics.message_start_time
-        ):
-            statistics.message_start_time = chunk.message_start_time
-        statistics.message_end_time = max(statistics.message_end_time, chunk.message_end_time)
-        for channel, index in chunk.message_indices.items():
-            statistics.channel_message_counts[channel] += len(index.records)
-        statistics.message_count += chunk.num_messages
+        if statistics.message_count == 0 or chunk.earliest < statistics.message_start_time:
+            statistics.message_start_time = chunk.earliest
+        statistics.message_end_time = max(statistics.message_end_time, chunk.latest)
+        for channel, count in chunk.message_counts().items():
+            statistics.channel_message_counts[channel] += count
+            statistics.message_count += count
         statistics.chunk_count += 1

@@ -1,7 +1,9 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any
+
+import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed
 from stepbus_orchestrator.processes.links.credentials import ORCHESTRATOR
@@ -11,6 +13,7 @@ from stepbus_participant import read_stamp
 from stepbus_schemas import (
     UNDECODABLE,
     Decoder,
+    Envelope,
     Fault,
     Hello,
     Log,
@@ -18,6 +21,7 @@ from stepbus_schemas import (
     Outputs,
     Ready,
     Refusal,
+    Waiting,
     Welcome,
     encode,
 )
@@ -32,6 +36,20 @@ _decode_ready = Decoder(Ready)
 _decode_log = Decoder(Log)
 _decode_outputs = Decoder(Outputs)
 _decode_fault = Decoder(Fault)
+
+
+class _WholeLog(Envelope, frozen=True):
+    """A `Log`, decoded together with its entries."""
+
+    name: str
+    token: str
+    outputs: list[Outputs] = msgspec.field(default_factory=list)
+    timing: list[tuple[int, int, int]] = msgspec.field(default_factory=list)
+    waiting: Waiting | None = None
+    drops: dict[str, int] = msgspec.field(default_factory=dict)
+
+
+_decode_whole_log = msgspec.msgpack.Decoder(_WholeLog).decode
 
 
 class MessageHandler:
@@ -128,22 +146,38 @@ class MessageHandler:
 
     def take_log(self, key_name: str, data: bytes) -> None:
         """Take a batch of outputs (P9)."""
+        log: Log | _WholeLog
         try:
-            log = _decode_log(data)
-        except MessageError:
-            self._state.unauthenticated += 1
-            return
+            log = _decode_whole_log(data)
+        except UNDECODABLE:
+            # One of its entries, at least; those before it count.
+            try:
+                log = _decode_log(data)
+            except MessageError:
+                self._state.unauthenticated += 1
+                return
         participant = self._sender(log.token, log.name, key_name)
         if participant is None:
             return
         self._check_waiting(participant, log)
         participant.waiting, participant.drops = log.waiting, log.drops
-        if log.outputs:
+        if isinstance(log, _WholeLog):
             self._take_batch(participant, log.outputs)
+        else:
+            self._take_batch(participant, self._one_by_one(participant, log.outputs))
         if log.timing:
             self._add_timing(log)
 
-    def _check_waiting(self, participant: ParticipantState, log: Log) -> None:
+    def _one_by_one(
+        self, participant: ParticipantState, entries: Iterable[Any]
+    ) -> Iterator[Outputs]:
+        for raw in entries:
+            try:
+                yield _decode_outputs(raw)
+            except MessageError as exc:
+                raise self._broken(participant, f"logged something that is {exc}") from exc
+
+    def _check_waiting(self, participant: ParticipantState, log: Log | _WholeLog) -> None:
         if log.waiting is None:
             return
         sources = [item.source for item in participant.spec.inputs.values()]
@@ -154,20 +188,16 @@ class MessageHandler:
 
     def take_outputs(self, name: str, data: bytes) -> None:
         """Take outputs that the orchestrator publishes for a participant that has failed."""
-        self._take_batch(self._state.participants[name], [data])
+        participant = self._state.participants[name]
+        self._take_batch(participant, self._one_by_one(participant, [data]))
 
-    def _take_batch(self, participant: ParticipantState, batch: Sequence[Any]) -> None:
+    def _take_batch(self, participant: ParticipantState, batch: Iterable[Outputs]) -> None:
         """Take outputs of one participant, in the order of their steps."""
         state, name = self._state, participant.name
-        if not state.started_at:
-            raise self._broken(participant, "logged outputs before the start")
         wrong, report, offer = self._ports[name].wrong, state.barrier.report, self._recorder.offer
-        for raw in batch:
-            try:
-                outputs = _decode_outputs.plain(raw)
-            except UNDECODABLE as exc:
-                error = _decode_outputs.error(exc)
-                raise self._broken(participant, f"logged something that is {error}") from error
+        for outputs in batch:
+            if not state.started_at:
+                raise self._broken(participant, "logged outputs before the start")
             step, t_ns = outputs.step, outputs.t_ns
             if outputs.token != self._token or t_ns != step * self._step_ns:
                 raise self._broken(participant, f"sent a wrong token or time (t_ns = {t_ns})")
@@ -188,7 +218,7 @@ class MessageHandler:
             step=step,
         )
 
-    def _add_timing(self, log: Log) -> None:
+    def _add_timing(self, log: Log | _WholeLog) -> None:
         self._timing.steps(log.name, log.timing)
         total, count = self._state.compute.get(log.name, (0, 0))
         waiting = self._state.waited.get(log.name, 0)
