@@ -85,6 +85,8 @@ class Hello(Envelope, frozen=True):
     """Output ports that the program requires, with their types; absent: any."""
     types: dict[str, dict[str, Any]] = {}
     """Type → its declaration as the program knows it, of types that do not ship with stepbus."""
+    batches: bool = False
+    """Whether the program takes a `Batch` in place of an `Outputs` from its sources."""
 
 
 class Welcome(Envelope, frozen=True):
@@ -160,6 +162,8 @@ class Start(Envelope, frozen=True):
     """The run's secret."""
     inputs: dict[str, dict[str, Description]]
     """Participant → input → description."""
+    batches: dict[str, Positive] = {}
+    """Participant → maximum number of `Outputs` it may publish in one `Batch`; absent: none."""
 
 
 class Trigger(Envelope, frozen=True):
@@ -186,6 +190,15 @@ class Outputs(Envelope, frozen=True):
     """Bulk port published at this step → length of its content [bytes]."""
     end: str | None = None
     """Why the run should end after this step; absent in all others."""
+
+
+class Batch(Envelope, frozen=True):
+    """Several steps of a participant that nobody waits for, in one message."""
+
+    token: str
+    """The run's secret."""
+    outputs: list[msgspec.Raw]
+    """`Outputs`, in the order of their steps."""
 
 
 class Waiting(Envelope, frozen=True):
@@ -332,6 +345,7 @@ class Chain(Envelope, frozen=True):
 
 
 ENVELOPE_TYPES: dict[str, type[Envelope]] = {
+    "Batch/1": Batch,
     "Call/1": Call,
     "CallRecord/1": CallRecord,
     "CallReply/1": CallReply,

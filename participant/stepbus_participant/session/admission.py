@@ -56,6 +56,7 @@ def join(
         inputs=None if inputs is None else dict(inputs),
         outputs=None if outputs is None else dict(outputs),
         types=dict(types.declarations),
+        batches=True,
     )
     deadline = time.monotonic() + ticket.join_timeout_s
     while time.monotonic() < deadline:

@@ -34,7 +34,8 @@ class Control:
     """The orchestrator's newest orders.
 
     step_limit: the first step not yet released. started: participant → input → description, once
-    the run has started. calls: calls to answer while waiting for the trigger; only with `name`.
+    the run has started. batches: participant → how many steps it may publish at once. calls: calls
+    to answer while waiting for the trigger; only with `name`.
     unauthenticated: messages dropped, since malformed or without the run's token (P8.4).
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
@@ -45,6 +46,7 @@ class Control:
         self.step_limit = 0
         self.calls: deque[Call] = deque()
         self.started: Mapping[str, Mapping[str, Description]] | None = None
+        self.batches: Mapping[str, int] = {}
         self.unauthenticated = 0
         self._token = token
         self._step = -1
@@ -123,4 +125,4 @@ class Control:
             case Call():
                 self.calls.append(message)
             case Start():
-                self.started = message.inputs
+                self.started, self.batches = message.inputs, message.batches

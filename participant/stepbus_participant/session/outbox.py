@@ -8,6 +8,7 @@ from stepbus_participant.bus import Bus
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     SHIPPED,
+    Batch,
     Log,
     Message,
     Outputs,
@@ -29,6 +30,10 @@ BATCH_AGE_NS = 50_000_000
 """Longest time a batch takes to fill (P9.2.2), so that the orchestrator sees slow steps [ns]."""
 
 
+HOLD_NS = 2_000_000
+"""Longest time for which outputs are held that may go out with the next ones (P7.6) [ns]."""
+
+
 class OutputError(StepbusError, ValueError):
     """A participant returned something that its scenario does not let it publish."""
 
@@ -48,6 +53,7 @@ class Outbox:
     ) -> None:
         self.step = HANDSHAKE_STEP
         self._welcome = welcome
+        self._bus = bus
         # Of every message: what it needs is looked up once.
         self._token, self._step_ns = welcome.token, welcome.step_ns
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
@@ -56,6 +62,11 @@ class Outbox:
             port: message_class(config.type, types) for port, config in welcome.outputs.items()
         }
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
+        self._put_batch = self._put
+        self._most_held = 1
+        self._held: list[msgspec.Raw] = []
+        self._held_bytes = 0
+        self._held_ns = 0
         self._put_log = bus.publisher(f"log/{welcome.name}", encoding_of("Log/1"))
         self._put_bulk = {
             port: bus.publisher(f"bulk/{welcome.name}/{port}", encoding_of(config.type))
@@ -72,6 +83,13 @@ class Outbox:
         self._put(self._pack(HANDSHAKE_STEP, {}, {}, None))
         for put in self._put_bulk.values():
             put(b"", attachment=stamp(HANDSHAKE_STEP, self._welcome.token))
+
+    def hold_up_to(self, number: int) -> None:
+        """Publish so many steps in one message, since nobody waits for them (P7.6)."""
+        if number > 1:
+            self._most_held = number
+            key = f"out/{self._welcome.name}"
+            self._put_batch = self._bus.publisher(key, encoding_of("Batch/1"))
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
@@ -97,12 +115,31 @@ class Outbox:
                 f"step {step}: outputs of {size} bytes exceed the bus's limit of "
                 f"{self._max_bytes}; declare the large port {{bulk: true}}"
             )
-        self._put(packed)
+        if self._most_held > 1:
+            self._hold(packed)
+        else:
+            self._put(packed)
         self.step = step
         if self._bytes + size > BATCH_BYTES:
             self.flush()
         self._outputs.append(msgspec.Raw(packed))
         self._bytes += size
+
+    def _hold(self, packed: bytes) -> None:
+        if self._held_bytes + len(packed) > BATCH_BYTES:
+            self.send_held()
+        self._held.append(msgspec.Raw(packed))
+        self._held_bytes += len(packed)
+
+    def send_held(self) -> None:
+        """Publish the outputs that are held; to be called before each wait."""
+        if not self._held:
+            return
+        held, self._held, self._held_bytes, self._held_ns = self._held, [], 0, 0
+        if len(held) == 1:
+            self._put(bytes(held[0]))
+        else:
+            self._put_batch(encode(Batch(token=self._token, outputs=held)))
 
     def _encode(self, step: int, port: str, message: Message) -> bytes:
         cls = self._classes.get(port)
@@ -139,6 +176,10 @@ class Outbox:
         """Add the timing of a finished step, and send the batch when it is full or old."""
         self._timing.append((step, waited_ns, computed_ns))
         self._age_ns += waited_ns + computed_ns
+        if self._held:
+            self._held_ns += waited_ns + computed_ns
+            if len(self._held) >= self._most_held or self._held_ns > HOLD_NS:
+                self.send_held()
         if len(self._outputs) >= self._batch or self._age_ns > BATCH_AGE_NS:
             self.flush()
 
@@ -149,6 +190,8 @@ class Outbox:
 
     def flush(self, waiting: Waiting | None = None) -> None:
         """Send the batch, and report what the participant waits for."""
+        # Nothing is logged before it is published.
+        self.send_held()
         log = Log(
             name=self._welcome.name,
             token=self._welcome.token,

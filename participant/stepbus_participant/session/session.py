@@ -114,6 +114,7 @@ class Session:
         descriptions = await_start(
             self._bus, self._ready(participant), self._sources, self._outbox, self._control
         )
+        self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
         participant.start(descriptions)
         profiler = self._profiler
         loop = StepLoop(

@@ -1,16 +1,18 @@
 """The participants that one participant reads from: which of their messages are accepted."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 
 import msgspec
 
 from stepbus_participant.bus import Queue
-from stepbus_schemas import HANDSHAKE_STEP, UNDECODABLE, Decoder, Outputs, due_step
+from stepbus_schemas import HANDSHAKE_STEP, UNDECODABLE, Batch, Decoder, Outputs, due_step
 
 from .inputs import Input, PeerFault
 
 _decode_outputs = Decoder(Outputs)
+_decode_batch = Decoder(Batch)
 
 
 class _Signed(msgspec.Struct):
@@ -22,7 +24,7 @@ class _Signed(msgspec.Struct):
 _decode_signed = msgspec.msgpack.Decoder(_Signed).decode
 
 
-def carries_token(data: bytes, token: str) -> bool:
+def carries_token(data: bytes | msgspec.Raw, token: str) -> bool:
     """Return whether malformed bytes are at least a map with the run's token (P8.1)."""
     try:
         return _decode_signed(data).token == token
@@ -34,7 +36,8 @@ class Source:
     """One participant to read from: its `Outputs` in the order of their steps.
 
     queue: where the bus puts the content of its samples. early: one of them that was taken before
-    its step. step: the newest step accepted.
+    its step. entries: the rest of a `Batch`, which comes before all in the queue. step: the newest
+    step accepted.
     connected: whether a handshake has arrived. drops: cause → number of dropped messages.
     """
 
@@ -48,6 +51,7 @@ class Source:
         self.name = name
         self.queue = make_queue()
         self.early: bytes | None = None
+        self.entries: deque[msgspec.Raw] = deque()
         self.bulk_queues: dict[str, Queue] = {
             item.config.port: make_queue() for item in inputs if item.config.bulk
         }
@@ -58,7 +62,7 @@ class Source:
         self._inputs = inputs
         self._pending = [(item.config.port, item.pending) for item in inputs]
         self._token = token
-        self._newest = b""
+        self._newest: bytes | msgspec.Raw = b""
         self._restored = self.step
         self._delay = min(item.config.delay for item in inputs)
 
@@ -66,14 +70,17 @@ class Source:
         """Return the newest step of this source that any input needs at `step`."""
         return due_step(step, self._delay, self.every)
 
-    def accept(self, data: bytes) -> Outputs | None:
-        """Check one message against P8.1; return it when it is the next one, None when dropped.
+    def accept(self, data: bytes | msgspec.Raw) -> Outputs | None:
+        """Check one message against P8.1; return it when it is the next one.
 
+        None: it was dropped, or a `Batch`, whose entries are now to be accepted one by one.
         Raises PeerFault when it is malformed, contradicts an earlier one or skips a step.
         """
         try:
             outputs = _decode_outputs.plain(data)
         except UNDECODABLE as exc:
+            if isinstance(data, bytes) and self._open(data):
+                return None
             if not carries_token(data, self._token):
                 self.drop("malformed")
                 return None
@@ -98,6 +105,18 @@ class Source:
                 pending.append((self.step, ports[port]))
         return outputs
 
+    def _open(self, data: bytes) -> bool:
+        """Take the entries of a message that is a `Batch` (P7.6); return whether it is one."""
+        try:
+            batch = _decode_batch.plain(data)
+        except UNDECODABLE:
+            return False
+        if batch.token == self._token:
+            self.entries.extend(batch.outputs)
+        else:
+            self.drop("unauthenticated")
+        return True
+
     def offer_bulk(self, outputs: Outputs, port: str, content: bytes) -> None:
         """Offer the content of a bulk port to the inputs that read it."""
         for item in self._inputs:
@@ -108,7 +127,7 @@ class Source:
         """Skip all up to a step: a checkpoint has what is needed of it (P16.3)."""
         self.step = self._restored = step
 
-    def _drop_or_blame(self, outputs: Outputs, data: bytes) -> None:
+    def _drop_or_blame(self, outputs: Outputs, data: bytes | msgspec.Raw) -> None:
         if outputs.step <= self._restored:
             return
         if outputs.step > self.step:
@@ -117,7 +136,7 @@ class Source:
                 f"{self.name} skipped from step {self.step} to {outputs.step} "
                 f"(expected {self.step + self.every}); was a message lost or reordered?",
             )
-        if outputs.step == self.step and data != self._newest:
+        if outputs.step == self.step and bytes(data) != bytes(self._newest):
             raise PeerFault(
                 self.name, f"{self.name} published step {self.step} twice with different content"
             )

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from queue import Empty
 from typing import Any
 
+import msgspec
+
 from stepbus_participant.bus import Bus
 from stepbus_participant.participant import Participant
 from stepbus_participant.step import Step, StepsOver
@@ -87,6 +89,7 @@ class StepLoop:
             # Before the wait, in which calls before this step are answered (P16.2).
             self._checkpoints.save_if_due(step.index)
         if step.index >= self._control.step_limit:
+            self._outbox.send_held()
             self._await_trigger(step.index)
         if self._first:
             # No input of this step may reach these outputs (P5.3).
@@ -147,7 +150,8 @@ class StepLoop:
         until_s = time.monotonic() + FLUSH_AFTER_S
         left_s = FLUSH_AFTER_S
         for source in self._sources:
-            if source.early is None and source.step < source.due(step):
+            is_there = source.entries or source.early is not None
+            if not is_there and source.step < source.due(step):
                 try:
                     source.early = source.queue.get(timeout=left_s)
                 except Empty:
@@ -160,7 +164,11 @@ class StepLoop:
 
     def _receive(self, source: Source) -> None:
         """Accept the next message of a source, however long it takes to arrive (P6.2)."""
-        data, source.early = source.early, None
+        data: bytes | msgspec.Raw | None
+        if source.entries:
+            data = source.entries.popleft()
+        else:
+            data, source.early = source.early, None
         outputs = source.accept(self._next(source, source.queue) if data is None else data)
         if outputs is not None and outputs.bulk:
             for port, size in outputs.bulk.items():

@@ -25,7 +25,8 @@ def subscribe(
     bus.answer(CALL_KEY, into(partial(_take_call, session, calls)))
     for spec in session.scenario.participants:
         # One key each: to ask every sample for its key takes longer than to decode it.
-        _subscribe_one(session, f"log/{spec.name}", partial(messages.take_log, spec.name))
+        take_log = partial(messages.take_log, spec.name)
+        bus.subscribe_content(f"log/{spec.name}", session.inbox.into_from(spec.name, take_log))
     for name in safe_stop.names:
         _subscribe_one(session, f"out/{name}", partial(safe_stop.take, name))
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]

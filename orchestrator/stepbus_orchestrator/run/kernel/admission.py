@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 
 from stepbus_orchestrator.processes.links.endpoints import low_latency
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario import MESSAGE_FAULTS, ParticipantSpec, Scenario, faults_of
 from stepbus_schemas import (
     PROTOCOL_VERSION,
     Hello,
@@ -15,6 +15,8 @@ from stepbus_schemas import (
     Welcome,
     WiringError,
 )
+
+from .participants import Participants
 
 _NO_LIMIT = 1 << 30
 LOW_LATENCY_BYTES = 60_000
@@ -43,8 +45,7 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
         every=spec.every,
         publishes=spec.publishes,
         window=scenario.window,
-        # One that fires at every fourth step would fill its batch in four windows.
-        batch=max(1, scenario.batch // spec.every),
+        batch=_batch(scenario, spec),
         seed=participant_seed(scenario.seed, spec.name),
         inputs={
             port: InputConfig(
@@ -66,6 +67,38 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
         max_outputs_bytes=max_message_bytes(scenario),
         types=dict(scenario.types.only(_port_types(spec, specs)).declarations),
     )
+
+
+def batches_of(scenario: Scenario, participants: Participants) -> dict[str, int]:
+    """Return who may publish several steps in one message, and how many (P7.6).
+
+    They have no input, so that they are ahead of all others by up to a window; all who read from
+    them are live programs that can take it.
+    """
+    readers: dict[str, list[str]] = {}
+    for spec in scenario.participants:
+        for item in spec.inputs.values():
+            readers.setdefault(item.source, []).append(spec.name)
+    faulty = {fault.participant for fault in faults_of(scenario.faults, MESSAGE_FAULTS)}
+    return {
+        spec.name: batch
+        for spec in scenario.participants
+        if spec.name in readers
+        and not spec.inputs
+        # Others read every message of these.
+        and spec.on_fault is None
+        and spec.name not in faulty
+        and not any(output.bulk for output in spec.outputs.values())
+        and all(
+            name in participants and participants[name].takes_batches for name in readers[spec.name]
+        )
+        and (batch := _batch(scenario, spec)) > 1
+    }
+
+
+def _batch(scenario: Scenario, spec: ParticipantSpec) -> int:
+    # One that fires at every fourth step would fill its batch in four windows.
+    return max(1, scenario.batch // spec.every)
 
 
 def _port_types(spec: ParticipantSpec, specs: Mapping[str, ParticipantSpec]) -> list[str]:

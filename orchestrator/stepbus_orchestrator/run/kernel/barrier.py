@@ -52,6 +52,12 @@ class Barrier:
             self._completed = done if self._steps is None else min(done, self._steps)
         return self._completed
 
+    def last(self) -> list[str]:
+        """Return the participants without whose outputs no further step is complete."""
+        done = min(map(add, self.reported.values(), self._every.values()))
+        every = self._every
+        return [name for name, step in self.reported.items() if step + every[name] == done]
+
     @property
     def step_limit(self) -> int:
         """Return the newest trigger: steps below it may be worked on (P5.5)."""

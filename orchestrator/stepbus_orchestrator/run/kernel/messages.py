@@ -118,6 +118,7 @@ class MessageHandler:
 
     def _admit(self, participant: ParticipantState, hello: Hello) -> None:
         participant.language = hello.language
+        participant.takes_batches = hello.batches
         if participant.external is not None:
             participant.external.joined(hello.pid)
         if participant.advance(Phase.JOINED):

@@ -95,6 +95,7 @@ class ParticipantState:
     its process has ended while closing outputs are awaited [s]. waiting: what
     it waited for when it last sent its log. newest: returns the newest step it was seen to
     publish, with an observer; −1 elsewhere. external: its process, where somebody else starts it.
+    takes_batches: whether its program takes a `Batch` from its sources (P7.6).
     has_left: whether it has left the bus; all that it published has arrived before.
     """
 
@@ -109,6 +110,7 @@ class ParticipantState:
     waiting: Waiting | None = None
     ready: Ready | None = None
     language: str = ""
+    takes_batches: bool = False
     drops: Mapping[str, int] = field(default_factory=dict)
     external: External | None = None
     has_left: bool = False

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import BusFailed, ParticipantFault, StartFailed
 from stepbus_orchestrator.processes.links.endpoints import gone
+from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
 from stepbus_orchestrator.run.kernel.participants import Phase
@@ -61,7 +62,9 @@ def _start(loop: RunLoop) -> RunPhase:
     inputs = input_descriptions(state.scenario, loop.descriptions)
     check_descriptions(state.participants, inputs)
     _open_channels(loop)
-    message = encode(Start(token=loop.session.token, inputs=inputs))
+    is_live = not loop.strategy.peers.names and not state.is_prefix
+    batches = batches_of(state.scenario, state.participants) if is_live else {}
+    message = encode(Start(token=loop.session.token, inputs=inputs, batches=batches))
     state.check_size("the descriptions of all inputs", message)
     if loop.controls.injector is not None:
         loop.controls.injector.check(state.participants)
