@@ -43,6 +43,7 @@ __all__ = [
     "UNDECODABLE",
     "BaseCommand",
     "BaseState",
+    "Batch",
     "BridgeFormat",
     "BytesMessage",
     "Call",

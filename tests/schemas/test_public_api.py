@@ -52,7 +52,7 @@ def test_all_is_complete(name: str) -> None:
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(stepbus_schemas.__all__) == (
         "BRIDGE_FORMATS CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION SHIPPED UNDECODABLE "
-        "BaseCommand BaseState BridgeFormat BytesMessage Call CallDescription CallRecord CallReply "
+        "BaseCommand BaseState Batch BridgeFormat BytesMessage Call CallDescription CallRecord CallReply "
         "CallRequest Called Chain Contacts ControllerStatus Decoder Description Detections Envelope Event "
         "Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu InputConfig "
         "JointCommand JointMode JointReference JointState LaserScan Log Message MessageError OutputConfig "

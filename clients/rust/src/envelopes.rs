@@ -30,6 +30,8 @@ message! {
         outputs: Option<Map<String>>,
         /// Declarations of the types that do not ship with stepbus, as the program knows them.
         types: Map<Map<Value>> = Map::new(),
+        /// Whether the program takes a `Batch` in place of an `Outputs`.
+        batches: bool = false,
     }
 }
 
@@ -243,6 +245,17 @@ message! {
         bulk: Map<u64> = Map::new(),
         /// Why the run should end after this step.
         end: Option<String>,
+    }
+}
+
+message! {
+    /// Several steps of a participant that nobody waits for.
+    "Batch/1",
+    struct Batch {
+        /// The run's secret.
+        token: String,
+        /// `Outputs`, in the order of their steps.
+        outputs: Vec<Value>,
     }
 }
 

@@ -96,6 +96,7 @@ fn hello<P: Participant>(ticket: &Ticket) -> Hello {
         inputs: ports(P::INPUTS),
         outputs: ports(P::OUTPUTS),
         types: P::TYPES.iter().map(|declare| declare()).collect(),
+        batches: true,
     }
 }
 

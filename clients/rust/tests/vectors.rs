@@ -104,6 +104,7 @@ fn every_vector_of_an_envelope_is_read_or_refused() {
         check::<Stop>(),
         check::<Outputs>(),
         check::<Fault>(),
+        check::<Batch>(),
     ];
     assert!(counts.iter().all(|count| *count > 10), "{counts:?}");
 }

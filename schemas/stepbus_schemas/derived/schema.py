@@ -35,8 +35,8 @@ def json_schema(type_name: str, types: Types = SHIPPED) -> dict[str, Any]:
 @cache
 def _json_schema(type_name: str, cls: type[Message | Envelope]) -> dict[str, Any]:
     (_,), types = msgspec.json.schema_components([cls], ref_template="#/$defs/{name}")
-    if cls is protocol.Log:
-        _nest_outputs(types)
+    if cls in {protocol.Batch, protocol.Log}:
+        _nest_outputs(types, cls.__name__)
     for name, schema in types.items():
         _describe(cls, name, schema)
     if "Outputs" in types:
@@ -53,10 +53,10 @@ def not_null(schema: dict[str, Any]) -> dict[str, Any]:
     return next((option for option in options if option != {"type": "null"}), schema)
 
 
-def _nest_outputs(types: dict[str, Any]) -> None:
-    """Say what the undecoded entries of `Log.outputs` are."""
+def _nest_outputs(types: dict[str, Any], name: str) -> None:
+    """Say what the undecoded entries of a batch are."""
     (_,), nested = msgspec.json.schema_components([protocol.Outputs])
-    types["Log"]["properties"]["outputs"]["items"] = {"$ref": "#/$defs/Outputs"}
+    types[name]["properties"]["outputs"]["items"] = {"$ref": "#/$defs/Outputs"}
     types.update(nested)
 
 

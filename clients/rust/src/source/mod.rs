@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use crate::codec::{self, Field, Value};
-use crate::envelopes::{InputConfig, Outputs};
+use crate::codec::{self, pack, Field, Value};
+use crate::envelopes::{Batch, InputConfig, Outputs};
 use crate::error::Error;
 use crate::messages;
 
@@ -85,10 +85,28 @@ impl Source {
         let Ok(value) = codec::unpack(bytes) else {
             return count(drops, "malformed");
         };
-        match Outputs::read(&value) {
+        if let Ok(batch) = Batch::read(&value) {
+            if batch.token != token {
+                return count(drops, "unauthenticated");
+            }
+            // Each entry counts as a message of its own (P7.6).
+            let mut entries = batch.outputs.iter();
+            return entries.try_for_each(|entry| self.accept_one(entry, &pack(entry), token, drops));
+        }
+        self.accept_one(&value, bytes, token, drops)
+    }
+
+    fn accept_one(
+        &mut self,
+        value: &Value,
+        bytes: &[u8],
+        token: &str,
+        drops: &mut Drops,
+    ) -> Result<(), Error> {
+        match Outputs::read(value) {
             Ok(outputs) if outputs.token != token => count(drops, "unauthenticated"),
             Ok(outputs) => self.order(outputs, bytes, drops),
-            Err(error) if carries(&value, token) => {
+            Err(error) if carries(value, token) => {
                 Err(self.blamed(format!("a malformed Outputs: {error}")))
             }
             Err(_) => count(drops, "malformed"),

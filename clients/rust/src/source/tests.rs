@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::{Drops, Source};
-use crate::codec::{encode, pack, Field, Value};
-use crate::envelopes::{InputConfig, Outputs};
+use crate::codec::{self, encode, pack, Field, Value};
+use crate::envelopes::{Batch, InputConfig, Outputs};
 use crate::error::Error;
 
 const TOKEN: &str = "00c0ffee00c0ffee";
@@ -81,6 +81,25 @@ fn what_is_unauthenticated_malformed_duplicate_or_stale_is_dropped_and_counted()
     source.accept(&pack(&number(1)), TOKEN, &mut drops).unwrap();
     let counts: Vec<_> = drops.iter().map(|(cause, n)| format!("{cause} {n}")).collect();
     assert_eq!(counts.join(", "), "duplicate 1, malformed 2, stale 1, unauthenticated 1");
+}
+
+#[test]
+fn the_entries_of_a_batch_count_as_messages_of_their_own() {
+    let entry = |step| codec::unpack(&outputs(step, &[("x", number(step))])).unwrap();
+    let batch = |token: &str, steps: &[i64]| {
+        let entries = steps.iter().map(|step| entry(*step)).collect();
+        encode(&Batch { token: token.to_owned(), outputs: entries })
+    };
+    let (mut source, mut drops) = (source(0, 1), Drops::new());
+    source.accept(&batch("another", &[0]), TOKEN, &mut drops).unwrap();
+    source.accept(&batch(TOKEN, &[0, 1, 2, 2]), TOKEN, &mut drops).unwrap();
+    source.advance(1).unwrap();
+    assert_eq!(held(&source), Some(1));
+    source.advance(2).unwrap();
+    assert_eq!(held(&source), Some(2));
+    let counts: Vec<_> = drops.iter().map(|(cause, n)| format!("{cause} {n}")).collect();
+    assert_eq!(counts.join(", "), "duplicate 1, unauthenticated 1");
+    assert!(source.accept(&batch(TOKEN, &[3, 5]), TOKEN, &mut drops).is_err());
 }
 
 #[test]

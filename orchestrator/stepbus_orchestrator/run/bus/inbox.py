@@ -33,7 +33,7 @@ class Inbox:
 
         def sink(item: Any) -> None:
             keep((take, item))
-            # Read behind the line above: `wait_for` looks for what was kept once it has set this.
+            # Read behind the line above: `wake_for` looks for what was kept once it has set this.
             awaited = self._awaited
             awaited.discard(name)
             if not awaited:
@@ -41,7 +41,7 @@ class Inbox:
 
         return sink
 
-    def wait_for(self, names: Iterable[str]) -> None:
+    def wake_for(self, names: Iterable[str]) -> None:
         """Let `receive` wake up once each of these has sent something; none: for anybody."""
         self._awaited = set(names)
 

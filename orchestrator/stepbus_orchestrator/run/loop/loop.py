@@ -143,9 +143,9 @@ class RunLoop:
         wait_s = self._longest_wait_s() if is_slowed else TICK_S
         if clock is not None:
             wait_s = clock.wait_s(self.state.released, wait_s)
-        inbox = self.session.inbox
-        inbox.wait_for(self.state.barrier.last() if self.state.phase.is_stepping else ())
-        inbox.receive(wait_s)
+        last = self.state.barrier.last() if self.state.phase.is_stepping else ()
+        self.session.inbox.wake_for(last)
+        self.session.inbox.receive(wait_s)
         self.release(always=clock is not None or is_slowed)
         self._flush_for_viewers()
         if self.controls.interrupt.is_set():
@@ -177,14 +177,14 @@ class RunLoop:
 
     def receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
-        self.session.inbox.wait_for(())
+        self.session.inbox.wake_for(())
         deadline = time.monotonic() + duration_s
         while time.monotonic() < deadline:
             self.session.inbox.receive(SHORT_TICK_S)
 
     def receive_after_failure(self, timeout_s: float) -> None:
         """Take what arrives; the run has ended already, a further failure changes nothing."""
-        self.session.inbox.wait_for(())
+        self.session.inbox.wake_for(())
         with contextlib.suppress(RunFailure):
             self.session.inbox.receive(timeout_s)
 

@@ -75,3 +75,12 @@ def test_a_delayed_input_needs_the_output_of_an_earlier_step():
     assert made.holders() == ["a"]
     assert (made.report("a", 0), made.holders()) == (True, ["b"])
     assert made.missing("a") == ["b"]
+
+
+def test_those_without_whose_outputs_no_further_step_is_complete():
+    assert barrier().last() == ["plant", "mission", "controller"]
+    assert barrier(("plant", 0), ("mission", 0)).last() == ["controller"]
+    assert barrier(("plant", 0), ("mission", 0), ("controller", 0)).last() == [
+        "plant",
+        "controller",
+    ]
