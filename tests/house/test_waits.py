@@ -18,7 +18,7 @@ FUNCTIONS = {
     *("subprocess.Popen", "subprocess.call", "subprocess.check_call", "subprocess.check_output"),
     *("subprocess.run", "zenoh.open"),
 }
-PUTS = {"put", "_put", "put_ready", "_put_start", "_put_stop", "_put_trigger"}
+PUTS = {"put", "_put", "_put_batch", "put_ready", "_put_start", "_put_stop", "_put_trigger"}
 CLOSES = {"bus.close", "self._bus.close", "self._session.close", "self._process.stdin.close"}
 TIMEOUT_AT = {"query": 3, "select": 3, "wait_for": 1}
 

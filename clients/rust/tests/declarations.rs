@@ -63,6 +63,7 @@ fn hello_carries_the_declarations() {
         inputs: None,
         outputs: None,
         types: [declared::<Probe>()].into(),
+        batches: true,
     };
     let again: Hello = decode(&encode(&hello)).unwrap();
     assert_eq!(again.types["Probe/1"]["thrust"], declared::<Probe>().1["thrust"]);
