@@ -16,7 +16,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, Protocol
 
-from stepbus_participant import Endpoint
+from stepbus_participant import Endpoint, ZenohBus
 
 WINDOW = 64
 CREDIT = WINDOW // 2
@@ -45,8 +45,6 @@ class ZenohWire:
     """The chain over Zenoh, on the same transport as stepbus."""
 
     def __init__(self, name: str, hears: tuple[str, ...], folder: str) -> None:
-        from stepbus_participant import ZenohBus  # noqa: PLC0415  (in the child only)
-
         addresses = [f"unixsock-stream/{folder}/{participant}.sock" for participant in PARTICIPANTS]
         own = PARTICIPANTS.index(name)
         self._bus = ZenohBus(Endpoint(listen=[addresses[own]], connect=addresses[:own]), "bare")

@@ -5,13 +5,16 @@
 
 from stepbus_participant import need
 
-need("stepbus_gym", "gymnasium")
+try:
+    from gymnasium.envs.registration import register, registry
 
-from gymnasium.envs.registration import register, registry  # noqa: E402
-
-from .env import Moment, StepbusEnv  # noqa: E402
-from .fields import Field  # noqa: E402
-from .render import Camera  # noqa: E402
+    from .env import Moment, StepbusEnv
+    from .fields import Field
+    from .render import Camera
+except ModuleNotFoundError:
+    # Where it is Gymnasium, this says how to install it.
+    need("stepbus_gym", "gymnasium")
+    raise
 
 __all__ = ["Camera", "Field", "Moment", "StepbusEnv"]
 

@@ -34,6 +34,7 @@ from .render import Camera, Renderer
 
 Mode = Literal["torque", "velocity", "position"]
 Limits = Mapping[str, tuple[float, float]]
+_METADATA: dict[str, Any] = {"render_modes": ["rgb_array"]}
 _ALONE = "an environment runs in one process"
 _LOG = re.compile(r"; its log: \S+")
 
@@ -73,7 +74,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
     Raises ScenarioError or WiringError for what cannot run, RunFailure where the simulation fails.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012  (Gymnasium's)
+    metadata = _METADATA
 
     def __init__(
         self,

@@ -8,6 +8,7 @@ import psutil
 from support.runs.joints import leftovers, run_joints
 
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.processes import reaping
 from stepbus_orchestrator.run.reports.progress import Silent
 
 
@@ -37,7 +38,8 @@ def test_a_reaper_that_cannot_be_started_ends_the_run_in_a_sentence(
     assert result.reason == "the reaper could not be started: Too many open files"
 
 
-def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp):
+def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp, monkeypatch):
+    monkeypatch.setattr(reaping, "_END_S", 0.3)
     watcher = SignalReaper(signal.SIGSTOP)
     result = run_joints(tmp_path, "duration=5s", observer=watcher)
     assert (result.exit_code, watcher.reaper is None) == (0, False)

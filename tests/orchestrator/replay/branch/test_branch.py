@@ -199,7 +199,8 @@ def test_a_fault_hits_behind_the_step(recorded, tmp_path):
 
 
 def test_a_fault_on_messages_reaches_who_reads_them(recorded, tmp_path):
-    found = branch(recorded, 43, tmp_path / "b", faults=["corrupt plant at 50"], in_process=True)
+    changes = {"overrides": ["controller.step_timeout=500ms"], "faults": ["corrupt plant at 50"]}
+    found = branch(recorded, 43, tmp_path / "b", **changes, in_process=True)
     assert found.result.exit_code == ExitCode.STEP_TIMEOUT or found.result.drops["controller"] == 1
 
 

@@ -100,7 +100,7 @@ def test_a_gate_without_a_step_has_no_lateness():
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    return run_joints(tmp_path_factory.mktemp("plain"))
+    return run_joints(tmp_path_factory.mktemp("plain"), in_process=True)
 
 
 def test_a_run_in_real_time_has_the_same_bytes_and_takes_its_time(tmp_path, plain):
@@ -121,7 +121,7 @@ def test_in_one_process_too(tmp_path, plain):
 def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
     nap = fault("controller", "controller", "nap", 7)
     keeps = ("controller.real_time=true", "controller.on_late=fail")
-    result = run_joints(tmp_path, nap, *keeps, real_time=0.02)
+    result = run_joints(tmp_path, nap, *keeps, real_time=0.1)
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
     assert "late for real time (participants.controller.on_late)" in result.reason
 
