@@ -37,7 +37,7 @@ def waits_in(source: str, file: str = "x.py") -> Iterator[Wait]:
     tree = ast.parse(source)
 
     def visit(node: ast.AST, names: tuple[str, ...]) -> Iterator[Wait]:
-        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             names = (*names, node.name)
         where = file, ".".join(names)
         if isinstance(node, ast.Call) and is_wait(node):

@@ -4,6 +4,8 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
+_LAST_PORT = 65535
+
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
@@ -40,6 +42,25 @@ def number(what: str, least: int) -> Callable[[str], int]:
         return int(text)
 
     return parse
+
+
+def port(text: str) -> int:
+    """Return the number of a port; 0: any that is free."""
+    if not text.isdecimal() or int(text) > _LAST_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port from 0 to {_LAST_PORT}")
+    return int(text)
+
+
+def add_foxglove(parser: argparse.ArgumentParser, how: str = "") -> None:
+    """Declare `--foxglove`; how: in its help, before what it does."""
+    parser.add_argument(
+        "--foxglove",
+        type=port,
+        nargs="?",
+        const=0,
+        metavar="PORT",
+        help=f"{how}send it to Foxglove and Lichtblick, over a WebSocket (default: any free port)",
+    )
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,11 +12,10 @@ import pytest
 from support.browser import Curves, needs_chromium, opened
 from support.runs.paused import Paused
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.viewing.live import follow
 from stepbus_orchestrator.viewing.stage import open_page
 
@@ -28,13 +27,6 @@ def page():
     page = open_page("test")
     yield page
     page.close()
-
-
-@pytest.fixture(scope="module")
-def plain(tmp_path_factory):
-    """The hash of the run that nobody looks at."""
-    out = tmp_path_factory.mktemp("plain") / "run"
-    return run(load("two_link", ["duration=1s"]), Options(out=out, in_process=True)).sha256
 
 
 def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_process):

@@ -4,17 +4,22 @@ import argparse
 import os
 import threading
 import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-from stepbus_orchestrator.cli.command import Command, number
+from stepbus_orchestrator.cli.command import Command, add_foxglove, port
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.control.live_file import LIVE_FILE
+from stepbus_schemas import WiringError
 
 _NICE = 15
 _LOOPBACK = "127.0.0.1"
+IsOver = Callable[[], bool]
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,9 +31,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "ghost", type=Path, nargs="?", help="a second recording, drawn as a ghost beside it"
     )
-    parser.add_argument(
-        "--port", type=number("a port", 0), default=0, help="where to listen (default: any free)"
-    )
+    parser.add_argument("--port", type=port, default=0, help="where to listen (default: any free)")
     parser.add_argument(
         "--host", default=_LOOPBACK, help="address to listen on (default: this machine only)"
     )
@@ -41,67 +44,104 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="end with the run, instead of showing its recording",
     )
     parser.add_argument("--no-open", action="store_true", help="start no browser")
+    add_foxglove(parser, "instead of the page: ")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shown:
+    """A page, or a server for Foxglove. name: for its address."""
+
+    name: str
+    address: str
+    follow: Callable[[Path, Callable[[], bool]], bool]
+    play: Callable[..., None]
+
+
+Show = Callable[[argparse.Namespace, str], AbstractContextManager[_Shown]]
 
 
 def _execute(args: argparse.Namespace) -> int:
-    if args.ghost is None and (args.follow or (args.recording / LIVE_FILE).exists()):
-        return _follow(args)
-    # They load viser, of an extra.
+    if args.foxglove is not None and args.ghost is not None:
+        raise WiringError("--foxglove shows one recording; without it, the second one is a ghost")
+    is_live = args.ghost is None and (args.follow or (args.recording / LIVE_FILE).exists())
+    show = _open_foxglove if args.foxglove is not None else _open_page
+    if is_live:
+        return _follow(args, show)
+    # They load NumPy, and viser of an extra.
     from stepbus_orchestrator.viewing.playback import open_recording  # noqa: PLC0415
-    from stepbus_orchestrator.viewing.stage import open_page  # noqa: PLC0415
 
     recording = open_recording(args.recording)
     other = None if args.ghost is None else open_recording(args.ghost)
-    if recording.damage:
-        print_error(f"{recording.path} is damaged: {recording.damage}; what precedes it is shown")
-    page = open_page(recording.path.parent.name, host=args.host, port=args.port)
-    try:
-        with interruptible() as interrupt:
-            _announce(page.address, opens=not args.no_open)
-            _play(page.server, recording, other, interrupt)
-    finally:
-        page.close()
+    for one in (recording, other):
+        if one is not None and one.damage:
+            print_error(f"{one.path} is damaged: {one.damage}; what precedes it is shown")
+    with show(args, recording.path.parent.name) as shown, interruptible() as interrupt:
+        _announce(args, shown)
+        shown.play(recording, other, interrupt.is_set)
     return 0
 
 
-def _play(
-    server: Any, recording: Recording, other: Recording | None, interrupt: threading.Event
-) -> None:
-    from stepbus_orchestrator.viewing.playback import Playback, play  # noqa: PLC0415
-
-    play(Playback(server, recording, other), interrupt.is_set)
-
-
-def _follow(args: argparse.Namespace) -> int:
+def _follow(args: argparse.Namespace, show: Show) -> int:
     """Show a run that is going, and its recording when it has ended."""
-    from stepbus_orchestrator.viewing.live import follow  # noqa: PLC0415
-    from stepbus_orchestrator.viewing.playback import open_recording  # noqa: PLC0415
-    from stepbus_orchestrator.viewing.stage import open_page  # noqa: PLC0415
-
     # A run comes first.
     os.nice(_NICE)
     folder = args.recording.parent if args.recording.is_file() else args.recording
-    page = open_page(folder.name, host=args.host, port=args.port)
-    try:
-        with interruptible() as interrupt:
-            _announce(page.address, opens=not args.no_open)
-            parent = os.getppid()
-            has_ended = follow(
-                page.server, folder, lambda: interrupt.is_set() or os.getppid() != parent
-            )
-            if has_ended and not args.until_end:
-                page.server.scene.reset()
-                page.server.gui.reset()
-                _play(page.server, open_recording(folder), None, interrupt)
-    finally:
-        page.close()
+    with show(args, folder.name) as shown, interruptible() as interrupt:
+        _announce(args, shown)
+        parent = os.getppid()
+        has_ended = shown.follow(folder, lambda: interrupt.is_set() or os.getppid() != parent)
+        if has_ended and not args.until_end:
+            from stepbus_orchestrator.viewing.playback import open_recording  # noqa: PLC0415
+
+            shown.play(open_recording(folder), None, interrupt.is_set, from_end=True)
     return 0
 
 
-def _announce(address: str, *, opens: bool) -> None:
-    say(f"view: {address}\nCtrl-C closes it")
-    if opens:
-        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+@contextmanager
+def _open_page(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
+    from stepbus_orchestrator.viewing.live import follow  # noqa: PLC0415  (as above)
+    from stepbus_orchestrator.viewing.playback import Playback, play  # noqa: PLC0415
+    from stepbus_orchestrator.viewing.stage import open_page  # noqa: PLC0415
+
+    def show(
+        recording: Recording, other: Recording | None, is_over: IsOver, *, from_end: bool = False
+    ) -> None:
+        if from_end:
+            page.server.scene.reset()
+            page.server.gui.reset()
+        play(Playback(page.server, recording, other), is_over)
+
+    page = open_page(label, host=args.host, port=args.port)
+    try:
+        yield _Shown(
+            name="view", address=page.address, follow=partial(follow, page.server), play=show
+        )
+    finally:
+        page.close()
+
+
+@contextmanager
+def _open_foxglove(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
+    from stepbus_orchestrator.viewing.foxglove import follow, open_server, play  # noqa: PLC0415
+
+    def show(
+        recording: Recording, _: Recording | None, is_over: IsOver, *, from_end: bool = False
+    ) -> None:
+        play(server, recording, is_over, from_end=from_end)
+
+    server = open_server(label, host=args.host, port=args.foxglove or args.port)
+    try:
+        yield _Shown(
+            name="foxglove", address=server.address, follow=partial(follow, server), play=show
+        )
+    finally:
+        server.close()
+
+
+def _announce(args: argparse.Namespace, shown: _Shown) -> None:
+    say(f"{shown.name}: {shown.address}\nCtrl-C closes it")
+    if not args.no_open and shown.name == "view":
+        threading.Thread(target=webbrowser.open, args=(shown.address,), daemon=True).start()
 
 
 COMMAND = Command(
@@ -114,6 +154,7 @@ COMMAND = Command(
     examples=(
         "stepbus view runs/arm",
         "stepbus view runs/arm/run.mcap runs/other/run.mcap --no-open",
+        "stepbus view runs/arm --foxglove 8765",
     ),
     add_arguments=_add_arguments,
     execute=_execute,

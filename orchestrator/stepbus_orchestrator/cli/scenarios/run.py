@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
-from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
+from stepbus_orchestrator.cli.command import Command, add_foxglove, add_scenario_arguments
 from stepbus_orchestrator.cli.signals import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
@@ -120,6 +120,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="show the run in 3D in the browser while it goes on (docs/guide/looking/viewing.md)",
     )
     parser.add_argument("--no-open", action="store_true", help="with --view, start no browser")
+    add_foxglove(parser)
 
 
 def _factor(text: str) -> float:
@@ -205,8 +206,7 @@ def _execute(args: argparse.Namespace) -> int:
         )
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if args.json or args.debug else controlled(pace, interrupt)
-        page = viewed(out, stays=has_keys, opens=not args.no_open) if args.view else nullcontext()
-        with page:
+        with viewed(out, _views(args), stays=has_keys, interrupt=interrupt):
             with display as shown, keys:
                 result = run(scenario, options, shown, interrupt)
             lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
@@ -216,6 +216,12 @@ def _execute(args: argparse.Namespace) -> int:
                 _summarise(result, lines)
             settle()
     return result.exit_code
+
+
+def _views(args: argparse.Namespace) -> list[list[str]]:
+    """Return the options of the views to open."""
+    views = [["--no-open"] if args.no_open else []] if args.view else []
+    return views if args.foxglove is None else [*views, ["--foxglove", str(args.foxglove)]]
 
 
 def _writer() -> Callable[..., list[str]]:
@@ -307,6 +313,7 @@ COMMAND = Command(
         "stepbus run two_link --fault 'freeze controller at 500 for 200ms'",
         "stepbus run my/scenario.yaml --debug controller",
         "stepbus run two_link --view --real-time",
+        "stepbus run two_link --foxglove 8765 --real-time",
         "stepbus run two_link --external controller",
         "stepbus run two_link --external controller=/tmp/c.ticket --no-deadline controller",
     ),

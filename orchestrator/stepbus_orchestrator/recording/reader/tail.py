@@ -49,9 +49,10 @@ class TailPort:
 class Tail:
     """Follows a recording as it grows; `poll` takes what is new.
 
-    ports: by topic, as they appear. attachments: the scenario and its files. is_complete: whether
-    the file is closed. The recorder writes the open chunk behind the file's end, and the whole
-    chunk in its place later: both are the same messages, and each is taken once.
+    ports: by topic, as they appear. attachments: the scenario and its files. t_ns: simulation time
+    of the newest message [ns]. is_complete: whether the file is closed. The recorder writes the
+    open chunk behind the file's end, and the whole chunk in its place later: both are the same
+    messages, and each is taken once.
 
     Raises RecordingFailed when the file cannot be read.
     """
@@ -70,6 +71,7 @@ class Tail:
         self._kept: dict[str, list[tuple[int, bytes]]] = {}
         self._position = len(MAGIC)
         self._taken = 0
+        self.t_ns = 0
         self._skips = True
         try:
             self._file = open_recording(path)
@@ -162,6 +164,7 @@ class Tail:
             topic = self._topics.get(message.channel_id)
             if topic is not None:
                 self._newest[topic] = (message.sequence, message.data)
+                self.t_ns = max(self.t_ns, message.log_time)
                 if topic in self._kept:
                     self._kept[topic].append((message.sequence, message.data))
 
@@ -188,6 +191,11 @@ class Tail:
     def newest(self, topic: str) -> tuple[int, bytes] | None:
         """Return (step, bytes) of the newest message of a port; None before the first."""
         return self._newest.get(topic)
+
+    @property
+    def step_ns(self) -> int:
+        """Return the length of a step [ns], as the recording has it; 0 before step 1."""
+        return self.t_ns // self.last_step if self.last_step > 0 else 0
 
     def latest(self, topic: str) -> tuple[int, PortMessage] | None:
         """Return (step, message) of the newest message of a port; None without one to read."""

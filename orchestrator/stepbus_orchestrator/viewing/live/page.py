@@ -7,21 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
-from stepbus_orchestrator.viewing.scene import Latest, Messages, build_scene
+from stepbus_orchestrator.viewing.scene import Messages, build_scene
 from stepbus_orchestrator.viewing.stage.view import View, plain_topics
 from stepbus_schemas import Event
 
 from .controls import Controls
+from .following import Turn, follow_run, latest_of
 from .link import Link
 from .points import Points
 
-FRAME_S = 1 / 30
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
-_IDLE_S = 5.0
 
 
 class LivePage:
@@ -33,38 +31,25 @@ class LivePage:
     def __init__(self, server: Any, tail: Tail, link: Link) -> None:
         self._tail = tail
         self._link = link
-        self._step_ns = 0
-        self._has_shown = False
         self._events: list[str] = []
         self._event_topics = [p.topic for p in tail.ports.values() if p.type == "Event/1"]
         tail.keep(self._event_topics)
         self._controls = Controls(server, link, tail.ports)
         scene = build_scene(tail.path, tail.ports, tail.attachments)
-        self._points = Points(tail, plain_topics(tail.ports), lambda: self._step_ns)
+        self._points = Points(tail, plain_topics(tail.ports), lambda: tail.step_ns)
         self._view = View(server, scene, tail.ports, self._points.sample)
         self._controls.add_tabs(self._view.tabs, self._view.stage)
         self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
         self._charted = self._worded = 0.0
-        self._grown_at = time.monotonic()
 
-    @property
-    def idle_s(self) -> float:
-        """Return for how long nothing new has been recorded [s]."""
-        return time.monotonic() - self._grown_at
-
-    def turn(self) -> None:
+    def turn(self, is_new: bool) -> None:
         """Show what is new."""
-        # What was there before the page is new to it, also when the run is paused.
-        is_new = self._tail.poll() or not self._has_shown
-        self._step_ns = self._link.status.get("step_ns", 0) or self._step_ns
         if is_new:
-            self._has_shown = True
             messages = self._latest(self._view.topics)
             self._view.show(messages)
             self._controls.hands.follow(messages)
             self._points.add()
         now = time.monotonic()
-        self._grown_at = now if is_new else self._grown_at
         if now - self._charted >= _CHART_S:
             self._charted = now
             self._view.curves.update()
@@ -73,8 +58,7 @@ class LivePage:
             self._show_words()
 
     def _latest(self, topics: Any) -> Messages:
-        found = {topic: self._tail.latest(topic) for topic in topics}
-        return {t: Latest(step=row[0], message=row[1]) for t, row in found.items() if row}
+        return latest_of(self._tail, topics)
 
     def _rate(self) -> float:
         """Return how fast the run went lately, as a factor of real time."""
@@ -117,47 +101,14 @@ def headline(status: Any, last_step: int, rate: float) -> str:
 
 
 def follow(server: Any, folder: Path, is_over: Callable[[], bool], start_s: float = 600.0) -> bool:
-    """Show a run until it has ended, or the viewer has; returns whether the run has ended.
+    """Show a run on a page until it has ended, or the viewer has; returns whether the run has.
 
-    folder: of the run, which may not have begun. start_s: how long to wait for that [s].
-    Raises RecordingFailed when it does not begin.
+    folder, start_s, and what is raised: as of `follow_run`.
     """
     waiting = server.gui.add_markdown("waiting for the run to start …")
-    tail = _wait_for(folder, is_over, start_s)
-    if tail is None:
-        return False
-    link = Link(folder)
-    try:
+
+    def begin(tail: Tail, link: Link) -> Turn:
         waiting.remove()
-        page = LivePage(server, tail, link)
-        while not is_over() and not tail.is_complete:
-            began = time.monotonic()
-            page.turn()
-            if link.is_lost and link.status and page.idle_s > _IDLE_S:
-                # It was killed: what it has recorded is shown.
-                break
-            time.sleep(max(0.0, FRAME_S - (time.monotonic() - began)))
-        page.turn()
-        return not is_over()
-    finally:
-        link.close()
-        tail.close()
+        return LivePage(server, tail, link).turn
 
-
-def _wait_for(folder: Path, is_over: Callable[[], bool], start_s: float) -> Tail | None:
-    """Return the recording of a run as soon as it has messages; None when the viewer has ended."""
-    deadline, path, tail = time.monotonic() + start_s, folder / layout.RUN_FILE, None
-    while not is_over():
-        if tail is None and path.exists():
-            tail = Tail(path)
-        if tail is not None and tail.poll() and tail.last_step >= 0:
-            return tail
-        if tail is not None and tail.is_complete:
-            tail.close()
-            raise RecordingFailed(f"{path} has no messages, so there is nothing to show")
-        if time.monotonic() > deadline:
-            raise RecordingFailed(f"{folder}: no run has started there for {start_s:.0f} s")
-        time.sleep(FRAME_S)
-    if tail is not None:
-        tail.close()
-    return None
+    return follow_run(folder, is_over, begin, start_s)

@@ -1,24 +1,24 @@
 """The server behind a page: on loopback, and only for those who know its address."""
 
 import contextlib
-import hmac
 import io
-import secrets
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from http import HTTPStatus
 from typing import Any
 
+from stepbus_orchestrator.viewing.access import (
+    LOOPBACK,
+    Process,
+    listening,
+    new_token,
+    only_with,
+    shown_host,
+)
 from stepbus_participant import need
 from stepbus_schemas import WiringError
 
-LOOPBACK = "127.0.0.1"
-_TOKEN_BYTES = 16
 _starting = threading.Lock()
-
-Process = Callable[[Any, Any], Any]
-"""What websockets asks of every request: (connection, request) → a response, or None to go on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,12 +38,15 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     """Open a page; port 0: any that is free.
 
     Its address has a token that nobody can guess: any other request is refused. Raises
-    ExtraMissing without viser, and WiringError for a port that is taken.
+    ExtraMissing without viser, and WiringError for a port that is taken, or a host that is not of
+    this machine.
     """
     (viser,) = need("the view", "viser")
-    token = secrets.token_urlsafe(_TOKEN_BYTES)
+    token = new_token()
+    # viser takes the next port when one is taken, and does not say what is wrong with a host.
+    listening(host, port).close()
     with _starting, _guarded(token), contextlib.redirect_stdout(io.StringIO()):
-        # It prints a box, and takes the next port when one is taken.
+        # It prints a box.
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if port and server.get_port() != port:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -52,8 +55,7 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     _refuse_sharing(server)
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.set_panel_label(label)
-    shown = "localhost" if host == "0.0.0.0" else host  # noqa: S104  (not bound here)
-    return Page(server=server, address=f"http://{shown}:{server.get_port()}/{token}/")
+    return Page(server=server, address=f"http://{shown_host(host)}:{server.get_port()}/{token}/")
 
 
 @contextlib.contextmanager
@@ -68,25 +70,13 @@ def _guarded(token: str) -> Iterator[None]:
     serve = websockets.serve
 
     def guarded(*args: Any, process_request: Process, **named: Any) -> Any:
-        return serve(*args, process_request=_only_with(token, process_request), **named)
+        return serve(*args, process_request=only_with(token, process_request), **named)
 
     websockets.serve = guarded  # type: ignore[assignment,misc]  # for as long as it starts
     try:
         yield
     finally:
         websockets.serve = serve  # type: ignore[misc]
-
-
-def _only_with(token: str, process: Process) -> Process:
-    def process_request(connection: Any, request: Any) -> Any:
-        given, _, rest = request.path.removeprefix("/").partition("/")
-        name, mark, query = given.partition("?")
-        if not hmac.compare_digest(name.encode(), token.encode()):
-            return connection.respond(HTTPStatus.FORBIDDEN, "Open the address with its token.\n")
-        request.path = f"/{rest}{mark}{query}"
-        return process(connection, request)
-
-    return process_request
 
 
 def _refuse_sharing(server: Any) -> None:

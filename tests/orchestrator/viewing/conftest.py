@@ -1,0 +1,13 @@
+"""What several tests of views share."""
+
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.run.run_scenario import run
+
+
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory):
+    """The hash of a run of `Paused` that nobody looks at."""
+    out = tmp_path_factory.mktemp("plain") / "run"
+    return run(load("two_link", ["duration=1s"]), Options(out=out, in_process=True)).sha256
