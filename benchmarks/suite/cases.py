@@ -8,6 +8,7 @@ from pathlib import Path
 
 BENCHMARKS = Path(__file__).parents[1]
 CONTROLLER_C = BENCHMARKS.parent / "examples/controllers/c/controller"
+RUST = BENCHMARKS.parent / "clients/rust"
 STEP_MS = 5
 CHAIN = "chain by hand: pyzmq"
 
@@ -67,6 +68,8 @@ def echoes() -> list[Case]:
     ]
     if CONTROLLER_C.exists() or shutil.which("gcc"):
         cases.append(_stepbus("echo, bridge to C", bridge=True))
+    if shutil.which("cargo"):
+        cases.append(_stepbus("echo, 3 participants in Rust", rust=True))
     return cases
 
 

@@ -3,7 +3,7 @@
 `python -m benchmarks.suite.stepbus_case SPEC STEPS`.
 
 SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
-messages: participants, joints, image, bridge.
+messages: participants, joints, image, bridge, rust.
 """
 
 import json
@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 
 from stepbus_orchestrator import Options, StepTiming, load, run_scenario
 
-from .cases import BENCHMARKS, CONTROLLER_C, STEP_MS
+from .cases import BENCHMARKS, CONTROLLER_C, RUST, STEP_MS
 
 ECHO = BENCHMARKS / "echo"
 _SAMPLE_S = 0.1
@@ -30,7 +30,7 @@ _SAMPLE_S = 0.1
 
 def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     """Return the path of the scenario that a specification asks for, made where it is no arm."""
-    if not {"participants", "joints", "image", "bridge"} & spec.keys():
+    if not {"participants", "joints", "image", "bridge", "rust"} & spec.keys():
         return "two_link"
     shutil.copy(ECHO / "echo.py", folder)
     relays = spec.get("participants", 3) - 2
@@ -74,12 +74,23 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         shutil.copy(CONTROLLER_C, folder)
         program = {"exec": ["./controller"], "bridge": "msgpack", "params": {"kp": 200, "kd": 30}}
         rows["controller"] |= program
+    if spec.get("rust"):
+        program = _built_in_rust()
+        for name, row in rows.items():
+            row["exec"] = [program, name]
     path = folder / "scenario.yaml"
     # JSON is YAML too.
     path.write_text(
         json.dumps({"name": "echo", "step": "5ms", "duration": "20s", "participants": rows})
     )
     return str(path)
+
+
+def _built_in_rust() -> str:
+    """Return the path of the echo in Rust, built where it is not."""
+    command = ["cargo", "build", "--release", "--quiet", "--example", "echo"]
+    subprocess.run(command, cwd=RUST, check=True, env={**os.environ, "CARGO_TARGET_DIR": "target"})
+    return str(RUST / "target/release/examples/echo")
 
 
 class Memory:

@@ -202,6 +202,8 @@ message! {
         token: String,
         /// Participant → its input → description.
         inputs: Map<Map<Description>>,
+        /// Participant → how many `Outputs` it may publish in one `Batch`.
+        batches: Map<NonZeroU64> = Map::new(),
     }
 }
 

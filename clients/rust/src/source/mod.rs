@@ -91,7 +91,8 @@ impl Source {
             }
             // Each entry counts as a message of its own (P7.6).
             let mut entries = batch.outputs.iter();
-            return entries.try_for_each(|entry| self.accept_one(entry, &pack(entry), token, drops));
+            return entries
+                .try_for_each(|entry| self.accept_one(entry, &pack(entry), token, drops));
         }
         self.accept_one(&value, bytes, token, drops)
     }
