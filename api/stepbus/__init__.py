@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         Diff,
         Diverged,
         ExitCode,
+        Exported,
         Interrupted,
         Observer,
         Pace,
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from stepbus_schemas import *
 
     from . import testing
-    from .recordings import branch, diff, recover, replay, rerun
+    from .recordings import branch, diff, export, recover, replay, report, rerun
     from .runs import call, describe, load, run, verify
     from .scenarios import Scenario
     from .sweeps import sweep
@@ -80,6 +81,7 @@ __all__ = [
     "Endpoint",
     "Event",
     "ExitCode",
+    "Exported",
     "ExtraMissing",
     "File",
     "Finite",
@@ -164,6 +166,7 @@ __all__ = [
     "describe",
     "diff",
     "each",
+    "export",
     "load",
     "load_ticket",
     "load_types",
@@ -172,6 +175,7 @@ __all__ = [
     "needed_when",
     "recover",
     "replay",
+    "report",
     "rerun",
     "run",
     "sweep",

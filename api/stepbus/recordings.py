@@ -1,29 +1,35 @@
-"""Recordings: replay, compare, run again, recover."""
+"""Recordings: replay, compare, run again, recover, export, report."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from stepbus_orchestrator import (
     Branch,
     Diff,
+    Exported,
     Observer,
     Preparation,
+    Recording,
     Recovery,
     ReplayResult,
     Rerun,
     Tolerance,
     branch_recording,
+    damage_line,
+    export_recording,
     parse_tolerance,
     read_tolerance,
     replay_participant,
+    report_recordings,
 )
 from stepbus_orchestrator import diff as diff_recordings
 from stepbus_orchestrator import recover as recover_recording
-from stepbus_schemas import BridgeFormat
+from stepbus_schemas import BridgeFormat, WiringError
 
 from .overrides import Overrides, overrides
 
@@ -165,3 +171,53 @@ def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
     Raises RecordingFailed when there is nothing to recover or `target` exists.
     """
     return recover_recording(path_of(recording), Path(target))
+
+
+def export(
+    recording: Source,
+    *,
+    parquet: str | PathLike[str] | None = None,
+    csv: str | PathLike[str] | None = None,
+    scene: str | PathLike[str] | None = None,
+    ros2: str | PathLike[str] | None = None,
+    foxglove: str | PathLike[str] | None = None,
+    video: str | PathLike[str] | None = None,
+    camera: str = "",
+    viewpoint: str = "",
+) -> dict[str, Exported]:
+    """Write a recording for other programs, as `stepbus export`; return form → what was written.
+
+    parquet, csv: a folder, which gets a file for each port, or a file that ends in .parquet or
+    .csv, which gets a row for each value. scene: an HTML file that opens offline. ros2, foxglove:
+    an .mcap. video: .mp4 or .gif of `camera`, a port of images (default: the first), or of the
+    scene from `viewpoint`, such as "front" or "1,-2,1.5:0,0,0.5" [m].
+
+    What cannot be exported, and the damage of a recording, are sentences in `problems`. Raises
+    RecordingFailed when nothing can be exported or a file cannot be written, WiringError for
+    a target, camera or viewpoint that does not fit, ExtraMissing without the extra `export`.
+    """
+    given = {
+        "parquet": parquet, "csv": csv, "scene": scene, "ros2": ros2, "foxglove": foxglove,
+        "video": video,
+    }  # fmt: skip
+    targets = {form: Path(path) for form, path in given.items() if path is not None}
+    if not targets:
+        raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
+    with Recording(path_of(recording)) as opened:
+        damage = [line for line in (damage_line(opened),) if line]
+        return {
+            form: replace(done, problems=[*done.problems, *damage])
+            for form, done in export_recording(opened, targets, camera=camera, viewpoint=viewpoint)
+        }
+
+
+def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
+    """Write the page of a run, or of several beside each other, as `stepbus report`; its path.
+
+    out: default: report.html beside the first recording. Raises RecordingFailed when a recording
+    cannot be read or the page cannot be written, ExtraMissing without the extra `report`.
+    """
+    if not recordings:
+        raise WiringError("nothing to report; name a recording")
+    target = None if out is None else Path(out)
+    return report_recordings([path_of(source) for source in recordings], target)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import threading
+import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -20,6 +21,7 @@ from stepbus_orchestrator import (
     as_external,
     default_folder,
     plan,
+    report_recordings,
     run_scenario,
 )
 from stepbus_orchestrator import Scenario as CheckedScenario
@@ -27,7 +29,7 @@ from stepbus_orchestrator import call as call_run
 from stepbus_orchestrator import describe as describe_scenario
 from stepbus_orchestrator import load as load_scenario
 from stepbus_orchestrator import verify as verify_trials
-from stepbus_schemas import CallReply, WiringError
+from stepbus_schemas import CallReply, StepbusError, WiringError
 
 from .overrides import Overrides, overrides
 from .scenarios import Scenario
@@ -74,6 +76,7 @@ def run(
     in_process: bool = False,
     external: Mapping[str, str | PathLike[str]] | None = None,
     real_time: float | None = None,
+    report: bool = False,
 ) -> Result:
     """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
 
@@ -103,7 +106,14 @@ def run(
         real_time=None if real_time is None else float(real_time),
     )
     loaded = as_external(loaded, tickets)
-    return run_scenario(loaded, options, observer, interrupt)
+    result = run_scenario(loaded, options, observer, interrupt)
+    if report and result.steps and result.recording.exists():
+        try:
+            report_recordings([result.recording])
+        except StepbusError as exc:
+            # The run is over, whatever becomes of its page.
+            warnings.warn(f"no report: {exc}", stacklevel=2)
+    return result
 
 
 def describe(

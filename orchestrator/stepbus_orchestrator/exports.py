@@ -36,6 +36,9 @@ from .run.setup.external import as_external
 from .scenario import Problem, Scenario, ScenarioError, check_data, load
 from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
 from .sweep import sweep as sweep_scenario
+from .viewing.exports import Exported, damage_line
+from .viewing.exports import export as export_recording
+from .viewing.page import report as report_recordings
 
 __all__ = [
     "Branch",
@@ -44,6 +47,7 @@ __all__ = [
     "Diverged",
     "Episode",
     "ExitCode",
+    "Exported",
     "Interrupted",
     "Observer",
     "Options",
@@ -76,10 +80,12 @@ __all__ = [
     "branch_recording",
     "call",
     "check_data",
+    "damage_line",
     "default_folder",
     "default_name",
     "describe",
     "diff",
+    "export_recording",
     "find_spec",
     "load",
     "parse_tolerance",
@@ -87,6 +93,7 @@ __all__ = [
     "read_tolerance",
     "recover",
     "replay_participant",
+    "report_recordings",
     "run_scenario",
     "sweep_scenario",
     "verify",

@@ -1,17 +1,13 @@
 """`stepbus export`: a recording for other programs."""
 
 import argparse
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.viewing.exports import Exported, export_tables, progress_bar
+from stepbus_orchestrator.viewing.exports import FORMS, Exported, damage_line, export, progress_bar
 from stepbus_schemas import WiringError
-
-Export = Callable[[Recording, Path, Callable[[int], None]], Exported]
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,70 +58,19 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _wanted(args: argparse.Namespace) -> dict[str, tuple[Path, Export]]:
-    """Return what to export: option → target and what writes it."""
-    rows: dict[str, tuple[Path | None, Export]] = {
-        "parquet": (args.parquet, partial(_tables, "parquet")),
-        "csv": (args.csv, partial(_tables, "csv")),
-        "scene": (args.scene, _scene),
-        "ros2": (args.ros2, _ros2),
-        "foxglove": (args.foxglove, _foxglove),
-        "video": (args.video, partial(_video, args.camera, args.viewpoint)),
-    }
-    return {name: (path, export) for name, (path, export) in rows.items() if path is not None}
-
-
-def _tables(
-    form: str, recording: Recording, target: Path, reached: Callable[[int], None]
-) -> Exported:
-    return export_tables(recording, target, form, reached)
-
-
-def _scene(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:
-    # It loads viser, of another extra.
-    from stepbus_orchestrator.viewing.scene_file import export_scene  # noqa: PLC0415
-
-    return export_scene(recording, target, reached)
-
-
-def _ros2(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:
-    from stepbus_orchestrator.viewing.exports.ros2 import export_ros2  # noqa: PLC0415  (as above)
-
-    return export_ros2(recording, target, reached)
-
-
-def _foxglove(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:
-    # As above.
-    from stepbus_orchestrator.viewing.exports.foxglove import export_foxglove  # noqa: PLC0415
-
-    return export_foxglove(recording, target, reached)
-
-
-def _video(
-    camera: str, viewpoint: str, recording: Recording, target: Path, reached: Callable[[int], None]
-) -> Exported:
-    # It loads what draws.
-    from stepbus_orchestrator.viewing.exports.video import Film, export_video  # noqa: PLC0415
-
-    return export_video(Film(camera=camera, viewpoint=viewpoint), recording, target, reached)
-
-
 def _execute(args: argparse.Namespace) -> int:
-    wanted = _wanted(args)
-    if not wanted:
+    given = {form: getattr(args, form) for form in FORMS}
+    targets = {form: path for form, path in given.items() if path is not None}
+    if not targets:
         raise WiringError("nothing to export; name a target, e.g. --parquet tables")
+    options = {"camera": args.camera, "viewpoint": args.viewpoint, "progress": progress_bar}
     with Recording(args.recording) as recording:
-        for name, (target, export) in wanted.items():
-            with progress_bar(name, recording.last_step) as reached:
-                done = export(recording, target, reached)
+        for form, done in export(recording, targets, **options):
             for line in done.problems:
                 print_error(line)
-            say(f"wrote {_listed(target, done)}")
-        if recording.damage:
-            print_error(
-                f"{recording.path} is damaged: {recording.damage}; exported up to step "
-                f"{recording.last_step}"
-            )
+            say(f"wrote {_listed(targets[form], done)}")
+        if damage := damage_line(recording):
+            print_error(damage)
     return 0
 
 

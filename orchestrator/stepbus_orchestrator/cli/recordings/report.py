@@ -3,11 +3,9 @@
 import argparse
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say
-from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.viewing.page import write_page
+from stepbus_orchestrator.viewing.page import report
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,9 +22,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    paths = [layout.recording_file(path) for path in args.recordings]
-    lines = [write_report(path, has_plots=False) for path in paths]
-    say(f"wrote {write_page(paths, args.out, lines)}")
+    say(f"wrote {report(args.recordings, args.out)}")
     return 0
 
 

@@ -1,16 +1,18 @@
-"""Exports of a recording: Parquet and CSV."""
+"""Exports of a recording: tables, films, and files of other programs."""
 
 from .columns import CLOCK, Column, Table
+from .every import FORMS, damage_line, export
 from .files import Exported, replaced, unreadable
 from .progress import progress_bar
-from .tables import export_tables
 
 __all__ = [
     "CLOCK",
+    "FORMS",
     "Column",
     "Exported",
     "Table",
-    "export_tables",
+    "damage_line",
+    "export",
     "progress_bar",
     "replaced",
     "unreadable",

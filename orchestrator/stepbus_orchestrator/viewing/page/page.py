@@ -11,6 +11,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from stepbus_orchestrator.analysis.report import write_report
+from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.viewing.exports import replaced
 from stepbus_orchestrator.viewing.render import pixels_of
 from stepbus_participant import ExtraMissing, extra_hint
@@ -24,6 +26,15 @@ from .timing import EDGES_US
 PAGE_FILE = "report.html"
 _WIDEST = 480
 """Pixels of a camera still; a larger one is thinned."""
+
+
+def report(paths: Sequence[Path], target: Path | None = None) -> Path:
+    """Write the page of a run, or of several beside each other, with their summaries; its path.
+
+    paths, target, and what is raised: as of `write_page`.
+    """
+    files = [layout.recording_file(path) for path in paths]
+    return write_page(files, target, [write_report(path, has_plots=False) for path in files])
 
 
 def write_page(

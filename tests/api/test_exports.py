@@ -1,0 +1,69 @@
+"""Exports and reports from Python: what the command line writes."""
+
+import polars as pl
+import pytest
+
+import stepbus
+from stepbus_orchestrator.cli import main
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    out = tmp_path_factory.mktemp("exports") / "run"
+    return stepbus.run("two_link", set={"duration": "100ms"}, out=out, in_process=True)
+
+
+def test_an_export_is_what_the_command_writes(result, tmp_path):
+    done = stepbus.export(result, parquet=tmp_path / "tables", csv=str(tmp_path / "all.csv"))
+    assert list(done) == ["parquet", "csv"]
+    assert done["csv"].paths == [tmp_path / "all.csv"]
+    assert tmp_path / "tables/plant.joint_state.parquet" in done["parquet"].paths
+    assert pl.read_parquet(tmp_path / "tables/plant.joint_state.parquet")["t"][-1] == 0.1
+    assert main(["export", str(result.folder), "--csv", str(tmp_path / "other.csv")]) == 0
+    assert (tmp_path / "other.csv").read_bytes() == (tmp_path / "all.csv").read_bytes()
+
+
+def test_an_export_says_what_is_missing(result, tmp_path):
+    half, data = tmp_path / "half.mcap", result.recording.read_bytes()
+    half.write_bytes(data[: len(data) * 3 // 4])
+    (done,) = stepbus.export(half, csv=tmp_path / "csv").values()
+    assert "is damaged" in done.problems[-1]
+    (done,) = stepbus.export(result.folder, ros2=tmp_path / "a.mcap").values()
+    assert any("ROS 2 has no type" in line for line in done.problems)
+
+
+def test_an_export_to_nowhere_and_of_nothing_is_an_error(result, tmp_path):
+    with pytest.raises(stepbus.WiringError, match="name a target"):
+        stepbus.export(result)
+    with pytest.raises(stepbus.WiringError, match=r"write \.mp4 or \.gif"):
+        stepbus.export(result, video=tmp_path / "film.avi")
+    with pytest.raises(stepbus.RecordingFailed):
+        stepbus.export(tmp_path / "no.mcap", csv=tmp_path / "csv")
+
+
+def test_a_run_writes_its_page_when_it_is_told_to(result, tmp_path):
+    assert not result.recording.with_name("report.html").exists()
+    other = stepbus.run(
+        "two_link", set={"duration": "50ms"}, out=tmp_path / "run", in_process=True, report=True
+    )
+    assert "It ran to its end." in other.recording.with_name("report.html").read_text()
+    both = stepbus.report(result, other, out=tmp_path / "both.html")
+    assert both == tmp_path / "both.html"
+    assert "comparison" in both.read_text()
+    assert stepbus.report(result) == result.recording.with_name("report.html")
+    with pytest.raises(stepbus.WiringError, match="name a recording"):
+        stepbus.report()
+
+
+def test_a_page_that_cannot_be_written_is_a_warning_and_the_run_has_its_result(
+    tmp_path, monkeypatch
+):
+    def fail(paths):
+        raise stepbus.RecordingFailed(f"{paths[0]}: no space")
+
+    monkeypatch.setattr("stepbus.runs.report_recordings", fail)
+    with pytest.warns(UserWarning, match=r"no report: .*run\.mcap: no space"):
+        done = stepbus.run(
+            "two_link", set={"duration": "50ms"}, out=tmp_path / "a", in_process=True, report=True
+        )
+    assert done.outcome == "finished"
