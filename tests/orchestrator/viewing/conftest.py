@@ -7,7 +7,13 @@ from stepbus_orchestrator.run.run_scenario import run
 
 
 @pytest.fixture(scope="session")
-def plain(tmp_path_factory):
-    """The hash of a run of `Paused` that nobody looks at."""
+def plain_run(tmp_path_factory):
+    """A run of `Paused` that nobody looks at."""
     out = tmp_path_factory.mktemp("plain") / "run"
-    return run(load("two_link", ["duration=1s"]), Options(out=out, in_process=True)).sha256
+    return run(load("two_link", ["duration=1s"]), Options(out=out, in_process=True))
+
+
+@pytest.fixture(scope="session")
+def plain(plain_run):
+    """The hash of a run of `Paused` that nobody looks at."""
+    return plain_run.sha256

@@ -90,7 +90,7 @@ def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
 
     def grown(is_done):
         vehicle.grow()
-        live.turn()
+        live.turn(tail.poll())
         return is_done()
 
     try:

@@ -16,6 +16,7 @@ from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.control.calls import recorded_calls
+from stepbus_orchestrator.run.control.live_file import LIVE_FILE
 from stepbus_orchestrator.viewing.live import follow
 from stepbus_orchestrator.viewing.stage import open_page
 
@@ -100,3 +101,13 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
         viewer.join()
     assert [call.method for call in recorded_calls(Recording(result.recording))] == ["set_target"]
     assert Preparation(result.recording, tmp_path / "again").run().result.sha256 == result.sha256
+
+
+def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):
+    monkeypatch.setattr("stepbus_orchestrator.viewing.live.following._IDLE_S", 0.1)
+    killed = tmp_path / "run"
+    killed.mkdir()
+    (killed / LIVE_FILE).write_text("of a process that is no more")
+    whole = plain_run.recording.read_bytes()
+    (killed / "run.mcap").write_bytes(whole[: len(whole) // 2])
+    assert follow(page.server, killed, lambda: False)

@@ -72,13 +72,18 @@ def _execute(args: argparse.Namespace) -> int:
 
     recording = open_recording(args.recording)
     other = None if args.ghost is None else open_recording(args.ghost)
-    for one in (recording, other):
-        if one is not None and one.damage:
-            print_error(f"{one.path} is damaged: {one.damage}; what precedes it is shown")
+    _warn_of_damage(recording)
+    if other is not None:
+        _warn_of_damage(other)
     with show(args, recording.path.parent.name) as shown, interruptible() as interrupt:
         _announce(args, shown)
         shown.play(recording, other, interrupt.is_set)
     return 0
+
+
+def _warn_of_damage(recording: Recording) -> None:
+    if recording.damage:
+        print_error(f"{recording.path} is damaged: {recording.damage}; what precedes it is shown")
 
 
 def _follow(args: argparse.Namespace, show: Show) -> int:
@@ -93,7 +98,9 @@ def _follow(args: argparse.Namespace, show: Show) -> int:
         if has_ended and not args.until_end:
             from stepbus_orchestrator.viewing.playback import open_recording  # noqa: PLC0415
 
-            shown.play(open_recording(folder), None, interrupt.is_set, from_end=True)
+            recording = open_recording(folder)
+            _warn_of_damage(recording)
+            shown.play(recording, None, interrupt.is_set, from_end=True)
     return 0
 
 

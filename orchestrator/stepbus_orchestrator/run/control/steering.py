@@ -2,6 +2,7 @@
 
 import dataclasses
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,14 +16,15 @@ from .speed import Speed
 _FACTORS = (1e-3, 1e3)
 _PERIODS_S = (0.01, 1.0)
 _MOST_STEPS = 1_000_000
+FLUSHED_S = 10.0
+"""For so long a call `flush` counts [s]."""
 
 
 class RunSteering:
     """Answers calls that name no participant: status, pause, resume, step, speed, flush, stop.
 
-    pace, speed: of the run. progress: returns how far it is. interrupt: ends it. flush_s: how often
-    the recording is written, for who watches it; None: as often as always. real_time: factor of a
-    run in real time.
+    pace, speed: of the run. progress: returns how far it is. interrupt: ends it. real_time: factor
+    of a run in real time.
     """
 
     def __init__(
@@ -38,7 +40,8 @@ class RunSteering:
         self._speed = speed
         self._progress = progress
         self._interrupt = interrupt
-        self.flush_s: float | None = None
+        self._flush_s: float | None = None
+        self._flush_until = 0.0
         self.real_time: float | None = None
         self._methods: Mapping[str, Callable[[Sequence[Any]], object]] = {
             "status": self._status,
@@ -49,6 +52,14 @@ class RunSteering:
             "flush": self._set_flush,
             "stop": lambda _: interrupt.set(),
         }
+
+    @property
+    def flush_s(self) -> float | None:
+        """Return how often the recording is written; who watches asks for it again and again."""
+        if self._flush_s is not None and time.monotonic() > self._flush_until:
+            # Who asked for it was killed.
+            self._flush_s = None
+        return self._flush_s
 
     def take(self, method: str, args: Sequence[Any]) -> CallReply:
         """Do what is asked, and answer."""
@@ -85,7 +96,8 @@ class RunSteering:
 
     def _set_flush(self, args: Sequence[Any]) -> None:
         given = args[0] if args else None
-        self.flush_s = None if given is None else _number(given, _PERIODS_S, "flush")
+        self._flush_s = None if given is None else _number(given, _PERIODS_S, "flush")
+        self._flush_until = time.monotonic() + FLUSHED_S
 
 
 def _number(value: object, limits: tuple[float, float], what: str) -> float:

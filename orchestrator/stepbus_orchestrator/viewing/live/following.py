@@ -48,7 +48,7 @@ def follow_run(
             is_new = tail.poll() or is_new
             turn(is_new)
             grown_at = began if is_new else grown_at
-            if link.is_lost and link.status and began - grown_at > _IDLE_S:
+            if link.is_lost and began - grown_at > _IDLE_S:
                 # It was killed: what it has recorded is shown.
                 break
             is_new = False

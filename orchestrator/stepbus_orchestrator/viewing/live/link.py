@@ -1,17 +1,20 @@
 """Asks a run for its status, and does what a viewer asks, beside the page's own thread."""
 
 import contextlib
+import math
 import queue
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.run.control.live_file import Line
+from stepbus_orchestrator.run.control.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
 
 FLUSH_S = 1 / 30
 _STATUS_S = 0.4
+_FLUSH_AGAIN_S = 2.0
 _ANSWER_S = 10.0
 
 Ask = tuple[str, str, Sequence[Any]]
@@ -25,7 +28,7 @@ class Link:
     """A line to a run with a thread of its own.
 
     status: the newest one. offered: calls of participants. said: sentences about calls that were
-    made, the newest last. last: the newest of them.
+    made, the newest last. last: the newest of them. is_lost: the run does not answer.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -55,12 +58,17 @@ class Link:
             with Line(self._folder) as line:
                 self._talk(line)
         except (StepbusError, OSError):
-            self.is_lost = True
+            # Without the file, the run has ended, or goes on in one process.
+            self.is_lost = (self._folder / LIVE_FILE).exists()
 
     def _talk(self, line: Line) -> None:
-        line.call("", "flush", [FLUSH_S], _ANSWER_S)
+        flushed_at = -math.inf
         try:
             while not self._over.is_set():
+                if time.monotonic() - flushed_at > _FLUSH_AGAIN_S:
+                    # It ends by itself when this process is killed, or when another viewer leaves.
+                    flushed_at = time.monotonic()
+                    line.call("", "flush", [FLUSH_S], _ANSWER_S)
                 self._look(line)
                 for ask in newest(self._take()):
                     self._do(line, ask)

@@ -20,6 +20,7 @@ from .points import Points
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
+_IDLE_S = 5.0
 
 
 class LivePage:
@@ -41,6 +42,7 @@ class LivePage:
         self._controls.add_tabs(self._view.tabs, self._view.stage)
         self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
         self._charted = self._worded = 0.0
+        self._grown_at = time.monotonic()
 
     def turn(self, is_new: bool) -> None:
         """Show what is new."""
@@ -50,6 +52,7 @@ class LivePage:
             self._controls.hands.follow(messages)
             self._points.add()
         now = time.monotonic()
+        self._grown_at = now if is_new else self._grown_at
         if now - self._charted >= _CHART_S:
             self._charted = now
             self._view.curves.update()
@@ -75,7 +78,11 @@ class LivePage:
 
     def _show_words(self) -> None:
         self._view.offer_signals(self._latest(plain_topics(self._tail.ports)))
-        self._view.status.content = headline(self._link.status, self._tail.last_step, self._rate())
+        words = headline(self._link.status, self._tail.last_step, self._rate())
+        idle_s = time.monotonic() - self._grown_at
+        if idle_s > _IDLE_S and self._link.status.get("phase") != "paused":
+            words += f"  \n**nothing new for {idle_s:.0f} s**"
+        self._view.status.content = words
         self._controls.update()
         count = len(self._events)
         for topic in self._event_topics:

@@ -1,9 +1,12 @@
 """Calls to a run itself: none of them changes a result."""
 
+from unittest import mock
+
 import pytest
 from support.runs.asker import Asker
 from support.runs.joints import run_joints
 
+from stepbus_orchestrator.run.control import steering
 from stepbus_orchestrator.run.control.live_file import call
 from stepbus_orchestrator.run.control.pace import Pace
 
@@ -35,3 +38,14 @@ def test_a_run_is_paused_stepped_slowed_and_resumed(tmp_path, plain):
     assert none == "step [COUNT]: 0 is no number of steps"
     assert "a run has no call 'dance'; it has status, pause" in odd
     assert result.sha256 == plain.sha256
+
+
+def test_who_watches_and_is_killed_does_not_slow_the_run_for_ever(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(steering.time, "monotonic", lambda: now[0])
+    asked = steering.RunSteering(mock.Mock(), Pace(), mock.Mock(), mock.Mock(), mock.Mock())
+    assert asked.take("flush", [0.02]).error is None
+    now[0] = 9.0
+    assert asked.flush_s == 0.02
+    now[0] = 11.0
+    assert asked.flush_s is None
