@@ -2,7 +2,8 @@
 
 import pytest
 
-from stepbus_motion.collisions.monitor import CollisionMonitor, MonitorSettings
+from stepbus_motion.collisions.monitor import CollisionMonitor
+from stepbus_motion.collisions.settings import MonitorSettings
 from stepbus_schemas import Contacts
 
 LINKS = frozenset({"chassis", "left_wheel", "elbow", "hand", "left_pad", "right_pad"})

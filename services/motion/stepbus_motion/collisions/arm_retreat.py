@@ -1,6 +1,6 @@
 """An arm that has stopped before something: it goes back the way it came."""
 
-from stepbus_motion.collisions.monitor import Approach, Collision
+from stepbus_motion.collisions.findings import Approach, Collision
 from stepbus_motion.goals.outcome import Outcome
 from stepbus_motion.goals.parts import Parts
 

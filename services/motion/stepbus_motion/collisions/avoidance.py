@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from stepbus_kinematics import Vector
-from stepbus_motion.collisions.monitor import Approach, Collision, CollisionMonitor, Watch
+from stepbus_motion.collisions.findings import Approach, Collision, Watch
+from stepbus_motion.collisions.monitor import CollisionMonitor
 from stepbus_motion.goals.measured import Measured
 from stepbus_motion.goals.outcome import Outcome
 from stepbus_motion.goals.parts import MOVES, Part, Parts
@@ -301,7 +302,7 @@ class Avoidance:
         near = self._hindrance
         if near is None or self._q is None:
             return False
-        return self._sensed.remember(near, self._parts.arm.place_of(near.ours, self._q))
+        return self._sensed.remember(near, self._parts.arm.links.position(near.ours, self._q))
 
     @property
     def _strange(self) -> Strange:

@@ -1,7 +1,8 @@
 """A base that has touched something: it halts, goes back, and reports what was measured."""
 
 from stepbus_motion.base.motion import BaseMotion
-from stepbus_motion.collisions.monitor import Collision, CollisionMonitor
+from stepbus_motion.collisions.findings import Collision
+from stepbus_motion.collisions.monitor import CollisionMonitor
 from stepbus_motion.goals.outcome import Outcome
 from stepbus_schemas import BaseState, Goal
 

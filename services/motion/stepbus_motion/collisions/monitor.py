@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from stepbus_schemas import Contacts, RunError
 
+from .findings import Approach, Collision, Watch
+from .grasp import Grasp
+from .settings import MonitorSettings
+
 Moves = Literal["arm", "base", "all"]
 """What a goal moves; the gripper belongs to the arm."""
-
-_APART = 5e-3
-"""Distance from which a thing that was between the pads counts as let go [m]."""
 
 _CLOSER = 1e-5
 """Change of a distance in a step from which a link comes closer [m]."""
@@ -26,69 +27,8 @@ _SUDDEN = 0.03
 """So much nearer than the range of the contacts, something new has not come from beyond it, even
 if it is measured somewhat too near [m]."""
 
-_WARY = 0.25
-"""Share of `creep` at which the arm creeps near what has stopped it before."""
-
 _GROUND_WITHIN = 5e-3
 """What the wheels are closer to at the start is what they stand on [m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MonitorSettings:
-    """What a robot may touch, and how it slows down near everything else.
-
-    links: of the robot; base_links: those that only the base moves, not the arm. pads: those that
-    may touch the goal's `touches` and what is held. ignore: wheels and casters, which may touch
-    what they stand on at the start. force: above it a touch is a collision [N]. more_force: the
-    same, on top of the force at the start of the goal [N].
-    within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
-    [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
-    slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
-    robot's links with each other before it starts, so that they do not slow it down. halt: below it
-    nothing may come closer to a base [m]. range: of the contacts [m]. stop, stop_holding: of any
-    link in the hardest stop, without and with something in the gripper [m/s²].
-    """
-
-    links: frozenset[str]
-    pads: tuple[str, str]
-    base_links: frozenset[str] = frozenset()
-    ignore: frozenset[str] = frozenset()
-    force: float = 0.5
-    more_force: float = 5.0
-    within: float = 0.08
-    brake: float = 1.0
-    reaction: float = 0.05
-    clearance: float = 2e-3
-    creep: float = 0.02
-    checks_itself: bool = False
-    halt: float = 5e-3
-    range: float = math.inf
-    stop: float = 8.0
-    stop_holding: float = 5.0
-
-    def safe_speed(self, gap: float, *, wary: bool = False) -> float:
-        """Return the largest speed of a link that can still stop within a gap [m, m/s].
-
-        The path of reaction and braking, v·t + v²/2a, ends at `clearance` (speed and separation
-        monitoring: ISO/TS 15066, 2016, section 5.5.4). wary: of what has stopped the arm before.
-        """
-        return max(self._speed(self.brake, gap), self.creep * (_WARY if wary else 1.0))
-
-    def unseen_speed(self, *, holding: bool) -> float:
-        """Return the largest speed of a link beside space that the contacts do not reach [m/s].
-
-        What stands just beyond their range can still be stopped before.
-        """
-        return self._speed(self.stop_holding if holding else self.stop, self.range)
-
-    def stopping(self, speed: float, *, holding: bool) -> float:
-        """Return how far a link goes in the hardest stop from a speed [m, m/s]."""
-        brake = self.stop_holding if holding else self.stop
-        return speed * self.reaction + speed**2 / (2.0 * brake)
-
-    def _speed(self, brake: float, gap: float) -> float:
-        before, room = brake * self.reaction, max(gap - self.clearance, 0.0)
-        return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
 class _Row(NamedTuple):
@@ -98,67 +38,6 @@ class _Row(NamedTuple):
     other: str
     force: float
     distance: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Collision:
-    """A forbidden touch; ours: the robot's link, or what it holds. force: [N]."""
-
-    ours: str
-    other: str
-    force: float
-
-    @property
-    def pair(self) -> tuple[str, str]:
-        """Return the names of both links."""
-        return self.ours, self.other
-
-    def __str__(self) -> str:
-        return self.with_force(self.force)
-
-    def with_force(self, force: float) -> str:
-        """Return a sentence with another force [N], such as the largest so far."""
-        return f"{self.ours} touches {self.other} with {force:.1f} N"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Approach:
-    """Two links that are close; gap: [m]."""
-
-    ours: str
-    other: str
-    gap: float
-
-    @property
-    def pair(self) -> tuple[str, str]:
-        """Return the names of both links."""
-        return self.ours, self.other
-
-    def __str__(self) -> str:
-        return f"{self.ours} is {self.gap * 1e3:.1f} mm from {self.other}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Watch:
-    """What the monitor found in a step.
-
-    collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
-    not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
-    no link of the robot, and the distance that the hardest stop of the arm would leave, below 0: it
-    would not; the least one first. room: for the base, the distance
-    to the closest thing, longer for what it passes by [m]. held: link of the world between the
-    pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
-    their distance [m].
-    """
-
-    collision: Collision | None
-    near: tuple[str, str] | None
-    gap: float
-    held: str
-    scale: float
-    room: float = math.inf
-    slow: tuple[str, str, float] | None = None
-    strange: tuple[tuple[Approach, float], ...] = ()
 
 
 class CollisionMonitor:
@@ -175,10 +54,7 @@ class CollisionMonitor:
     def __init__(self, settings: MonitorSettings) -> None:
         self._settings = settings
         self._ground: set[str] = set()
-        self._held = ""
-        self._stood_on: set[str] = set()
-        self._around: set[str] = set()
-        self._between: set[str] = set()
+        self._grasp = Grasp(settings)
         self._touches: frozenset[str] = frozenset()
         self._grips = False
         self._moves: Moves = "all"
@@ -192,7 +68,7 @@ class CollisionMonitor:
     @property
     def held(self) -> str:
         """Return the link of the world between the pads; empty: none."""
-        return self._held
+        return self._grasp.held
 
     def start(
         self, touches: Collection[str] = (), *, grips: bool = False, moves: Moves = "all"
@@ -227,7 +103,7 @@ class CollisionMonitor:
             text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
             raise RunError(f"the contacts have {text}; they need as many of each")
         self._learn_ground(contacts)
-        self._learn_held(contacts, holding)
+        self._grasp.update(contacts, holding=holding, grips=self._grips)
         self._gaps = {(row.ours, row.other): row.distance for row in self._last}
         self._last = list(self._rows(contacts))
         watched = [row for row in self._last if not self._is_allowed(row)]
@@ -245,7 +121,7 @@ class CollisionMonitor:
             for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
         ]
         scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
-        unseen = self._settings.unseen_speed(holding=bool(self._held))
+        unseen = self._settings.unseen_speed(holding=bool(self.held))
         fastest = max((speed_of(pad)[1] for pad in self._settings.pads), default=0.0)
         if fastest * scale > unseen and self._moves != "base":
             scale, slowed = unseen / fastest, None
@@ -259,7 +135,7 @@ class CollisionMonitor:
             near=(nearest.ours, nearest.other) if nearest else None,
             gap=max(nearest.distance, 0.0) if nearest else self._settings.within,
             room=max(min(rooms, default=math.inf), 0.0),
-            held=self._held,
+            held=self.held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
             strange=self._strange(closing, dt, speed_of, base_speed),
@@ -288,7 +164,7 @@ class CollisionMonitor:
                 speed = self._speeds(row, speed_of)[0] + base_speed
             else:
                 speed = 0.0
-            left = row.distance - settings.stopping(speed, holding=bool(self._held))
+            left = row.distance - settings.stopping(speed, holding=bool(self.held))
             gap = max(row.distance, 0.0)
             found.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
         return tuple(sorted(found, key=lambda pair: pair[1]))
@@ -375,7 +251,7 @@ class CollisionMonitor:
                 yield _Row(other, one, force, distance)
 
     def _is_ours(self, link: str) -> bool:
-        return link in self._settings.links or (bool(self._held) and link == self._held)
+        return link in self._settings.links or (bool(self.held) and link == self.held)
 
     def _is_allowed(self, row: _Row) -> bool:
         settings, pair = self._settings, {row.ours, row.other}
@@ -384,10 +260,10 @@ class CollisionMonitor:
         pads = pair.intersection(settings.pads)
         if pads:
             others = pair - pads
-            soft = self._touches | self._between | {self._held}
+            soft = self._touches | self._grasp.between | {self.held}
             return self._grips or not others or bool(others & soft)
-        if self._held in pair:
-            return bool((pair - {self._held}) & (self._touches | self._stood_on))
+        if self.held in pair:
+            return bool((pair - {self.held}) & (self._touches | self._grasp.stood_on))
         return False
 
     def _may_close(self, row: _Row) -> bool:
@@ -400,7 +276,7 @@ class CollisionMonitor:
         pair = {row.ours, row.other}
         if self._settings.checks_itself and pair <= self._settings.links:
             return False
-        if self._held in pair and pair & self._around:
+        if self.held in pair and pair & self._grasp.around:
             return False
         both_ours = self._is_ours(row.other)
         if self._moves == "base":
@@ -415,37 +291,3 @@ class CollisionMonitor:
         for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
             if distance < _GROUND_WITHIN and self._settings.ignore.intersection(pair):
                 self._ground.update(set(pair) - self._settings.links)
-
-    def _learn_held(self, contacts: Contacts, holding: bool) -> None:
-        """Find what is held, and what is or was between the pads."""
-        touched = {pad: self._touched_by(contacts, pad) for pad in self._settings.pads}
-        close = {link for pad in self._settings.pads for link in self._near(contacts, pad, _APART)}
-        one, other = (touched[pad] for pad in self._settings.pads)
-        if self._grips:
-            self._between |= set(one) | set(other)
-        self._between &= close
-        both = [link for link in one if link in other]
-        if holding and both and self._held not in both:
-            self._held = both[0]
-            near = set(self._near(contacts, self._held, self._settings.within))
-            self._around = near & self._settings.links
-            self._stood_on = set(self._near(contacts, self._held, 1e-3)) - self._settings.links
-        elif not holding and self._held and self._held not in both:
-            self._between.add(self._held)
-            self._held, self._stood_on, self._around = "", set(), set()
-
-    def _touched_by(self, contacts: Contacts, link: str) -> list[str]:
-        """Return what presses on a link, the hardest first."""
-        rows = zip(contacts.pairs, contacts.force, strict=True)
-        found = [
-            (-force, _other(pair, link)) for pair, force in rows if link in pair and force > 0.0
-        ]
-        return [name for _, name in sorted(found)]
-
-    def _near(self, contacts: Contacts, link: str, within: float) -> list[str]:
-        rows = zip(contacts.pairs, contacts.distance, strict=True)
-        return [_other(pair, link) for pair, gap in rows if link in pair and gap < within]
-
-
-def _other(pair: tuple[str, str], link: str) -> str:
-    return pair[1] if pair[0] == link else pair[0]

@@ -6,7 +6,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 
-from .monitor import Approach
+from .findings import Approach
 
 _SAME_PLACE = 0.02
 """Nearer than this to where a link was stopped, it is stopped for the same thing again, if it is

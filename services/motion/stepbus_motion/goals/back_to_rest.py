@@ -100,7 +100,7 @@ class BackToRest:
 
     def _line(self, now: Measured, t: float, *, inwards: float, up: float) -> None:
         """Start a straight line of the tip: towards the base, and up [m]."""
-        position, turn = self.arm.tip_pose(now.q)
+        position, turn = self.arm.links.tip_pose(now.q)
         x, y, z = position
         away = max((x * x + y * y) ** 0.5, 1e-9)
         share = max(1.0 - inwards / away, 0.0)

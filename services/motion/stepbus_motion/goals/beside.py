@@ -7,7 +7,8 @@ from msgspec.structs import replace
 
 from stepbus_motion.base.motion import BaseMotion
 from stepbus_motion.base.navigator import Navigator
-from stepbus_motion.manipulator.manipulator import Beside, Manipulator
+from stepbus_motion.manipulator.beside import Beside
+from stepbus_motion.manipulator.manipulator import Manipulator
 from stepbus_schemas import Goal, Point
 
 from .measured import Measured

@@ -1,7 +1,8 @@
 """Carries out one goal at a time, and reports what becomes of it."""
 
 from stepbus_motion.collisions.avoidance import Avoidance, AvoidanceSettings
-from stepbus_motion.collisions.monitor import Collision, CollisionMonitor
+from stepbus_motion.collisions.findings import Collision
+from stepbus_motion.collisions.monitor import CollisionMonitor
 from stepbus_schemas import Goal, RunError
 
 from .beside_base import BesideBase

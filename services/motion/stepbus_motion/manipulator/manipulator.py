@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
 import numpy as np
-import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_motion.goals.outcome import Outcome, Refused
@@ -18,9 +16,11 @@ from stepbus_motion.motions.plan import planned
 from stepbus_motion.motions.player import MotionPlayer
 from stepbus_motion.motions.trajectory import AlongPath, Rest, Trajectory
 from stepbus_motion.paths.joint_path import joint_path
-from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point, Quaternion, RunError
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, RunError
 
 from .back_off import BackOffPath
+from .beside import Beside, about_as_near
+from .links import Links
 from .options import ManipulatorOptions
 from .search.candidates import Candidate, CandidateFinder
 from .search.planner_search import PlannerQueries, PlannerSearch, refusal_of
@@ -28,25 +28,8 @@ from .search.routes import Router
 from .segments import SegmentFitter
 from .settling import SettleWatch, Settling
 
-_LINK_RADIUS = 0.1
-"""How far the points of a link are from the axis about which it turns [m]."""
-
-_FARTHER = 1.5
-"""By how much farther than the nearest solution the arm goes beside a base that drives [rad]."""
-
 _AT_ONCE = 1e-6
 """Distance of a target that needs no motion [rad]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Beside:
-    """The base moves beside the arm: bases are its poses at which the path of the arm is checked.
-
-    waits: the arm moves only once it is released.
-    """
-
-    bases: Sequence[Point] = ()
-    waits: bool = False
 
 
 class Manipulator:
@@ -72,6 +55,7 @@ class Manipulator:
     ) -> None:
         robot = finder.robot
         self._robot: RobotModel = robot
+        self.links = Links(robot, options.tip)
         self._finder = finder
         self._limits = limits
         self._settling = settling
@@ -148,46 +132,14 @@ class Manipulator:
         """Return the frame whose path counts when the arm backs off."""
         return self._options.tip
 
-    def tip_pose(self, q: Vector) -> tuple[Point, Quaternion]:
-        """Return position and orientation of the tip in the base at q, shape (n,) [rad, m]."""
-        pose = self._robot.frame_pose(q, self._options.tip)
-        x, y, z = pose.translation.tolist()
-        a, b, c, d = pin.Quaternion(pose.rotation).coeffs().tolist()
-        return (x, y, z), (a, b, c, d)
-
     @property
     def is_moving(self) -> bool:
         """Return whether the motion under way moves the joints now."""
         return bool(self._player.nominal().velocity.any())
 
-    def place_of(self, link: str, q: Vector) -> Vector:
-        """Return where a link is in the base at q, shape (n,) [rad], as shape (3,) [m].
-
-        What is no link of the robot is where the tip is.
-        """
-        frame = link if link in self._robot.links else self._options.tip
-        place: Vector = self._robot.frame_pose(q, frame).translation.copy()
-        return place
-
     def link_speeds(self) -> Callable[[str], tuple[float, float]]:
-        """Return a function: link → its speed now, and at the full rate of the motion [m/s].
-
-        What is no link of the robot moves as the tip. A turning link counts as wide as 0.1 m.
-        """
-        now, rate = self._player.nominal(), self._player.clock.rate
-        if not now.velocity.any():
-            return lambda _: (0.0, 0.0)
-        twist_of = self._robot.twists(now.position, now.velocity)
-        known: dict[str, tuple[float, float]] = {}
-
-        def speeds(link: str) -> tuple[float, float]:
-            frame = link if link in self._robot.links else self._options.tip
-            if frame not in known:
-                full = _speed(twist_of(frame))
-                known[frame] = (full * rate, full)
-            return known[frame]
-
-        return speeds
+        """Return a function: link → its speed now, and at the full rate of the motion [m/s]."""
+        return self.links.speeds(self._player.nominal(), self._player.clock.rate)
 
     def start(
         self,
@@ -375,7 +327,7 @@ class Manipulator:
         found = self._finder.candidates(goal, rest, q, base)
         if self._beside.bases:
             # Later, while the base stands, the arm may go the short way.
-            found = _about_as_near(found, rest)
+            found = about_as_near(found, rest)
         candidates = itertools.islice(found, self._options.most_candidates)
         if self._router is None:
             return self._search(goal, held, rest, candidates)
@@ -443,21 +395,6 @@ class Manipulator:
         trajectory = self._player.trajectory
         self._began_at, self.took = self._player.clock.t, None
         self._settle = SettleWatch(self._robot, self._settling, trajectory, self._tip)
-
-
-def _about_as_near(candidates: Iterator[Candidate], rest: Vector) -> Iterator[Candidate]:
-    """Yield candidates that are little farther from rest than the first one, shape (n,) [rad]."""
-    nearest: float | None = None
-    for candidate in candidates:
-        away = float(np.linalg.norm(candidate.target - rest))
-        nearest = away if nearest is None else nearest
-        if away > nearest + _FARTHER:
-            return
-        yield candidate
-
-
-def _speed(twist: Vector) -> float:
-    return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))
 
 
 def _is_there(rest: Vector, candidate: Candidate) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_motion.base.settings import BaseSettings
 from stepbus_motion.collisions.avoidance import AvoidanceSettings
-from stepbus_motion.collisions.monitor import MonitorSettings
+from stepbus_motion.collisions.settings import MonitorSettings
 from stepbus_motion.goals.stow import StowCondition
 from stepbus_motion.gripper.gripper import GripperSettings
 from stepbus_motion.manipulator.options import ManipulatorOptions

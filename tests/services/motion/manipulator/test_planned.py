@@ -14,7 +14,7 @@ from support.services.manipulator import (
 )
 from support.services.ur5 import ASIDE, SPIRAL, TIP, joints_goal, tips
 
-from stepbus_motion.manipulator.manipulator import Beside
+from stepbus_motion.manipulator.beside import Beside
 from stepbus_motion.motions.joint_motion import JointMotion, motion_to
 from stepbus_schemas import Plan
 from stepbus_schemas.messages import Spiral
