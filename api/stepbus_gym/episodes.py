@@ -9,7 +9,7 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-from stepbus_orchestrator import RecordingFailed
+from stepbus_orchestrator import RecordingFailed, first_new
 
 DEFAULT = "episodes"
 
@@ -36,11 +36,8 @@ class Folders:
                 self._remove = weakref.finalize(self, _remove, folder, os.getpid())
                 return folder / "run"
             self._parent.mkdir(parents=True, exist_ok=True)
-            return next(
-                path
-                for number in itertools.count(self._newest() + 1)
-                if _is_made(path := self._parent / f"{number:06}")
-            )
+            numbers = itertools.count(self._newest() + 1)
+            return first_new(self._parent / f"{number:06}" for number in numbers)
         except OSError as exc:
             raise RecordingFailed(
                 f"cannot make a folder for an episode: {exc.filename}: {exc.strerror or exc}"
@@ -63,11 +60,3 @@ def _remove(folder: Path, pid: int) -> None:
     """Remove a folder, but not from a process that was forked."""
     if os.getpid() == pid:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_made(folder: Path) -> bool:
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        return False
-    return True

@@ -33,6 +33,7 @@ from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
 from .run.setup.external import as_external
+from .run.setup.folder import first_new
 from .scenario import Problem, Scenario, ScenarioError, check_data, load
 from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
 from .sweep import sweep as sweep_scenario
@@ -87,6 +88,7 @@ __all__ = [
     "diff",
     "export_recording",
     "find_spec",
+    "first_new",
     "load",
     "parse_tolerance",
     "plan",

@@ -63,7 +63,7 @@ class ProximityErrors(Settings):
     """How contact sensors measure distances."""
 
     gain: Share = 0.0
-    """Standard deviation of the calibration of each link's sensors, which each run draws [-]."""
+    """Standard deviation of the calibration of each link's skin, which each run draws [-]."""
     noise: Share = 0.0
     """Standard deviation of a distance, relative to it, in each step [-]."""
 

@@ -1,6 +1,6 @@
 """The folder of a run: a new one for each, also for runs that start in the same second."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
@@ -24,9 +24,14 @@ def default_folder(scenario: Scenario, parent: Path) -> Path:
     names = chain([stem], (f"{stem}-{number}" for number in count(2)))
     try:
         parent.mkdir(parents=True, exist_ok=True)
-        return next(parent / name for name in names if _is_made(parent / name))
+        return first_new(parent / name for name in names)
     except OSError as exc:
         raise RecordingFailed(f"cannot make a folder in {parent}: {exc.strerror}") from exc
+
+
+def first_new(folders: Iterable[Path]) -> Path:
+    """Make the first of these folders that nobody has made yet, and return it."""
+    return next(folder for folder in folders if _is_made(folder))
 
 
 def _is_made(folder: Path) -> bool:

@@ -13,8 +13,6 @@ _CALIBRATION = 0
 class Skin:
     """Electrodes all over some links: each measures the nearest surface, wherever that is.
 
-    Unlike rays, they leave no gap between them through which a thin thing comes near.
-
     links: those with a skin. errors: of its distances. random: numbers for that.
     """
 

@@ -186,40 +186,41 @@ def test_an_arm_does_not_start_towards_what_is_close_from_the_start(tmp_path):
     assert robot.news[-1].state == "failed"
 
 
-@pytest.mark.parametrize(("gap", "hardest"), [(0.002, 15.0), (0.079, 7.5)])
-def test_an_arm_that_holds_something_stops_as_hard_as_it_must(tmp_path, gap, hardest):
-    robot = Robot(config(tmp_path, plans=True))
+def carrying(folder):
+    """Return a robot that is on its way along a plan, with something in its gripper."""
+    robot = Robot(config(folder, plans=True))
     robot.thing, robot.mass = 0.066, 0.8
     robot.go(0, "grip", width=0.0, force=30.0)
     robot.run(1.0)
     robot.start(1, "move_joints", joints=["pan"], values=[0.8])
     robot.step(plan=answered(robot.requests[0]))
     robot.run(0.4)
-    robot.touching = [("crate", "hand", 0.0, gap)]
-    robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
+    return robot
+
+
+def hardest_brake(robot):
+    """Return the largest change of a joint's speed in the next 0.3 s [rad/s²]."""
     speeds = [robot.v.copy()]
     for _ in range(round(0.3 / DT)):
         robot.step()
         speeds.append(robot.v.copy())
-    assert np.abs(np.diff(speeds, axis=0)).max() / DT == pytest.approx(hardest, rel=0.1)
+    return np.abs(np.diff(speeds, axis=0)).max() / DT
+
+
+@pytest.mark.parametrize(("gap", "hardest"), [(0.002, 15.0), (0.079, 7.5)])
+def test_an_arm_that_holds_something_stops_as_hard_as_it_must(tmp_path, gap, hardest):
+    robot = carrying(tmp_path)
+    robot.touching = [("crate", "hand", 0.0, gap)]
+    robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
+    assert hardest_brake(robot) == pytest.approx(hardest, rel=0.1)
 
 
 def test_a_stop_that_keeps_what_is_held_gets_harder_once_it_is_too_weak(tmp_path):
-    robot = Robot(config(tmp_path, plans=True))
-    robot.thing, robot.mass = 0.066, 0.8
-    robot.go(0, "grip", width=0.0, force=30.0)
-    robot.run(1.0)
-    robot.start(1, "move_joints", joints=["pan"], values=[0.8])
-    robot.step(plan=answered(robot.requests[0]))
-    robot.run(0.4)
+    robot = carrying(tmp_path)
     robot.step(plan=Plan(id=robot.requests[0].id, cause="blocked", text="crate is in the way"))
     robot.run(2 * DT)
     robot.touching = [("crate", "hand", 0.0, 0.01)]
-    speeds = [robot.v.copy()]
-    for _ in range(round(0.3 / DT)):
-        robot.step()
-        speeds.append(robot.v.copy())
-    assert np.abs(np.diff(speeds, axis=0)).max() / DT == pytest.approx(15.0, rel=0.1)
+    assert hardest_brake(robot) == pytest.approx(15.0, rel=0.1)
     # The planner is asked anew, from where the arm stands now.
     assert robot.requests[-1].start == pytest.approx(robot.q, abs=1e-6)
 
