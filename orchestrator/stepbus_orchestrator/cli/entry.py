@@ -62,7 +62,9 @@ def _guarded() -> int:
         except SystemExit as exc:
             signals.is_settled = True
             code = exc.code if isinstance(exc.code, int) else 0
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RuntimeError) as exc:
+            if not _is_interrupt(exc):
+                raise
             # An assignment lets no further signal in, as a call would.
             signals.is_settled = True
             if code is None:
@@ -73,6 +75,11 @@ def _guarded() -> int:
             on_signals(signal.SIG_IGN)
             forget_swallowed()
     return code
+
+
+def _is_interrupt(exc: BaseException) -> bool:
+    """Return whether a signal raised it: in a class that is being made, Python wraps it."""
+    return isinstance(exc, KeyboardInterrupt) or isinstance(exc.__cause__, KeyboardInterrupt)
 
 
 def _set_environment() -> None:

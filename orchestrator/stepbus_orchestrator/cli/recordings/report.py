@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
-from stepbus_orchestrator.cli.terminal.output import say
+from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.viewing.page import report
 
 
@@ -22,7 +22,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    say(f"wrote {report(args.recordings, args.out)}")
+    problems: list[str] = []
+    path = report(args.recordings, args.out, problems)
+    for line in problems:
+        print_error(line)
+    say(f"wrote {path}")
     return 0
 
 

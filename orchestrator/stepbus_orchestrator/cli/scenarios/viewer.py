@@ -13,7 +13,7 @@ from stepbus_schemas import WiringError
 _END_S = 5.0
 _POLL_S = 0.1
 _COMMAND = [sys.executable, "-P", "-m", "stepbus_orchestrator.cli", "view"]
-_PREFIX = "stepbus: "
+_PREFIX, _INTERRUPTED = "stepbus: ", "interrupted"
 
 Viewer = subprocess.Popen[bytes]
 
@@ -65,7 +65,10 @@ def _announce(viewer: Viewer, interrupt: threading.Event) -> None:
 
 def _pass_on(viewer: Viewer) -> None:
     for line in viewer.stderr or ():
-        print_error(line.decode(errors="replace").rstrip().removeprefix(_PREFIX))
+        text = line.decode(errors="replace").rstrip().removeprefix(_PREFIX)
+        # That it is ended with the run is no news.
+        if text != _INTERRUPTED:
+            print_error(text)
 
 
 def _end(viewers: Sequence[Viewer]) -> None:
@@ -73,8 +76,10 @@ def _end(viewers: Sequence[Viewer]) -> None:
     for viewer in viewers:
         viewer.terminate()
     for viewer in viewers:
-        try:
-            viewer.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            viewer.kill()
-            viewer.wait()
+        # It closes the pipes.
+        with viewer:
+            try:
+                viewer.wait(_END_S)
+            except subprocess.TimeoutExpired:
+                viewer.kill()
+                viewer.wait()

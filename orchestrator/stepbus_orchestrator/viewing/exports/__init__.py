@@ -2,7 +2,7 @@
 
 from .columns import CLOCK, Column, Table
 from .every import FORMS, damage_line, export
-from .files import Exported, replaced, unreadable
+from .files import Exported, check_readable, replaced, unreadable
 from .progress import progress_bar
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Column",
     "Exported",
     "Table",
+    "check_readable",
     "damage_line",
     "export",
     "progress_bar",

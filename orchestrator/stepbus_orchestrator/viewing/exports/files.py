@@ -19,7 +19,13 @@ class Exported:
     problems: Sequence[str] = ()
 
 
-def nothing_to_export(recording: Recording) -> RecordingFailed:
+def check_readable(recording: Recording) -> None:
+    """Raise RecordingFailed when nothing of a recording can be shown: it is of something else."""
+    if not any(p.type in recording.types and p.last_step >= 0 for p in recording.ports.values()):
+        raise nothing_to_export(recording, "shown")
+
+
+def nothing_to_export(recording: Recording, done: str = "exported") -> RecordingFailed:
     """Return why nothing of a recording can be exported: it is empty, damaged or foreign."""
     unknown = sorted({p.type for p in recording.ports.values() if p.type not in recording.types})
     unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
@@ -27,7 +33,7 @@ def nothing_to_export(recording: Recording) -> RecordingFailed:
     if unknown:
         why = f"it is not of stepbus, or of a newer one: its types are {', '.join(unknown)}"
     reason = f": {why}" if why else ""
-    return RecordingFailed(f"{recording.path} has no message that can be exported{reason}")
+    return RecordingFailed(f"{recording.path} has no message that can be {done}{reason}")
 
 
 def unreadable(port: Port, exc: StepbusError) -> str:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.viewing.foxglove.conversion import PER_S, SHOWN, Conversion, topic_of
 from stepbus_orchestrator.viewing.foxglove.layout import layout_of
@@ -34,7 +37,7 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
     rate = Rate(PER_S)
     with replaced(target) as path:
         context = foxglove.Context()
-        with foxglove.open_mcap(path, allow_overwrite=True, context=context):
+        with _opened(foxglove, path, target, context):
             conversion = Conversion(moving.scene, _Channels(channels, context).log)
             conversion.place(moving.still(), 0)
             conversion.bodies()
@@ -49,6 +52,22 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
         text = json.dumps(layout_of(moving.scene, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
     return Exported(paths=[target, layout], problems=problems)
+
+
+@contextmanager
+def _opened(foxglove: Any, path: Path, target: Path, context: Any) -> Iterator[None]:
+    """Open a file for what is logged; the library says at its end whether it could be written."""
+    writer = foxglove.open_mcap(path, allow_overwrite=True, context=context)
+    try:
+        yield
+    except BaseException:
+        with suppress(RuntimeError):
+            writer.close()
+        raise
+    try:
+        writer.close()
+    except RuntimeError as exc:
+        raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
 
 
 class _Channels:

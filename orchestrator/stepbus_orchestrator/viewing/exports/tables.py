@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -251,9 +251,14 @@ class _Parquet:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._flush()
-        self._writer.close()
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is None:
+            self._flush()
+            self._writer.close()
+            return
+        # What ended it is the reason; nobody reads the rest.
+        with suppress(OSError, ValueError):
+            self._writer.close()
 
     def write(self, values: Sequence[Cells]) -> None:
         """Write rows, in groups that read well."""

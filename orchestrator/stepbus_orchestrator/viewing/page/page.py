@@ -28,22 +28,29 @@ _WIDEST = 480
 """Pixels of a camera still; a larger one is thinned."""
 
 
-def report(paths: Sequence[Path], target: Path | None = None) -> Path:
+def report(
+    paths: Sequence[Path], target: Path | None = None, problems: list[str] | None = None
+) -> Path:
     """Write the page of a run, or of several beside each other, with their summaries; its path.
 
-    paths, target, and what is raised: as of `write_page`.
+    problems: gets what cannot be shown. paths, target, and what is raised: as of `write_page`.
     """
     files = [layout.recording_file(path) for path in paths]
-    return write_page(files, target, [write_report(path, has_plots=False) for path in files])
+    lines = [write_report(path, has_plots=False) for path in files]
+    return write_page(files, target, lines, problems)
 
 
 def write_page(
-    paths: Sequence[Path], target: Path | None = None, lines: Sequence[Sequence[str]] = ()
+    paths: Sequence[Path],
+    target: Path | None = None,
+    lines: Sequence[Sequence[str]] = (),
+    problems: list[str] | None = None,
 ) -> Path:
     """Write the page of a run, or of several beside each other; return its path.
 
     paths: of recordings, or the folders of their runs. target: default: report.html beside the
-    first recording. lines: what the summary of each run says of its recording.
+    first recording. lines: what the summary of each run says of its recording. problems: gets what
+    cannot be shown.
 
     Raises RecordingFailed when a recording cannot be read or the page cannot be written,
     ExtraMissing without uPlot.
@@ -52,6 +59,8 @@ def write_page(
     arrays = Arrays()
     known = lines or [()] * len(paths)
     runs = [read_run(path, arrays, own) for path, own in zip(paths, known, strict=True)]
+    if problems is not None:
+        problems += [f"{run.path}: {text}" for run in runs for text in run.problems]
     target = target or runs[0].path.with_name(PAGE_FILE)
     room = files(__package__ or "") / "assets"
     title = " · ".join(dict.fromkeys(run.name for run in runs))

@@ -12,6 +12,7 @@ from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
 from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.reports.result import RESULT_FILE, Result
+from stepbus_orchestrator.viewing.exports import check_readable
 from stepbus_orchestrator.viewing.render import Pixels
 from stepbus_orchestrator.viewing.still import scene_still
 from stepbus_participant.parameters import parse_yaml
@@ -50,9 +51,10 @@ class RunPage:
 def read_run(path: Path, arrays: Arrays, lines: Sequence[str] = ()) -> RunPage:
     """Read what a page shows of a recording, piece by piece.
 
-    Raises RecordingFailed when it is no recording.
+    Raises RecordingFailed when it is no recording, or has no messages of types that it knows.
     """
     with Recording(path) as recording:
+        check_readable(recording)
         result = _result(recording.path.parent, recording.path)
         groups, problems, end_s = _joints(recording, arrays)
         found, others = takers(recording)

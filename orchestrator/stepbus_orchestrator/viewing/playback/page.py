@@ -9,6 +9,7 @@ from typing import Any
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.viewing.exports import check_readable
 from stepbus_orchestrator.viewing.scene import build_scene
 from stepbus_orchestrator.viewing.stage import Stage
 from stepbus_orchestrator.viewing.stage.stage import OTHER_COLOR
@@ -28,13 +29,18 @@ _SLOWLY_S = 0.5
 def open_recording(path: Path) -> Recording:
     """Return a recording that has something to show.
 
-    Raises RecordingFailed for a file that is none, or has no messages.
+    Raises RecordingFailed for a file that is none, or has no messages of types that it knows.
     """
     recording = Recording(path)
     if recording.last_step < 0:
         why = f": {recording.damage}" if recording.damage else ""
         recording.close()
         raise RecordingFailed(f"{recording.path} has no messages, so there is nothing to show{why}")
+    try:
+        check_readable(recording)
+    except RecordingFailed:
+        recording.close()
+        raise
     return recording
 
 
