@@ -37,24 +37,27 @@ class Controls:
         )
         self._speed.on_update(self._set_speed)
         self._table: Any = None
-        self._real_time: float | None = None
+        self._speeds = dict(SPEEDS)
         self._has_hands = False
 
     def _set_speed(self, event: Any) -> None:
         # What this process sets has no client.
         if event.client_id is not None:
-            self._link.ask("", "speed", SPEEDS.get(self._speed.value))
+            self._link.ask("", "speed", self._speeds[self._speed.value])
 
     def _show_speed(self, status: Mapping[str, Any]) -> None:
         """Show how fast the run goes, also where it was started in real time or another set it."""
-        factor = status.get("real_time")
-        if factor is not None and factor != self._real_time:
-            self._real_time = factor
-            slower = [name for name, value in SPEEDS.items() if value and value < factor]
-            self._speed.options = (_pace(factor), *slower)
-        first = self._speed.options[0]
-        now = next((n for n, v in SPEEDS.items() if v == status.get("speed")), first)
-        shown = now if now in self._speed.options else first
+        limit, now = status.get("real_time"), status.get("speed")
+        speeds = dict(SPEEDS)
+        if limit is not None:
+            slower = {name: value for name, value in SPEEDS.items() if value and value < limit}
+            speeds = {_pace(limit): None, **slower}
+        if now is not None and now not in speeds.values():
+            speeds[_pace(now)] = now
+        if speeds != self._speeds:
+            self._speeds = speeds
+            self._speed.options = tuple(speeds)
+        shown = next(name for name, value in speeds.items() if value == now)
         if shown != self._speed.value:
             self._speed.value = shown
 
