@@ -75,9 +75,9 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         program = {"exec": ["./controller"], "bridge": "msgpack", "params": {"kp": 200, "kd": 30}}
         rows["controller"] |= program
     if spec.get("rust"):
-        program = _built_in_rust()
+        binary = _built_in_rust()
         for name, row in rows.items():
-            row["exec"] = [program, name]
+            row["exec"] = [binary, name]
     path = folder / "scenario.yaml"
     # JSON is YAML too.
     path.write_text(
