@@ -1,20 +1,9 @@
 """Our own programs against golden logs; docs/guide/testing/replay.md says how these are made."""
 
-import pytest
+from support.runs.golden import golden
 
-GOLDEN, TOLERANCE = "../../scenarios/golden/two_link*.mcap", "../../scenarios/golden/tolerance.yaml"
+LOGS = "two_link*.mcap"
 
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="controller")
-def test_the_controller_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="plant")
-def test_the_plant_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="mission")
-def test_the_mission_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE)
+test_the_controller_does_what_it_did = golden(LOGS, "controller")
+test_the_plant_does_what_it_did = golden(LOGS, "plant")
+test_the_mission_does_what_it_did = golden(LOGS, "mission")

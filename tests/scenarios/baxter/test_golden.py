@@ -1,6 +1,7 @@
 """The participants of `baxter` against a golden log; docs/guide/testing/replay.md says how it is made."""
 
 import pytest
+from support.runs.golden import golden
 
 from stepbus_participant import package_path
 from stepbus_schemas import WiringError
@@ -10,19 +11,8 @@ try:
 except WiringError as exc:
     pytest.skip(str(exc), allow_module_level=True)
 
-GOLDEN, TOLERANCE = "../golden/baxter.mcap", "../golden/baxter_tolerance.yaml"
+LOG = {"log": "baxter.mcap", "tolerance": "baxter_tolerance.yaml"}
 
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="controller")
-def test_the_controller_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="plant")
-def test_the_plant_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="mission")
-def test_the_mission_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE)
+test_the_controller_does_what_it_did = golden(participant="controller", **LOG)
+test_the_plant_does_what_it_did = golden(participant="plant", **LOG)
+test_the_mission_does_what_it_did = golden(participant="mission", **LOG)

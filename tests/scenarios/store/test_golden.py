@@ -5,9 +5,8 @@ Not the plant: its contacts, computed with other last bits on another processor,
 """
 
 import pytest
+from support.runs.golden import golden
 from support.runs.store import slow_with_robots
-
-GOLDEN, TOLERANCE = "../golden/store.mcap", "../golden/store_tolerance.yaml"
 
 pytestmark = [
     *slow_with_robots,
@@ -15,22 +14,9 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:store.mcap. mission ended the run"),
 ]
 
+LOG = {"log": "store.mcap", "tolerance": "store_tolerance.yaml", "recorded": True}
 
-@pytest.mark.stepbus_logs(GOLDEN, participant="perception")
-def test_perception_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE, recorded=True)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="mission")
-def test_the_mission_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE, recorded=True)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="controller")
-def test_the_controller_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE, recorded=True)
-
-
-@pytest.mark.stepbus_logs(GOLDEN, participant="planner")
-def test_the_planner_does_what_it_did(stepbus_replay):
-    stepbus_replay(tolerance=TOLERANCE, recorded=True)
+test_perception_does_what_it_did = golden(participant="perception", **LOG)
+test_the_mission_does_what_it_did = golden(participant="mission", **LOG)
+test_the_controller_does_what_it_did = golden(participant="controller", **LOG)
+test_the_planner_does_what_it_did = golden(participant="planner", **LOG)
