@@ -28,9 +28,6 @@ from .search.routes import Router
 from .segments import SegmentFitter
 from .settling import SettleWatch, Settling
 
-_AT_ONCE = 1e-6
-"""Distance of a target that needs no motion [rad]."""
-
 
 class Manipulator:
     """Carries out the goals of an arm, one at a time; it knows nothing of the bus.
@@ -238,7 +235,7 @@ class Manipulator:
         """Return the motions of an answered search; raises Refused."""
         candidate = search.candidate
         parts = self._segments.along(candidate)
-        if not _is_there(search.rest, candidate):
+        if not candidate.is_at(search.rest):
             parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
         return self._segments.fitted(parts, search.goal.duration)
 
@@ -356,7 +353,7 @@ class Manipulator:
         bases = self._beside.bases
         search = self._queries.make(goal, held, rest, candidates, self._player.clock.t, bases=bases)
         candidate = search.candidate
-        if _is_there(rest, candidate) and not candidate.paths:
+        if candidate.is_at(rest) and not candidate.paths:
             self._then([Rest(rest)])
             return candidate.text or "the joints are there already"
         self._queries.ask(search)
@@ -395,7 +392,3 @@ class Manipulator:
         trajectory = self._player.trajectory
         self._began_at, self.took = self._player.clock.t, None
         self._settle = SettleWatch(self._robot, self._settling, trajectory, self._tip)
-
-
-def _is_there(rest: Vector, candidate: Candidate) -> bool:
-    return float(np.abs(candidate.target - rest).max()) < _AT_ONCE

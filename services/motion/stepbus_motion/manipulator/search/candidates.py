@@ -21,6 +21,9 @@ from stepbus_schemas import BaseState, Goal, RunError
 
 from .targets import frame_in_base, target_joints, target_pose
 
+_AT_ONCE = 1e-6
+"""Distance of a target that needs no motion [rad]."""
+
 _CHECKED_EVERY = 0.01
 """Distance of the joint positions that are checked [rad]."""
 
@@ -37,6 +40,10 @@ class Candidate:
     paths: tuple[JointPath, ...] = ()
     text: str = ""
     holds: bool = True
+
+    def is_at(self, q: Vector) -> bool:
+        """Return whether joint positions are those to go to, shape (n,) [rad]."""
+        return float(np.abs(self.target - q).max()) < _AT_ONCE
 
 
 class CandidateFinder(ABC):
