@@ -266,6 +266,25 @@ class TrustingSource(Source):
         super().take(data)
 
 
+class BatchSource(Source):
+    """Takes the last step of a batch only, as if it were the one that is due."""
+
+    def take(self, data):
+        message = by_the_page.unpack(data)
+        if "outputs" not in message:
+            super().take(data)
+            return
+        last = message["outputs"][-1]
+        super().take(by_the_page.msgpack.packb({**last, "step": self.newest + self.every}))
+
+
+class LosesBatches(Controller):
+    """Says that it takes batches."""
+
+    def hello(self):
+        return {**super().hello(), "batches": True}
+
+
 class NarrowSource(Source):
     """Takes a port that it does not know for a fault."""
 
@@ -297,7 +316,7 @@ MISTAKES = {
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
         BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
-        ExitsThree, Unwatchful, SilentFaults,
+        ExitsThree, Unwatchful, SilentFaults, LosesBatches,
     )
 }  # fmt: skip
 
@@ -314,6 +333,7 @@ def strict_fields(message, type_name, check=by_the_page.check):
 
 SOURCES = {
     "AnyToken": TrustingSource,
+    "LosesBatches": BatchSource,
     "KnownPorts": NarrowSource,
     "NoDuplicates": ImpatientSource,
     "ForgivesDuplicates": ForgivingSource,

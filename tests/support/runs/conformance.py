@@ -42,6 +42,7 @@ FOUND_BY = {
     "KnownPorts": ["unread-ports", "oversize"],
     "LastTrigger": ["triggers"],
     "LaterStart": ["start-again"],
+    "LosesBatches": ["batches"],
     "Mistyped": ["content", "replayed-log"],
     "NoDuplicates": ["duplicate", "stale"],
     "NoHandshakes": ["peers-last"],

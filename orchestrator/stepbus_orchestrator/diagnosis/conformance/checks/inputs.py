@@ -10,6 +10,7 @@ from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 
 _SLOW_S = 0.1
+_BATCH = 4
 
 
 @check("P6.2", "it waits for late inputs, reports the source, and publishes the same", inputs=True)
@@ -84,6 +85,24 @@ def inputs_ahead(kit: Kit) -> str:
 
     kit.unchanged("with peers far ahead", play=play)
     return f"peers {kit.steps} steps ahead: the same outputs"
+
+
+@check("P7.6", "inputs of several steps in one message change nothing", inputs=True, plain=True)
+def batches(kit: Kit) -> str:
+    """Publish the outputs of each source in batches, where it says that it takes them."""
+    hello = kit.reference().transcript.hello
+    if hello is None or not hello.batches:
+        raise Skipped("its Hello does not say `batches`; it gets each step by itself")
+
+    def play(harness: Harness) -> None:
+        for source, rows in kit.feed.items():
+            steps = [step for step in rows if step % kit.every(source) == 0]
+            for at in range(0, len(steps), _BATCH):
+                harness.publish_batch(source, {k: rows[k] for k in steps[at : at + _BATCH]})
+        harness.walk({}, 0, kit.steps)
+
+    kit.unchanged("with inputs in batches", play=play)
+    return f"{_BATCH} steps in one message: the same outputs"
 
 
 @check("P6.3", "while an input is absent, it continues or reports a fault", inputs=True, plain=True)

@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Mapping
 
+import msgspec
+
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed
 from stepbus_orchestrator.replay.outputs.recorded import envelope, without_bulk
 from stepbus_participant import stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
+    Batch,
     Description,
     Outputs,
     Start,
@@ -95,6 +98,11 @@ class Harness(Session):
         for port, data in content.items():
             self.publish_content(source, port, step, data)
         self.publish_bytes(source, outputs)
+
+    def publish_batch(self, source: str, rows: Mapping[int, Ports]) -> None:
+        """Publish the outputs of a source at several steps at once; none has bulk content."""
+        entries = [msgspec.Raw(self.outputs(source, step, row)[0]) for step, row in rows.items()]
+        self.publish_bytes(source, encode(Batch(token=self.token, outputs=entries)))
 
     def outputs(
         self, source: str, step: int, ports: Ports, token: str | None = None
