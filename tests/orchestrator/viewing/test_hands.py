@@ -59,7 +59,6 @@ def looked_at(page, watched, point, away):
     with client.atomic():
         client.camera.position = tuple(np.add(point, away))
         client.camera.look_at = tuple(point)
-    watched.page.wait_for_timeout(500)
     size = watched.page.viewport_size
     return size["height"] / 2 / math.tan(client.camera.fov / 2) / math.dist((0, 0, 0), away)
 
@@ -82,23 +81,31 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
         shown.get_by_role("tab", name="Steer").click()
         watched.wait(lambda: shown.get_by_text("put it there").count() > 0, "what can be changed")
         per_m = looked_at(page, watched, (0.0, 2.0, 0.0), (0.0, -2.0, 0.3))
-        mouse.click(550, 300)
-        watched.wait(lambda: "crate" in watched.values(), "the crate to be taken")
-        watched.page.wait_for_timeout(1000)
-        # The arrow along x is to the right.
-        mouse.move(550 + 0.25 * per_m, 300)
-        mouse.down()
-        mouse.move(550 + 0.5 * per_m, 300, steps=8)
-        mouse.up()
-        shown.get_by_text("put it there").click()
-        watched.wait(lambda: shown.get_by_text("plant move_body crate").count() > 0, "the move")
+
+        def is_taken():
+            mouse.click(550, 300)
+            return "crate" in watched.values()
+
+        def is_put():
+            # The arrow along x is to the right; the page may be too busy to have drawn it yet.
+            mouse.move(550 + 0.25 * per_m, 300)
+            mouse.down()
+            mouse.move(550 + 0.5 * per_m, 300, steps=8)
+            mouse.up()
+            shown.get_by_text("put it there").click()
+            said = shown.get_by_text("plant move_body crate")
+            watched.wait(lambda: said.count() > 0, "the move")
+            return float(said.first.inner_text().split("move_body crate ")[1].split()[0]) > 0.1
+
+        watched.wait(is_taken, "the crate to be taken")
+        watched.wait(is_put, "the crate to be put elsewhere")
         shown.get_by_role("button", name="emergency stop (plant)").click()
         watched.wait(lambda: shown.get_by_text("emergency_stop True").count() > 0, "the stop")
         shown.get_by_role("button", name="resume").click()
         watched.wait(lambda: not paused.thread.is_alive(), "the run to end")
         assert not watched.errors
         assert not watched.strangers
-    (move, name, x, y, z, yaw), stop = calls_of(paused.result)
+    *_, (move, name, x, y, z, yaw), stop = calls_of(paused.result)
     assert (move, name) == ("move_body", "crate")
     assert 0.1 < x < 0.5
     assert (y, z, yaw) == pytest.approx((2.0, 0.0, 0.0), abs=0.02)

@@ -1,7 +1,8 @@
 """The page over a recording."""
 
+import numpy as np
 import pytest
-from support.browser import needs_chromium, opened
+from support.browser import Curves, needs_chromium, opened
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
@@ -93,7 +94,10 @@ def test_the_buttons_of_the_page_do_what_they_say(recording, page):
         watched.page.get_by_text("play", exact=True).click()
         watched.wait(lambda: shows("step 60 of 60"), "the end")
         watched.page.get_by_text("Curves", exact=True).click()
-        watched.wait(lambda: watched.page.locator(".u-legend").count() > 0, "the curves")
+        curves = Curves(watched)
+        watched.wait(lambda: curves.has("joint1", "joint2"), "the curves")
+        assert curves.drawn().x == pytest.approx([0.0, 0.3])
+        assert np.ptp(curves.drawn().data[1]) > 0.1
         watched.wait(lambda: watched.colours() > 300, "the arm to be drawn")
         bare = page.address.rsplit("/", 2)[0]
         assert watched.page.request.get(bare).status == 403
