@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 _LAST_PORT = 65535
 
@@ -42,6 +43,12 @@ def number(what: str, least: int) -> Callable[[str], int]:
         return int(text)
 
     return parse
+
+
+def add_recording(parser: argparse.ArgumentParser, more: str = "") -> None:
+    """Declare the recording that a command reads; more: in its help, behind what it is."""
+    text = f"the run.mcap of a run, or its folder{more}"
+    parser.add_argument("recording", type=Path, help=text)
 
 
 def port(text: str) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.report import write_report
-from stepbus_orchestrator.cli.command import Command, add_overrides
+from stepbus_orchestrator.cli.command import Command, add_overrides, add_recording
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
@@ -24,7 +24,7 @@ _PICTURE = "variants.png"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    add_recording(parser)
     parser.add_argument(
         "--at", required=True, metavar="STEP", help="the first live step, or its time, e.g. 6s"
     )

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.command import Command, add_recording
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.viewing.exports import FORMS, Exported, damage_line, export, progress_bar
@@ -11,7 +11,7 @@ from stepbus_schemas import WiringError
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    add_recording(parser)
     parser.add_argument(
         "--parquet",
         type=Path,

@@ -8,14 +8,14 @@ from stepbus_orchestrator.analysis.report.signals_plot import (
     find_signals,
     signal_names,
 )
-from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.command import Command, add_recording
 from stepbus_orchestrator.cli.terminal.output import say
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import ExtraMissing, extra_hint
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    add_recording(parser)
     parser.add_argument(
         "signals",
         nargs="*",

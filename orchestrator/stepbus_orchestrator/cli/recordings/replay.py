@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.cli.command import Command, add_overrides, number
+from stepbus_orchestrator.cli.command import Command, add_overrides, add_recording, number
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
@@ -20,7 +20,7 @@ from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, help="the run.mcap of a run, or its folder")
+    add_recording(parser)
     parser.add_argument("--participant", required=True, metavar="NAME", help="participant to start")
     add_tolerance_arguments(parser)
     add_overrides(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from stepbus_orchestrator.cli.command import Command, add_foxglove, port
+from stepbus_orchestrator.cli.command import Command, add_foxglove, add_recording, port
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
@@ -23,11 +23,7 @@ IsOver = Callable[[], bool]
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "recording",
-        type=Path,
-        help="the run.mcap of a run, or its folder; also of a run that is going",
-    )
+    add_recording(parser, "; also of a run that is going")
     parser.add_argument(
         "ghost", type=Path, nargs="?", help="a second recording, drawn as a ghost beside it"
     )

@@ -49,7 +49,7 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
                 if is_event or rate.passes(topic_of(moment.port), moment.t_ns):
                     conversion.take(moment.port, moment.message, moment.t_ns)
     with replaced(layout) as path:
-        text = json.dumps(layout_of(moving.scene, wanted), indent=2)
+        text = json.dumps(layout_of(moving.scene, moving.latest, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
     return Exported(paths=[target, layout], problems=problems)
 

@@ -74,11 +74,14 @@ def readable(recording: Recording, problems: list[str]) -> list[Port]:
 
 
 class Moving:
-    """The scene of a recording; give it all its moments. period_ns: between two poses."""
+    """The scene of a recording; give it all its moments. period_ns: between two poses.
+
+    latest: the newest messages that it was given.
+    """
 
     def __init__(self, recording: Recording, period_ns: int) -> None:
         self.scene: Scene = build_scene(recording.path, recording.ports, recording.attachments)
-        self._latest: dict[str, Latest] = {}
+        self.latest: dict[str, Latest] = {}
         self._period_ns = period_ns
         self._due_ns = 0
         self._known: dict[str, Pose] = {}
@@ -91,12 +94,12 @@ class Moving:
         """Take a message; return the frames to place now, none before the next is due."""
         if moment.port.topic not in self.scene.topics:
             return {}
-        self._latest[moment.port.topic] = Latest(step=moment.step, message=moment.message)
+        self.latest[moment.port.topic] = Latest(step=moment.step, message=moment.message)
         if moment.t_ns < self._due_ns:
             return {}
         self._due_ns = moment.t_ns + self._period_ns
         shown = self.still()
-        return {n: pose for n, pose in self.scene.poses(self._latest).items() if n in shown}
+        return {n: pose for n, pose in self.scene.poses(self.latest).items() if n in shown}
 
 
 class Rate:

@@ -98,6 +98,10 @@ class _Ros:
     def make(self, type_name: str, **fields: Any) -> Any:
         return self._store.types[type_name](**fields)
 
+    def row(self, type_name: str, suffix: str = "", **fields: Any) -> tuple[str, str, Any]:
+        """Return the end of a topic, the type and the message."""
+        return suffix, type_name, self.make(type_name, **fields)
+
     def bytes_of(self, type_name: str, message: Any) -> bytes:
         return bytes(self._store.serialize_cdr(message, type_name))
 
@@ -181,17 +185,13 @@ def _array(values: Any) -> Any:
 def _joint_state(ros: _Ros, moment: Moment) -> Converted:
     state = moment.message
     if isinstance(state, JointState | JointReference):
-        yield (
-            "",
+        yield ros.row(
             "sensor_msgs/msg/JointState",
-            ros.make(
-                "sensor_msgs/msg/JointState",
-                header=ros.header(moment.t_ns, ""),
-                name=list(moment.port.names),
-                position=_array(state.position),
-                velocity=_array(state.velocity),
-                effort=_array(state.effort if isinstance(state, JointState) else None),
-            ),
+            header=ros.header(moment.t_ns, ""),
+            name=list(moment.port.names),
+            position=_array(state.position),
+            velocity=_array(state.velocity),
+            effort=_array(state.effort if isinstance(state, JointState) else None),
         )
 
 
@@ -211,18 +211,12 @@ def _odometry(ros: _Ros, moment: Moment) -> Converted:
         angular=ros.vector((0.0, 0.0, state.wz)),
     )
     unknown = np.zeros(36)
-    yield (
-        "",
+    yield ros.row(
         "nav_msgs/msg/Odometry",
-        ros.make(
-            "nav_msgs/msg/Odometry",
-            header=ros.header(moment.t_ns, "odom"),
-            child_frame_id="base_link",
-            pose=ros.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
-            twist=ros.make(
-                "geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown
-            ),
-        ),
+        header=ros.header(moment.t_ns, "odom"),
+        child_frame_id="base_link",
+        pose=ros.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
+        twist=ros.make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
     )
 
 
@@ -232,23 +226,20 @@ def _image(ros: _Ros, moment: Moment) -> Converted:
         return
     header = ros.header(moment.t_ns, f"{moment.port.participant}/{moment.port.name}")
     depth = 3 if image.encoding == "rgb8" else 4
-    yield (
-        "",
+    yield ros.row(
         "sensor_msgs/msg/Image",
-        ros.make(
-            "sensor_msgs/msg/Image",
-            header=header,
-            height=image.height,
-            width=image.width,
-            encoding=image.encoding,
-            is_bigendian=0,
-            step=depth * image.width,
-            data=np.frombuffer(image.data, np.uint8),
-        ),
+        header=header,
+        height=image.height,
+        width=image.width,
+        encoding=image.encoding,
+        is_bigendian=0,
+        step=depth * image.width,
+        data=np.frombuffer(image.data, np.uint8),
     )
     (fx, fy), (cx, cy) = image.focal, image.centre
-    yield "/camera_info", "sensor_msgs/msg/CameraInfo", ros.make(
+    yield ros.row(
         "sensor_msgs/msg/CameraInfo",
+        "/camera_info",
         header=header,
         height=image.height,
         width=image.width,
@@ -278,19 +269,15 @@ def _imu(ros: _Ros, moment: Moment) -> Converted:
     # A covariance of -1 at its start says that there is no orientation.
     unknown = np.zeros(9)
     absent = np.array((-1.0, *unknown[1:]))
-    yield (
-        "",
+    yield ros.row(
         "sensor_msgs/msg/Imu",
-        ros.make(
-            "sensor_msgs/msg/Imu",
-            header=ros.header(moment.t_ns, _frame(moment.port)),
-            orientation=ros.quaternion(imu.orientation or (0, 0, 0, 1)),
-            orientation_covariance=unknown if imu.orientation else absent,
-            angular_velocity=ros.vector(imu.angular_velocity),
-            angular_velocity_covariance=unknown,
-            linear_acceleration=ros.vector(imu.linear_acceleration),
-            linear_acceleration_covariance=unknown,
-        ),
+        header=ros.header(moment.t_ns, _frame(moment.port)),
+        orientation=ros.quaternion(imu.orientation or (0, 0, 0, 1)),
+        orientation_covariance=unknown if imu.orientation else absent,
+        angular_velocity=ros.vector(imu.angular_velocity),
+        angular_velocity_covariance=unknown,
+        linear_acceleration=ros.vector(imu.linear_acceleration),
+        linear_acceleration_covariance=unknown,
     )
 
 
@@ -303,8 +290,7 @@ def _wrench(ros: _Ros, moment: Moment) -> Converted:
             torque=ros.vector(found.torque),
         )
         header = ros.header(moment.t_ns, _frame(moment.port))
-        name = "geometry_msgs/msg/WrenchStamped"
-        yield "", name, ros.make(name, header=header, wrench=wrench)
+        yield ros.row("geometry_msgs/msg/WrenchStamped", header=header, wrench=wrench)
 
 
 def _scan(ros: _Ros, moment: Moment) -> Converted:
@@ -312,22 +298,18 @@ def _scan(ros: _Ros, moment: Moment) -> Converted:
     if not isinstance(scan, LaserScan):
         return
     count = len(scan.ranges)
-    yield (
-        "",
+    yield ros.row(
         "sensor_msgs/msg/LaserScan",
-        ros.make(
-            "sensor_msgs/msg/LaserScan",
-            header=ros.header(moment.t_ns, _frame(moment.port)),
-            angle_min=scan.angle_min,
-            angle_max=scan.angle_min + max(0, count - 1) * scan.angle_increment,
-            angle_increment=scan.angle_increment,
-            time_increment=0.0,
-            scan_time=0.0,
-            range_min=scan.range_min,
-            range_max=scan.range_max,
-            ranges=np.array(scan.ranges, np.float32),
-            intensities=np.array(scan.intensities, np.float32),
-        ),
+        header=ros.header(moment.t_ns, _frame(moment.port)),
+        angle_min=scan.angle_min,
+        angle_max=scan.angle_min + max(0, count - 1) * scan.angle_increment,
+        angle_increment=scan.angle_increment,
+        time_increment=0.0,
+        scan_time=0.0,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        ranges=np.array(scan.ranges, np.float32),
+        intensities=np.array(scan.intensities, np.float32),
     )
 
 
@@ -335,9 +317,9 @@ def _text(ros: _Ros, moment: Moment) -> Converted:
     found: Message = moment.message
     name = "std_msgs/msg/String"
     if isinstance(found, Event):
-        yield "", name, ros.make(name, data=f"{found.level}: {found.text}")
+        yield ros.row(name, data=f"{found.level}: {found.text}")
     elif isinstance(found, TextMessage):
-        yield "", name, ros.make(name, data=found.text)
+        yield ros.row(name, data=found.text)
 
 
 _CONVERTERS: Mapping[str, Callable[[_Ros, Moment], Converted]] = {

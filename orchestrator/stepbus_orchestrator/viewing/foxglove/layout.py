@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.viewing.scene import Scene
+from stepbus_orchestrator.viewing.scene import Messages, Scene
 from stepbus_orchestrator.viewing.stage.camera import bounds
 
 from .conversion import WORLD, ConvertedPort, topic_of
 
 
-def layout_of(scene: Scene, ports: Sequence[ConvertedPort]) -> Mapping[str, Any]:
-    """Return the layout of what a scene and ports are converted to."""
+def layout_of(
+    scene: Scene, messages: Messages, ports: Sequence[ConvertedPort]
+) -> Mapping[str, Any]:
+    """Return the layout of what a scene and ports are converted to. messages: place the scene."""
     joints = [port for port in ports if port.type == "JointState/1"]
     images = [port for port in ports if port.type == "Image/1"]
     paths = [
@@ -26,10 +28,16 @@ def layout_of(scene: Scene, ports: Sequence[ConvertedPort]) -> Mapping[str, Any]
         for port in joints
         for index, name in enumerate(port.names)
     ]
-    panels: dict[str, Mapping[str, Any]] = {"3D!scene": _view(scene)}
+    panels: dict[str, Mapping[str, Any]] = {"3D!scene": _view(scene, messages)}
     right: list[str] = []
     if paths:
-        panels["Plot!joints"] = {"paths": paths[:20], "title": "position [rad]", "showLegend": True}
+        panels["Plot!joints"] = {
+            "paths": paths[:20],
+            "title": "position [rad]",
+            "showLegend": True,
+            "legendDisplay": "left",
+            "sidebarDimension": 170,
+        }
         right.append("Plot!joints")
     if images:
         panels["Image!camera"] = {"imageMode": {"imageTopic": topic_of(images[0])}}
@@ -50,9 +58,9 @@ def layout_of(scene: Scene, ports: Sequence[ConvertedPort]) -> Mapping[str, Any]
     }  # fmt: skip
 
 
-def _view(scene: Scene) -> Mapping[str, Any]:
+def _view(scene: Scene, messages: Messages) -> Mapping[str, Any]:
     """Return a 3D panel that shows the whole scene, on a floor, without the names of its frames."""
-    low, high = bounds(scene, {})
+    low, high = bounds(scene, messages)
     size = float(np.linalg.norm(high - low))
     middle = ((low + high) / 2).tolist()
     side = max(3, math.ceil(1.5 * size))

@@ -155,6 +155,18 @@ def test_the_layout_names_topics_that_exist(view):
     assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] in topics
 
 
+def test_the_layout_plots_and_looks_at_the_scene_where_it_is(view):
+    target, _ = view
+    panels = json.loads(target.with_suffix(".layout.json").read_text())["configById"]
+    # Without it, Lichtblick draws no line.
+    assert {p["timestampMethod"] for p in panels["Plot!joints"]["paths"]} == {"receiveTime"}
+    camera = panels["3D!scene"]["cameraState"]
+    (floor,) = panels["3D!scene"]["layers"].values()
+    # The crate has moved 10 mm in each of 199 steps.
+    assert camera["target"][0] == pytest.approx(1.99, abs=0.02)
+    assert 0.1 < camera["distance"] < floor["size"]
+
+
 def test_a_run_of_a_robot_brings_its_description(tmp_path):
     result = stepbus.run("two_link", set=["duration=100ms"], out=tmp_path / "run", in_process=True)
     target = tmp_path / "arm.mcap"
