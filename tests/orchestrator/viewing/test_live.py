@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -111,3 +112,26 @@ def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run
     whole = plain_run.recording.read_bytes()
     (killed / "run.mcap").write_bytes(whole[: len(whole) // 2])
     assert follow(page.server, killed, lambda: False)
+
+
+@pytest.mark.slow
+def test_viewers_that_are_killed_or_interrupted_leave_the_run_alone(tmp_path, plain):
+    paused = Paused(tmp_path / "run", load("two_link", ["duration=1s"]))
+    command = [*STEPBUS, "view", paused.out, "--follow", "--no-open"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as killed, subprocess.Popen(command, **pipes) as other:
+        try:
+            assert [viewer.stdout.readline()[:12] for viewer in (killed, other)] == 2 * [
+                "view: http:/"
+            ]
+            paused.pace.step(3)
+            time.sleep(0.5)
+            killed.kill()
+            paused.pace.step(3)
+            other.send_signal(signal.SIGINT)
+            assert (other.wait(), other.stderr.read()) == (0, "")
+        finally:
+            killed.kill()
+            other.kill()
+            result = paused.end()
+    assert result.sha256 == plain
