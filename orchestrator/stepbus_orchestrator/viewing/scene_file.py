@@ -4,11 +4,12 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import MessageError
 
-from .exports.files import Exported, replaced
+from .exports.files import Exported
 from .scene import Latest, Messages, Scene, build_scene
 from .stage import Stage, open_page
 from .stage.camera import look_at

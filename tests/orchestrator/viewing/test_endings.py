@@ -56,6 +56,21 @@ def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("end", ["png", "svg", "pdf"])
+def test_a_picture_that_does_not_fit_on_the_disk_is_one_sentence(
+    recording, tmp_path, capsys, monkeypatch, end
+):
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    target = tmp_path / f"plot.{end}"
+    words = ["plot", str(recording), "plant.joint_state.position", "--out", str(target)]
+    with files_of_at_most(4096):
+        assert main(words) == 8
+    assert capsys.readouterr().err == f"stepbus: {target} cannot be written: File too large\n"
+    assert list(tmp_path.iterdir()) == []
+    assert main(words) == 0
+    assert target.stat().st_size > 4096
+
+
 @pytest.mark.parametrize("words", [["report"], ["view", "--no-open"], ["view", "--foxglove"]])
 def test_a_recording_of_another_system_has_no_page(recording, tmp_path, capsys, words):
     foreign = tmp_path / "ros2.mcap"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.analysis.findings import findings
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_participant import extra_hint
@@ -19,6 +20,7 @@ from .panels.fields import field_panels
 from .panels.joints import draw_panels, panel_rows
 from .panels.tracking import draw_tracking
 from .profile import profile_lines, profile_panels, read_profiles
+from .signals_plot import drawn
 from .summary import Summary
 
 REPORT_FILE = "report.png"
@@ -91,7 +93,7 @@ def draw_report(
 
     more: panels beside those of the joints, where each has its own.
 
-    Raises ImportError without matplotlib, OSError when it cannot be written.
+    Raises ImportError without matplotlib, RecordingFailed when it cannot be written.
     """
     # Loading matplotlib takes longer than to start a run, and it is an extra.
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
@@ -115,7 +117,8 @@ def draw_report(
         draw_panels(joints, tracking, more)
     elif has_joints:
         draw_tracking(joints, tracking)
-    figure.savefig(target)
+    with replaced(target) as part:
+        part.write_bytes(drawn(figure, "png"))
 
 
 def _draw_devices(figure: Any, panels: Sequence[Panel]) -> None:

@@ -1,11 +1,13 @@
 """Plots any signals of a recording: one panel each, in one picture."""
 
+import io
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
@@ -118,10 +120,22 @@ def _panels(title: str, count: int) -> tuple[Any, Any]:
 
 
 def _save(figure: Any, target: Path | BinaryIO) -> None:
-    try:
+    if not isinstance(target, Path):
         figure.savefig(target)
-    except (OSError, ValueError) as exc:
+        return
+    try:
+        picture = drawn(figure, target.suffix[1:] or "png")
+    except ValueError as exc:
         raise RecordingFailed(f"{target} cannot be written: {exc}") from exc
+    with replaced(target) as part:
+        part.write_bytes(picture)
+
+
+def drawn(figure: Any, form: str) -> bytes:
+    """Return a figure as a file of a format, such as `png`; raises ValueError for another."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format=form)
+    return stream.getvalue()
 
 
 def _draw(axis: Any, signal: PlottedSignal) -> None:

@@ -2,7 +2,7 @@
 
 from .columns import CLOCK, Column, Table
 from .every import FORMS, damage_line, export
-from .files import Exported, check_readable, replaced, unreadable
+from .files import Exported, check_readable, unreadable
 from .progress import progress_bar
 
 __all__ = [
@@ -15,6 +15,5 @@ __all__ = [
     "damage_line",
     "export",
     "progress_bar",
-    "replaced",
     "unreadable",
 ]

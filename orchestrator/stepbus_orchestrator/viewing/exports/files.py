@@ -1,8 +1,6 @@
-"""Files of an export: nobody sees half of one."""
+"""What an export wrote, and what it could not."""
 
-import contextlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,23 +37,3 @@ def nothing_to_export(recording: Recording, done: str = "exported") -> Recording
 def unreadable(port: Port, exc: StepbusError) -> str:
     """Return why a port is not shown, without the list of all types that are known."""
     return f"{port.topic}: {str(exc).partition('; known:')[0]}"
-
-
-@contextmanager
-def replaced(target: Path) -> Iterator[Path]:
-    """Yield a file beside `target` to write, which takes its name at the end.
-
-    Raises RecordingFailed when it cannot be written; then it is gone.
-    """
-    part = target.with_name(f".{target.name}.part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        yield part
-        part.replace(target)
-    except RecordingFailed:
-        raise
-    except OSError as exc:
-        raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()

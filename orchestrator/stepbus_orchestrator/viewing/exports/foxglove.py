@@ -8,13 +8,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.viewing.foxglove.conversion import PER_S, SHOWN, Conversion, topic_of
 from stepbus_orchestrator.viewing.foxglove.layout import layout_of
 from stepbus_participant import need
 
-from .files import Exported, replaced
+from .files import Exported
 from .moments import NS, Moving, Rate, moments, readable
 from .progress import Reached
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.viewing.scene import Pose
 from stepbus_participant import need
@@ -25,7 +26,7 @@ from stepbus_schemas import (
     Wrench,
 )
 
-from .files import Exported, replaced
+from .files import Exported
 from .moments import NS, Moment, Moving, moments, readable
 from .progress import Reached
 

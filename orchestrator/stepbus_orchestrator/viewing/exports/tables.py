@@ -11,13 +11,14 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Recording
 from stepbus_participant import need
 from stepbus_schemas import StepbusError
 
 from .columns import CLOCK, Cells, Column, Table
-from .files import Exported, nothing_to_export, replaced, unreadable
+from .files import Exported, nothing_to_export, unreadable
 from .progress import Reached
 
 _GROUP_ROWS = 100_000

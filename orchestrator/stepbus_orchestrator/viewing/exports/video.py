@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.viewing.render import Painter, Pixels, parse_viewpoint, pixels_of
@@ -17,7 +18,7 @@ from stepbus_orchestrator.viewing.scene_file import latest_messages
 from stepbus_participant import need
 from stepbus_schemas import Image, StepbusError, WiringError
 
-from .files import Exported, replaced
+from .files import Exported
 from .progress import Reached
 
 FRAMES_PER_S = 25

@@ -11,9 +11,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.viewing.exports import replaced
 from stepbus_orchestrator.viewing.render import pixels_of
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import Image, StepbusError
