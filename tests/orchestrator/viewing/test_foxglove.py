@@ -15,7 +15,7 @@ import pytest
 from foxglove.messages import CompressedImage
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from support.messages.recordings import write
-from support.runs.paused import Paused
+from support.paused import Paused
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 from support.browser import needs_chromium, opened
-from support.runs.paused import Paused, followed
+from support.paused import Paused, followed
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording

@@ -11,7 +11,7 @@ import time
 import psutil
 import pytest
 from support.browser import Curves, needs_chromium, opened
-from support.runs.paused import Paused
+from support.paused import Paused
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
