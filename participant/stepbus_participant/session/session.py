@@ -193,7 +193,9 @@ class Session:
             self._control.enter(_AFTER_THE_RUN)
             while self._control.wait(_STOP_WAIT_S):
                 continue
-        except (Stopped, OrchestratorLost):
+        except (Stopped, OrchestratorLost, Terminated):
+            # Who is to blame is not waited for: a SIGTERM may come before the stop. What it printed
+            # last has to be its own error.
             return
 
 

@@ -1,11 +1,14 @@
 """When a participant ends, whatever is still under way to it."""
 
+import signal
+
 import msgspec
 import pytest
 from support.messages.scripted_bus import TOKEN, command, run_plant, stop
 
 from stepbus_participant import Participant
-from stepbus_schemas import JointCommand, JointState, Trigger
+from stepbus_participant.session.session import Terminated
+from stepbus_schemas import JointCommand, JointState, RunError, Trigger
 
 
 class Plant(Participant):
@@ -63,3 +66,22 @@ def test_an_input_that_comes_before_its_trigger_is_kept():
 def test_an_input_of_a_step_that_is_never_released_is_not_read():
     broken = "out/controller", msgspec.msgpack.encode({"token": TOKEN, "step": "one"})
     assert follow(command(0), broken, later=[stop(1)]) == [0]
+
+
+class Failing(Plant):
+    def update(self, step):
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        raise ValueError("the knee")
+
+
+def test_a_sigterm_before_the_stop_does_not_hide_why_a_participant_failed(capsys):
+    def terminate(_signal, _frame):
+        raise Terminated("ended by SIGTERM")
+
+    before = signal.signal(signal.SIGALRM, terminate)
+    try:
+        with pytest.raises(RunError, match="step 0: the knee"):
+            run_plant(Failing, command(0), later=[])
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert capsys.readouterr().err.endswith("ValueError: the knee\n")

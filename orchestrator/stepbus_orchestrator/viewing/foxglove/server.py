@@ -11,6 +11,7 @@ import asyncio
 import base64
 import contextlib
 import json
+import logging
 import secrets
 import socket
 import struct
@@ -273,10 +274,8 @@ def _closed() -> type[Exception]:
     return found
 
 
-def _silent() -> Any:
+def _silent() -> logging.Logger:
     """Return a logger that says nothing: who does not speak the protocol is refused, no more."""
-    import logging  # noqa: PLC0415  (the only one)
-
     logger = logging.getLogger("stepbus.foxglove")
     logger.addHandler(logging.NullHandler())
     logger.propagate = False
