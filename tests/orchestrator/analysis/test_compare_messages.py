@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from stepbus_orchestrator.analysis.comparison import FieldTolerance, PortComparison, Tolerance
-from stepbus_schemas import JointCommand, JointState, encode
+from stepbus_schemas import JointCommand, JointState, Poses, encode
 
 TOPIC = "controller/command"
 
@@ -126,3 +126,14 @@ def test_a_type_of_another_version_is_compared_all_the_same():
     first, second = (msgspec.msgpack.encode({"deep": {"a": [n]}}) for n in (1, 2))
     found = compared(first, second, type_name="Later/3").divergence
     assert (found.field, found.first, found.second) == ("deep.a[0]", 1, 2)
+
+
+def test_a_tolerance_holds_for_each_number_of_a_point():
+    def poses(*position):
+        return encode(Poses(position=[position], orientation=[(0.0, 0.0, 0.0, 1.0)]))
+
+    first, near, far = poses(1.0, 2.0, 3.0), poses(1.0, 2.0000001, 3.0), poses(1.0, 2.1, 3.0)
+    rules = {("*", "*"): FieldTolerance(abs=1e-6)}
+    assert compared(first, near, rules, "Poses/1").within == 1
+    found = compared(first, far, rules, "Poses/1").divergence
+    assert (found.field, found.first, found.second) == ("position[0][1]", 2.0, 2.1)

@@ -270,8 +270,10 @@ class BatchSource(Source):
     """Takes the last step of a batch only, as if it were the one that is due."""
 
     def take(self, data):
-        message = by_the_page.unpack(data)
-        if "outputs" not in message:
+        message = None
+        with contextlib.suppress(Malformed):
+            message = by_the_page.unpack(data)
+        if not isinstance(message, dict) or "outputs" not in message:
             super().take(data)
             return
         last = message["outputs"][-1]

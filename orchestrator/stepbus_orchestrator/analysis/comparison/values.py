@@ -30,7 +30,7 @@ def differences(
     if isinstance(one, dict) and isinstance(other, dict):
         for key in dict.fromkeys((*one, *other)):
             yield from differences(f"{path}.{key}", one.get(key), other.get(key), tolerance)
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+    elif _is_array(one) and _is_array(other) and len(one) == len(other):
         for index, (a, b) in enumerate(zip(one, other, strict=True)):
             yield from differences(f"{path}[{index}]", a, b, tolerance)
     elif not _same(one, other):
@@ -49,6 +49,11 @@ def short(value: Any) -> str:
     """Return a value as text that fits into a line or two."""
     text = repr(value)
     return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}…"
+
+
+def _is_array(value: Any) -> bool:
+    # A point or a quaternion is a tuple.
+    return isinstance(value, list | tuple)
 
 
 def _same(one: Any, other: Any) -> bool:

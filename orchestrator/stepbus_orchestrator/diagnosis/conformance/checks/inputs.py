@@ -93,13 +93,20 @@ def batches(kit: Kit) -> str:
     hello = kit.reference().transcript.hello
     if hello is None or not hello.batches:
         raise Skipped("its Hello does not say `batches`; it gets each step by itself")
+    specs = kit.material.scenario.participants
+    bulk = {spec.name for spec in specs if any(o.bulk for o in spec.outputs.values())}
+    alone = {name: rows for name, rows in kit.feed.items() if name in bulk}
+    if len(alone) == len(kit.feed):
+        raise Skipped("all of its sources have bulk ports, and publish each step by itself")
 
     def play(harness: Harness) -> None:
         for source, rows in kit.feed.items():
+            if source in alone:
+                continue
             steps = [step for step in rows if step % kit.every(source) == 0]
             for at in range(0, len(steps), _BATCH):
                 harness.publish_batch(source, {k: rows[k] for k in steps[at : at + _BATCH]})
-        harness.walk({}, 0, kit.steps)
+        harness.walk(alone, 0, kit.steps)
 
     kit.unchanged("with inputs in batches", play=play)
     return f"{_BATCH} steps in one message: the same outputs"
