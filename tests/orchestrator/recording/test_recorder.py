@@ -2,6 +2,7 @@
 
 import msgspec
 import pytest
+from mcap.reader import make_reader
 from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed
@@ -140,3 +141,14 @@ def test_a_broken_closing_message_fails_and_leaves_a_complete_recording(recorder
     with pytest.raises(ParticipantFault, match=r"step 0 \(t = 0.000 s\): plant.events is"):
         recorder.finish(0, ["plant", "controller"])
     assert schedule(path) == "controller/command@0 stepbus/chain@0"
+
+
+def test_a_step_at_which_nobody_publishes_is_no_part_of_the_file(path):
+    file = McapFile(path)
+    channel = file.add_channel("plant/events", "Event/1", {})
+    file.add(channel, 1, WARNING, 0)
+    file.add_all([], 10**9, 5)
+    file.close()
+    with path.open("rb") as opened:
+        summary = make_reader(opened).get_summary()
+    assert summary.statistics.message_end_time == summary.chunk_indexes[0].message_end_time == 1

@@ -3,7 +3,7 @@
 import contextlib
 import errno
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,8 +81,11 @@ class McapFile:
         """Write one message."""
         self.add_all([(channel, data)], t_ns, sequence)
 
-    def add_all(self, messages: Iterable[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
+    def add_all(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
         """Write messages of one time, (channel, content) each, in their order."""
+        if not messages:
+            # Nobody has published at this step: its time is no part of the chunk.
+            return
         # Called for every step: the context manager would take longer than the rest.
         if self._closed or self._failed is not None:
             raise self._refusal()
