@@ -22,7 +22,9 @@ class SignalReaper(Silent):
     def progress(self, progress):
         if self.reaper is None:
             children = psutil.Process().children()
-            (self.reaper,) = [c for c in children if "reaper.py" in " ".join(c.cmdline())]
+            # A child of another test in this process may be a zombie, which has no command line.
+            living = [c for c in children if c.status() != psutil.STATUS_ZOMBIE]
+            (self.reaper,) = [c for c in living if "reaper.py" in " ".join(c.cmdline())]
             self.reaper.send_signal(self._number)
 
 
