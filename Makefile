@@ -1,10 +1,11 @@
-.PHONY: help demo test test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign clean setup
+.PHONY: help demo test fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign clean setup
 
 PYTHON := .venv/bin/python
 
 help:
 	@echo "make demo       run the two-link arm for 10 s and plot it"
 	@echo "make test       run the tests that are quick"
+	@echo "make fresh      both in an empty clone, as on a machine with Python, make and git only"
 	@echo "make test-unit  run those of them that start no process, in under a minute"
 	@echo "make test-slow  run the others"
 	@echo "make coverage   run the quick tests and show which lines they execute"
@@ -25,21 +26,25 @@ demo: setup
 # three of the quick ones: many wait for a deadline, or for a process to start.
 WORKERS := 2
 
-test: WORKERS := 3
+test test-slow: WORKERS := 3
 test: setup
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
+
+# The commands above as a stranger runs them; `make fresh FRESH=--help` has the options.
+fresh:
+	@python3 scripts/fresh.py $(FRESH)
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit
 
-# Properties run on fresh examples too; `make test-slow FRESH=` leaves that out, for the same verdict
+# Properties run on fresh examples too; `make test-slow FRESH_EXAMPLES=` leaves that out, for the same verdict
 # everywhere.
-FRESH := --fresh-examples
+FRESH_EXAMPLES := --fresh-examples
 
 # pytest exits with 5 where there are no such tests.
 test-slow: setup
 	@$(PYTHON) -m pytest -m slow -n $(WORKERS) --dist worksteal || [ $$? -eq 5 ]
-	@[ -z "$(FRESH)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH) --timeout 1200
+	@[ -z "$(FRESH_EXAMPLES)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH_EXAMPLES) --timeout 1200
 
 chaos: setup
 	@$(PYTHON) -m pytest -m slow tests/orchestrator/faults/test_chaos.py

@@ -1,7 +1,7 @@
-#!/usr/bin/env bash
+#!/bin/sh
 # Make .venv hold what pyproject.toml asks for, at the versions of constraints.txt.
-# Does nothing when it does already.
-set -euo pipefail
+# Does nothing when it does already. POSIX sh: not every machine has bash.
+set -eu
 cd "$(dirname "$0")/.."
 
 venv=.venv
@@ -41,10 +41,14 @@ fi
 
 echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, once)"
 log=$venv/setup.log
-if ! "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    -c constraints.txt -e '.[dev]' 2>&1 | tee "$log" |
+failed=$venv/setup.failed  # a pipe has the exit code of its last command only
+rm -f "$failed"
+{
+    "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+        -c constraints.txt -e '.[dev]' 2>&1 || touch "$failed"
+} | tee "$log" |
     sed -u -n -e 's/^Collecting \([^ <>=~!]*\).*/  found \1/p' -e 's/^Installing collected.*/  unpacking/p'
-then
+if [ -e "$failed" ]; then
     tail -n 15 "$log" >&2
     echo "installing failed; the whole output is in $log" >&2
     exit 1

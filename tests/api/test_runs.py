@@ -135,6 +135,7 @@ def test_describe_lists_the_ports():
     assert (plant.participant, plant.outputs[0].joints[0].name) == ("plant", "joint1")
 
 
+@pytest.mark.slow
 def test_verify_keeps_only_what_differs(tmp_path):
     found = stepbus.verify("two_link", runs=2, set=SHORT, keep=tmp_path / "kept")
     assert (found.failed, found.different) == (None, None)

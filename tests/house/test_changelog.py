@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from support.paths import CHECKOUT
+from support.tools import needs
 
 SCRIPT = CHECKOUT / "scripts/check_changelog.py"
 
@@ -21,6 +22,7 @@ def _check(folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
+    needs("git")
     (tmp_path / "schemas").mkdir()
     (tmp_path / "schemas/code.py").write_text("one = 1\n")
     (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## Unreleased\n\n- one\n\n## 0.1\n")

@@ -117,6 +117,7 @@ def bounds() -> set[str]:
     return set(re.findall(r"^- \*\*([^*]+)\*\*:", PAGE.read_text(), re.MULTILINE))
 
 
+@pytest.mark.slow
 def test_every_wait_is_listed_with_its_deadline():
     assert sorted(set(found()) - set(listed())) == []
 

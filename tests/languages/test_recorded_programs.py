@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from support.tools import needs
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
@@ -91,12 +92,6 @@ def written(folder, command, **texts):
 
 def laws(*names):
     return {name: LAW[name] for name in names}
-
-
-def needs(*programs):
-    for program in programs:
-        if shutil.which(program) is None:
-            pytest.skip(f"{program} is not installed")
 
 
 def perl(folder):

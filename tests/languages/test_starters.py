@@ -1,12 +1,10 @@
 """`stepbus new`: what it writes runs, in each language, in a folder of its own."""
 
-import os
 import re
-import shutil
 import subprocess
 
 import pytest
-from support.paths import CHECKOUT
+from support.tools import needs, tracked
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
@@ -15,22 +13,14 @@ from stepbus_orchestrator.diagnosis.conformance import conformance, select
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
 
-TOOLS = {"c": "make", "java": "java", "js": "node", "octave": "octave-cli", "rust": "cargo"}
+TOOLS = {"c": ("make", "cc"), "java": ("javac",), "js": ("node",), "octave": ("octave-cli",)}
 # Zenoh builds for minutes, in the tests of the Rust example; Python runs in test_cli_commands.py.
 QUICK = sorted(set(STARTERS) - {"python", "rust"})
 
 
-def tracked(folder: str) -> set[str]:
-    """Return the files below a folder of the checkout that no build has made."""
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", folder]
-    said = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=True)
-    return {os.path.relpath(line, folder) for line in said.stdout.splitlines()}
-
-
 @pytest.mark.parametrize("language", QUICK)
 def test_a_starter_runs_as_it_is(language, tmp_path):
-    if shutil.which(TOOLS[language]) is None:
-        pytest.skip(f"{TOOLS[language]} is not installed")
+    needs(*TOOLS[language])
     write_starter(tmp_path / "arm", language)
     build = STARTERS[language].build.format(folder=tmp_path / "arm")
     subprocess.run(build, shell=True, check=True, capture_output=True)
@@ -47,6 +37,7 @@ def conforms(tmp_path, language, checks=()):
     return {check.name: check.observed for check in report.checks if check.outcome != "pass"}
 
 
+@pytest.mark.slow
 def test_the_python_starter_knows_joints_by_name_and_absent_inputs(tmp_path):
     assert conforms(tmp_path, "python", ["joint-order", "delayed", "port-types"]) == {}
 

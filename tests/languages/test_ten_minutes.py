@@ -1,10 +1,10 @@
 """The ten minutes of docs/guide/getting_started.md, as written there."""
 
 import re
-import shutil
 
 import pytest
 from support.paths import DOCS
+from support.tools import needs
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
@@ -42,8 +42,7 @@ def edit_js(text: str) -> str:
     ],
 )
 def test_the_edit_of_the_page_takes_the_sag_away(language, tool, file, edit, tmp_path):
-    if shutil.which(tool) is None:
-        pytest.skip(f"{tool} is not installed")
+    needs(tool)
     write_starter(tmp_path / "my_arm", language)
     path = tmp_path / "my_arm" / file
     path.write_text(edit(path.read_text()))

@@ -81,6 +81,7 @@ def test_every_law_takes_its_gains(tmp_path, scenario):
     assert (found[AT] != before[AT]).any()
 
 
+@pytest.mark.slow
 def test_what_is_steered_is_repeated_and_branched(tmp_path):
     calls = [
         ("controller", "set", "kp", 400),
@@ -171,6 +172,7 @@ def test_the_feed_forward_is_the_torque_of_the_acceleration(plain, tmp_path):
     assert difference == pytest.approx(0.5 * reference(plain).acceleration[0])
 
 
+@pytest.mark.slow
 def test_a_second_terminal_steers_a_run_of_processes(tmp_path, capsys):
     out, pace = tmp_path / "out", Pace(AT)
     words = [

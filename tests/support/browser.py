@@ -7,8 +7,6 @@ import time
 import types
 
 import pytest
-from PIL import Image
-from playwright.sync_api import sync_playwright
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 _FLAGS = [
@@ -39,7 +37,9 @@ class Watched:
 
     def colours(self):
         """Return how many colours the page shows now."""
-        image = Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
+        image = (
+            pytest.importorskip("PIL.Image").open(io.BytesIO(self.page.screenshot())).convert("RGB")
+        )
         return len(image.getcolors(maxcolors=1 << 24))
 
     def values(self):
@@ -94,7 +94,7 @@ class Curves:
 @contextlib.contextmanager
 def opened(address, width=800, height=600):
     """Yield an address of ours in Chromium, watched."""
-    with sync_playwright() as playwright:
+    with pytest.importorskip("playwright.sync_api").sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_FLAGS)
         try:
             watched = Watched(browser.new_page(viewport={"width": width, "height": height}))

@@ -34,8 +34,10 @@ def main(factory: Factory) -> int:
     try:
         take_part(factory, host.ticket, host.bus)
     except (StepbusError, KeyboardInterrupt) as exc:
+        _take_no_more_signals()
         return _report(f"{host.ticket.name}: {exc or type(exc).__name__}", 1)
     finally:
+        _take_no_more_signals()
         # A process with an open session and a callback hangs at its exit (P2.6).
         host.bus.close()
     return 0
@@ -89,7 +91,18 @@ def _classes(factory: Factory) -> list[type[Message]]:
 
 
 def _terminate(_signal: int, _frame: FrameType | None) -> None:
+    _take_no_more_signals()
     raise Terminated("ended by SIGTERM")
+
+
+def _take_no_more_signals() -> None:
+    """From here on, a SIGTERM cuts off neither the closing nor the error that is being printed."""
+    if signal.getsignal(signal.SIGTERM) is _terminate:
+        signal.signal(signal.SIGTERM, _ignore)
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Do nothing; unlike SIG_IGN, programs that are started meanwhile do not inherit it."""
 
 
 def _report(sentence: str, code: int) -> int:

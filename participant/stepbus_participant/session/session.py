@@ -1,5 +1,6 @@
 """One participant's part in a run, from its `Welcome` to its last log."""
 
+import contextlib
 import sys
 import traceback
 from collections.abc import Callable
@@ -175,7 +176,18 @@ class Session:
         return PeerFault(source.source, f"{where}: {exc.text}")
 
     def _report(self, exc: Exception) -> None:
-        """Report the fault to the orchestrator, and wait for its stop (P10.1)."""
+        """Report the fault to the orchestrator, and wait for its stop (P10.1).
+
+        Who is to blame is not waited for: a SIGTERM may come before the stop, even while this
+        reports. What the process printed last has to be its own error.
+        """
+        with contextlib.suppress(Stopped, OrchestratorLost, Terminated):
+            self._tell(exc)
+            self._control.enter(_AFTER_THE_RUN)
+            while self._control.wait(_STOP_WAIT_S):
+                continue
+
+    def _tell(self, exc: Exception) -> None:
         if isinstance(exc, InvalidInput) and exc.port in self._welcome.inputs:
             exc = self._peer_fault(exc)
         fault = Fault(
@@ -189,14 +201,6 @@ class Session:
         )
         sys.stderr.write(fault.traceback)
         self._put_fault(encode(fault))
-        try:
-            self._control.enter(_AFTER_THE_RUN)
-            while self._control.wait(_STOP_WAIT_S):
-                continue
-        except (Stopped, OrchestratorLost, Terminated):
-            # Who is to blame is not waited for: a SIGTERM may come before the stop. What it printed
-            # last has to be its own error.
-            return
 
 
 def _sentence(exc: Exception) -> str:

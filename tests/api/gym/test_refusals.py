@@ -35,7 +35,7 @@ def nothing(_moment):
         ({"set": {"controller.params.kp": [1]}, "faults": ["kill plant at 3"]}, "kill plant at 3"),
         ({"set": {"plant.nonsense": 1}}, "nonsense"),
         ({"duration": "5"}, "duration"),
-        ({"set": {"mission.exec": ["octave", "m.m"]}}, "an environment runs in one process"),
+        ({"set": {"mission.exec": ["sh", "m.sh"]}}, "an environment runs in one process"),
     ],
 )
 def test_what_cannot_be_an_environment(options, sentence):

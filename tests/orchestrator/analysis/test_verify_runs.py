@@ -34,6 +34,7 @@ def racy(tmp_path):
     return [str(path), "--set", "controller.exec=[python, racy.py]", "--set", SHORT]
 
 
+@pytest.mark.slow
 def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
     scenario, reported = load("two_link", [SHORT]), []
     trials = plan(scenario, 3, 0, in_process=True)
@@ -44,13 +45,12 @@ def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
     assert [trial.delays > 0 for trial in reported] == [False, True, True, False]
 
 
-def test_the_command_prints_a_line_per_run_and_leaves_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+def test_the_command_prints_a_line_per_run_and_leaves_nothing(own_temp, capsys):
     assert cli.main(["verify", "two_link", "-n", "2", "--set", SHORT]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("run 1 of 2: window 64, unix, started plant controller mission,")
     assert lines[2] == "2 runs of 20 steps, one result"
-    assert list(tmp_path.iterdir()) == []
+    assert list(own_temp.iterdir()) == []
 
 
 def test_a_participant_that_is_not_deterministic_is_caught_and_its_runs_are_kept(

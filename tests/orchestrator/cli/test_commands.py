@@ -122,7 +122,15 @@ def test_a_negative_number_of_steps_is_refused(capsys):
     assert "'-3' is not a number of steps" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        pytest.param("<&-", marks=pytest.mark.slow),
+        pytest.param(">&-", marks=pytest.mark.slow),
+        pytest.param("2>&-", marks=pytest.mark.slow),
+        "<&- >&- 2>&-",
+    ],
+)
 def test_closed_standard_streams_are_no_mistake(tmp_path, closed):
     path = write_scenario(tmp_path / "source")
     words = [sys.executable, "-m", "stepbus_orchestrator.cli", "run", str(path), "--no-report"]

@@ -93,7 +93,7 @@ def test_a_run_whose_output_cannot_be_written_keeps_its_code_and_says_so(tmp_pat
     assert (code, errors, result_of(tmp_path)["exit_code"]) == (0, sentence, 0)
 
 
-@pytest.mark.parametrize("pair", [os.pipe, os.openpty])
+@pytest.mark.parametrize("pair", [os.pipe, pytest.param(os.openpty, marks=pytest.mark.slow)])
 def test_a_run_whose_output_nobody_reads_ends_by_itself(tmp_path, run_words, pair):
     with unread(pair) as stream:
         code, errors = ended([*run_words, "--no-report"], stream)
@@ -164,10 +164,18 @@ def test_a_signal_that_a_callback_swallows_ends_the_report_all_the_same(
     assert "no plots  the report was interrupted" in done.stdout
 
 
+ON_TERMINAL = """
+import fcntl, os, sys, termios
+os.setsid()
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
 def test_a_terminal_that_is_closed_ends_the_run_cleanly(tmp_path, run_words):
     master, slave = os.openpty()
     run_words.remove("--in-process")
-    words = ["setsid", "--ctty", *run_words, "--set", "duration=1000s"]
+    words = [sys.executable, "-c", ON_TERMINAL, *run_words, "--set", "duration=1000s"]
     process = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave)
     os.close(slave)
     recording = tmp_path / "out" / "run.mcap"
@@ -193,8 +201,9 @@ def test_what_runs_nothing_waits_for_its_reader_as_long_as_it_takes():
     with os.fdopen(read, "rb") as stream:
         content = stream.read(200_000)
     writer.join(30)
-    os.close(write)
     assert (len(content), outlet.is_incomplete, outlet.failure) == (200_000, False, 0)
+    outlet.write(b"x")  # The reader has gone, which ends the outlet's thread.
+    os.close(write)
 
 
 def test_output_is_written_though_no_thread_can_start(monkeypatch):

@@ -42,7 +42,7 @@ def small_disk(tmp_path):
         subprocess.run(["umount", disk], check=True)
 
 
-@pytest.mark.parametrize("size", ["1800k", "2500k"])
+@pytest.mark.parametrize("size", ["1800k", pytest.param("2500k", marks=pytest.mark.slow)])
 def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     disk = small_disk(size)
     command = [STEPBUS, "run", "two_link", "--in-process", "--set", "duration=1000s", "--no-report"]
@@ -62,6 +62,7 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     }
 
 
+@pytest.mark.slow
 def test_a_full_disk_has_room_for_the_index_of_a_long_recording(small_disk, monkeypatch):
     # Of 64 KiB, the chunks of 10⁷ steps would have as large an index.
     monkeypatch.setattr(layout, "CHUNK_BYTES", 100)
@@ -161,6 +162,7 @@ class Changer(Silent):
             self.pace.resume()
 
 
+@pytest.mark.slow
 def test_the_command_says_that_a_recording_was_changed(tmp_path):
     freeze = ["--fault", "freeze controller at 200 for 2s"]
     process, recording = start(tmp_path, "--no-report", "--set", "duration=2s", *freeze)

@@ -11,6 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 from support.runs.kernel import scenario
+from support.surroundings import comes_true, has_ended
 
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Child
@@ -59,7 +60,7 @@ def test_what_a_process_has_started_ends_with_it(start, tmp_path):
     assert child.wait(20.0)
     sleeper = psutil.Process(int((tmp_path / "log").read_text()))
     child.end()
-    assert sleeper.wait(20.0) is None
+    assert comes_true(lambda: has_ended(sleeper))
     assert child.exit_code() == 0
 
 

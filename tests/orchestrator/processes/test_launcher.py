@@ -4,12 +4,16 @@ import errno
 import signal
 import subprocess
 
-import psutil
 from support.runs.joints import leftovers, run_joints
+from support.surroundings import living_children
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import reaping
 from stepbus_orchestrator.run.reports.progress import Silent
+
+
+def is_reaper(process):
+    return "reaper.py" in " ".join(process.cmdline())
 
 
 class SignalReaper(Silent):
@@ -17,14 +21,13 @@ class SignalReaper(Silent):
 
     def __init__(self, number):
         self._number = number
+        self._before = living_children()
         self.reaper = None
 
     def progress(self, progress):
         if self.reaper is None:
-            children = psutil.Process().children()
-            # A child of another test in this process may be a zombie, which has no command line.
-            living = [c for c in children if c.status() != psutil.STATUS_ZOMBIE]
-            (self.reaper,) = [c for c in living if "reaper.py" in " ".join(c.cmdline())]
+            # Another test in this process may have left one that is still ending.
+            (self.reaper,) = [c for c in living_children() - self._before if is_reaper(c)]
             self.reaper.send_signal(self._number)
 
 

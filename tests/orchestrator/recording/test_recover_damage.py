@@ -58,6 +58,7 @@ def test_recordings_of_other_writers_keep_all_their_messages(two_link_recording,
     assert messages(recovery.target) == messages(two_link_recording)
 
 
+@pytest.mark.slow
 def test_a_cut_at_and_beside_every_record_loses_no_whole_record(chunked, tmp_path):
     data, original = chunked.read_bytes(), messages(chunked)
     kept = 0

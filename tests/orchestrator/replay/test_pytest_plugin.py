@@ -39,6 +39,7 @@ def logs(pytester, two_link_recording):
     return pytester
 
 
+@pytest.mark.slow
 def test_a_test_runs_once_for_each_log(logs):
     logs.makepyfile(EQUAL)
     result = logs.runpytest_inprocess("-v", *PLUGIN)

@@ -127,6 +127,7 @@ def test_json_is_all_that_is_printed(recorded, tmp_path, capsys):
     assert answer["recorded_sha256"] == answer["result"]["sha256"]
 
 
+@pytest.mark.slow
 def test_without_a_folder_the_new_run_is_named_after_the_old_one(recorded, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert [cli.main(["rerun", str(recorded)]) for _ in range(2)] == [0, 0]

@@ -77,6 +77,7 @@ def test_a_cut_recording_runs_again_and_the_damage_is_noted(tmp_path):
     assert again.result.recording.read_bytes() == recorded.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
     recorded = run_joints(tmp_path, fault("controller", "controller", "raise", 7), in_process=True)
     again = Preparation(recorded.recording, tmp_path / "again").run()
@@ -95,6 +96,7 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
     assert f"the orchestrator ran with mcap 0.1, now it is {now['mcap']}" in notes
 
 
+@pytest.mark.slow
 def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path):
     origin = read_origin(two_link_recording)
     plant = dict.fromkeys(origin.versions["plant"], "0.1")

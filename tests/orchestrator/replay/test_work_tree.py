@@ -4,6 +4,7 @@ import json
 import shutil
 
 import pytest
+from support.tools import needs
 
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
@@ -139,8 +140,7 @@ def test_a_program_of_ones_own_may_be_bridged(project, capsys):
     write_starter(project / "c_arm", "js")
     recording = record(project / "arm", project / "other", "duration=20ms")
     program = ["node", str(project / "c_arm/controller.mjs")]
-    if shutil.which("node") is None:
-        pytest.skip("node is not installed")
+    needs("node")
     assert replay(recording, "controller", program=program, bridge="json").steps == 4
     words = ["replay", str(project / "other"), *REPLAY, "--abs", "1e-9", "--bridge", "json"]
     assert cli.main([*words, "--exec", *program]) == 0

@@ -3,12 +3,11 @@
 import pytest
 from support.runs.joints import run_joints
 
-OPTIONS = [
-    ("window=1", "batch=1"),
+OPTIONS = [("window=1", "batch=1"), ("bus.transport=tcp",)]
+MORE = [
     ("window=2", "batch=1"),
     ("window=7", "batch=3"),
     ("window=64",),
-    ("bus.transport=tcp",),
     ("bus.low_latency=false",),
 ]
 
@@ -18,7 +17,11 @@ def reference(tmp_path_factory):
     return run_joints(tmp_path_factory.mktemp("reference"), in_process=True)
 
 
-@pytest.mark.parametrize("overrides", OPTIONS, ids="_".join)
+@pytest.mark.parametrize(
+    "overrides",
+    [*OPTIONS, *(pytest.param(options, marks=pytest.mark.slow) for options in MORE)],
+    ids="_".join,
+)
 def test_the_recording_does_not_depend_on_how_it_was_run(tmp_path, reference, overrides):
     result = run_joints(tmp_path, *overrides)
     assert (result.exit_code, result.sha256) == (0, reference.sha256)

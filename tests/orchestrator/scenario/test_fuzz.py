@@ -38,7 +38,7 @@ VALUES = [*SCALARS, [], {}, [None], [[]], *MAPS]
 ODD = st.sampled_from(VALUES)
 ENCODABLE = st.characters(codec="utf-8")
 FUZZ = settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30)
+    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(15)
 )
 SERVICES = """\
 name: services

@@ -255,6 +255,50 @@ def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
     assert len({(tmp_path / name).read_bytes() for name in names}) == 1
 
 
+@pytest.mark.slow
+def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> None:
+    words = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:200"]
+    mark, journal = tmp_path / "sweep/.reach", tmp_path / "sweep/rows.jsonl"
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    # Planted by somebody who may write there: neither followed nor believed.
+    planted, kept = tmp_path / "planted", tmp_path / "stepbus-ray-kept"
+    planted.write_text(f"mine\n{kept}\n")
+    kept.mkdir()
+    mark.parent.mkdir()
+    mark.symlink_to(planted)
+    with subprocess.Popen(
+        [*words, "--jobs", "1", "--out", str(tmp_path / "sweep")],
+        cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    ) as process:  # fmt: skip
+        try:
+            wait_for(lambda: journal.exists() and journal.stat().st_size > 0)
+            family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(True)]
+            listening = {
+                found.laddr.ip.removeprefix("::ffff:")
+                for member in family
+                for found in member.net_connections("inet")
+                if found.status == psutil.CONN_LISTEN
+            }
+            secrets = {member.environ().get("RAY_AUTH_TOKEN", "") for member in family} - {""}
+            said = " ".join(word for member in family for word in member.cmdline())
+            content, mode = mark.read_text(), mark.stat().st_mode & 0o777
+            private = Path(content.splitlines()[1])
+            modes = mode, private.stat().st_mode & 0o777
+            if os.getuid() == 0:  # only root can become another user
+                for attempt in (["cat", mark], ["ls", private], ["ls", private / "r"]):
+                    assert subprocess.run(attempt, user=65534, check=False).returncode != 0
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(60)
+    assert listening == {"127.0.0.1"}
+    assert modes == (0o600, 0o700)
+    (secret,) = secrets
+    assert secret not in content
+    assert secret not in said
+    assert not private.exists()
+    assert (planted.read_text(), kept.is_dir()) == (f"mine\n{kept}\n", True)
+
+
 def wait_for(holds: object) -> None:
     assert callable(holds)
     end = time.monotonic() + 250

@@ -1,11 +1,11 @@
 """Exports and views whose disk is full, whose recording is no good, or that are interrupted."""
 
-import contextlib
 import io
-import resource
+import json
 import subprocess
 import sys
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -14,7 +14,6 @@ from support.messages.recordings import write
 import stepbus
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.scenarios.viewer import _pass_on, viewed
-from stepbus_orchestrator.viewing.exports import tables
 from stepbus_schemas import JointState
 
 TARGETS = {
@@ -29,46 +28,57 @@ def recording(tmp_path_factory):
     return stepbus.run("two_link", set={"duration": "1s"}, out=out, in_process=True).recording
 
 
-@contextlib.contextmanager
-def files_of_at_most(size):
-    """Let no file of this process grow further, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+FULL_DISK = """
+import contextlib, io, json, resource, sys
+from pathlib import Path
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.viewing.exports import tables
+
+tables._GROUP_ROWS = 100
+sys.dont_write_bytecode = True  # what is imported now would be cached in part
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
+results = []
+for words in json.loads(sys.argv[1]):
+    with contextlib.redirect_stderr(io.StringIO()) as errors:
+        code = main(words)
+    results.append((code, errors.getvalue(), Path(words[-1]).exists()))
+print(json.dumps(results))
+"""
 
 
-@pytest.mark.parametrize("form", TARGETS)
-def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(
-    recording, tmp_path, capsys, monkeypatch, form
-):
-    monkeypatch.setattr(tables, "_GROUP_ROWS", 100)
-    # What is imported now would be cached in part.
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    with files_of_at_most(4096):
-        code = main(["export", str(recording), f"--{form}", str(tmp_path / TARGETS[form])])
-    assert code == 8
-    error = capsys.readouterr().err
-    assert error.splitlines()[-1].startswith(f"stepbus: {tmp_path / TARGETS[form]} cannot be")
-    assert "Traceback" not in error
+def on_a_full_disk(*commands):
+    """Return code and errors of commands and whether their target is there; no file of theirs may
+    grow over 4096 bytes. They run in a process of their own: the limit holds for all of it.
+    """
+    words = [sys.executable, "-c", FULL_DISK, json.dumps(commands)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(recording, tmp_path):
+    targets = {form: str(tmp_path / name) for form, name in TARGETS.items()}
+    commands = [["export", str(recording), f"--{form}", path] for form, path in targets.items()]
+    for target, (code, errors, is_there) in zip(
+        targets.values(), on_a_full_disk(*commands), strict=True
+    ):
+        assert (code, is_there, "Traceback" in errors) == (8, False, False)
+        assert errors.splitlines()[-1].startswith(f"stepbus: {target} cannot be")
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("end", ["png", "svg", "pdf"])
-def test_a_picture_that_does_not_fit_on_the_disk_is_one_sentence(
-    recording, tmp_path, capsys, monkeypatch, end
-):
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    target = tmp_path / f"plot.{end}"
-    words = ["plot", str(recording), "plant.joint_state.position", "--out", str(target)]
-    with files_of_at_most(4096):
-        assert main(words) == 8
-    assert capsys.readouterr().err == f"stepbus: {target} cannot be written: File too large\n"
+def test_a_picture_that_does_not_fit_on_the_disk_is_one_sentence(recording, tmp_path):
+    targets = [str(tmp_path / f"plot.{end}") for end in ("png", "svg", "pdf")]
+    commands = [
+        ["plot", str(recording), "plant.joint_state.position", "--out", target]
+        for target in targets
+    ]
+    assert on_a_full_disk(*commands) == [
+        [8, f"stepbus: {target} cannot be written: File too large\n", False] for target in targets
+    ]
     assert list(tmp_path.iterdir()) == []
-    assert main(words) == 0
-    assert target.stat().st_size > 4096
+    for command, target in zip(commands, targets, strict=True):
+        assert main(command) == 0
+        assert Path(target).stat().st_size > 4096
 
 
 @pytest.mark.parametrize("words", [["report"], ["view", "--no-open"], ["view", "--foxglove"]])

@@ -106,7 +106,9 @@ def watched(work):
     return end
 
 
-@pytest.mark.parametrize("protocol", ["foxglove.websocket.v1", LATEST])
+@pytest.mark.parametrize(
+    "protocol", [pytest.param("foxglove.websocket.v1", marks=pytest.mark.slow), LATEST]
+)
 def test_a_run_is_advertised_and_its_messages_are_those_that_it_records(
     tmp_path, server, plain, protocol, starts_a_process
 ):
@@ -180,6 +182,7 @@ def test_a_server_ends_though_a_client_does_not_read():
         Client(server.address)
     # Who goes on has no server to talk to.
     server.publish(100, [("/picture", picture(b"1"), 100)])
+    client.socket.close_socket()
 
 
 def test_nobody_is_let_in_without_the_token_or_the_protocol(server):

@@ -32,11 +32,12 @@ def page():
 
 
 def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_process):
+    before = set(threading.enumerate())
     paused, ended = Paused(tmp_path / "run", load("two_link", ["duration=1s"])), []
     viewer = threading.Thread(target=lambda: ended.append(follow(page.server, paused.out, bool)))
     viewer.start()
     # Let it go while it is watched.
-    while not any(thread.name == "link" for thread in threading.enumerate()):
+    while not any(thread.name == "link" for thread in set(threading.enumerate()) - before):
         paused.pace.step()
         time.sleep(0.02)
     result = paused.end()

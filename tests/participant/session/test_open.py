@@ -2,6 +2,7 @@
 
 import socket
 import tempfile
+import threading
 import time
 
 import pytest
@@ -29,9 +30,11 @@ def endpoint(own_temp):
 
 def test_a_session_that_never_opens_is_an_error(monkeypatch, endpoint):
     monkeypatch.setattr(zenoh_bus, "_OPEN_S", 0.1)
-    monkeypatch.setattr(zenoh, "open", lambda _config: time.sleep(20))
+    over = threading.Event()
+    monkeypatch.setattr(zenoh, "open", lambda _config: over.wait())
     with pytest.raises(BusError, match=r"no session has opened for 0.1 s; may this user start"):
         ZenohBus(endpoint, "run")
+    over.set()
 
 
 def test_a_panic_while_a_session_opens_is_an_error(monkeypatch, endpoint):

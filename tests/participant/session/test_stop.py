@@ -6,8 +6,9 @@ import msgspec
 import pytest
 from support.messages.scripted_bus import TOKEN, command, run_plant, stop
 
-from stepbus_participant import Participant
-from stepbus_participant.session.session import Terminated
+from stepbus_participant import Participant, Ticket
+from stepbus_participant.process import main as process
+from stepbus_participant.session import Terminated, session
 from stepbus_schemas import JointCommand, JointState, RunError, Trigger
 
 
@@ -85,3 +86,42 @@ def test_a_sigterm_before_the_stop_does_not_hide_why_a_participant_failed(capsys
     finally:
         signal.signal(signal.SIGALRM, before)
     assert capsys.readouterr().err.endswith("ValueError: the knee\n")
+
+
+def test_a_sigterm_while_it_reports_does_not_hide_why_a_participant_failed(capsys, monkeypatch):
+    class Loud(Plant):
+        def update(self, step):
+            monkeypatch.setattr(session, "encode", terminate)
+            raise ValueError("the knee")
+
+    def terminate(_fault):
+        raise Terminated("ended by SIGTERM")
+
+    with pytest.raises(RunError, match="step 0: the knee"):
+        run_plant(Loud, command(0), later=[])
+    assert capsys.readouterr().err.endswith("ValueError: the knee\n")
+
+
+def test_a_sigterm_while_it_closes_leaves_the_error_as_the_last_of_its_log(capsys, monkeypatch):
+    class Bus:
+        def __init__(self, *_args):
+            pass
+
+        def close(self):
+            signal.raise_signal(signal.SIGTERM)
+
+    def ticket():
+        return Ticket(run="r", name="plant", token=TOKEN, endpoint=None)
+
+    def fail(*_args):
+        raise RunError("step 0: the knee")
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(process, "load_ticket", ticket)
+    monkeypatch.setattr(process, "ZenohBus", Bus)
+    monkeypatch.setattr(process, "take_part", fail)
+    try:
+        assert process.main(Plant) == 1
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert capsys.readouterr().err == "plant: step 0: the knee\n"

@@ -6,6 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 from support.paths import CHECKOUT
+from support.tools import needs
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
@@ -15,7 +16,7 @@ from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import run
 
 EXAMPLES = CHECKOUT / "examples/controllers"
-TOOLS = {"c": ("gcc", "make"), "javascript": ("node",)}
+TOOLS = {"c": ("cc", "make"), "javascript": ("node",)}
 SHORT = ["duration=2s"]
 PARTS = {"c": ["controller.c", "bridge.h", "Makefile"], "javascript": ["controller.mjs"]}
 
@@ -35,9 +36,7 @@ def positions(result):
 @pytest.fixture(scope="module", params=TOOLS)
 def example(request, tmp_path_factory):
     """Return the result of a run of an example, copied and built elsewhere."""
-    missing = [tool for tool in TOOLS[request.param] if shutil.which(tool) is None]
-    if missing:
-        pytest.skip(f"{missing[0]} is not installed")
+    needs(*TOOLS[request.param])
     folder = tmp_path_factory.mktemp(request.param)
     for name in ("scenario.yaml", *PARTS[request.param]):
         shutil.copy(EXAMPLES / request.param / name, folder)
@@ -51,6 +50,7 @@ def test_its_joints_follow_those_under_the_built_in_controller(example, native):
     assert np.abs(positions(example) - native).max() <= 1e-9
 
 
+@pytest.mark.slow
 def test_it_is_replayed_and_run_again_from_its_recording(example, tmp_path):
     assert Preparation(example.recording, tmp_path / "again").run().equal
     assert replay(example.recording, "controller").equal

@@ -152,17 +152,20 @@ def test_a_passive_joint_is_not_tested(verdicts):
     assert (verdicts["passive"].ok, verdicts["passive"].commanded) == (True, None)
 
 
+@pytest.mark.slow
 def test_torque_joints_are_pushed_and_put(capsys):
     assert main(["selftest", "two_link", "--json"]) == ExitCode.FINISHED
     found = json.loads(capsys.readouterr().out)
     assert [joint["measured"] for joint in found["joints"]] == pytest.approx([1.5708] * 2, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_velocity_joints_are_turned(tmp_path):
     text = WORLD.replace("MODE", "velocity")
     assert [v.findings for v in selftest(load(two_link_in(tmp_path, text)), 1.0).joints] == [[], []]
 
 
+@pytest.mark.slow
 def test_a_joint_without_effort_fails_the_test(tmp_path, capsys):
     folder = two_link_in(tmp_path, WORLD.replace("MODE", "position"))
     arguments = ["selftest", str(folder), "--set", "plant.params.effort.joint2=0"]

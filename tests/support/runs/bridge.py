@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-import psutil
 from support.runs.joints import PROGRAM, SCENARIO
 
 from stepbus_orchestrator import Options, Result, load
 from stepbus_orchestrator.run.run_scenario import run
 
 BRIDGED = PROGRAM.with_name("bridged.py")
+SILENT = {"hang", "stop", "child"}
+"""Kinds that a deadline finds."""
 OWN = "exec: [python, joints.py, controller]"
 
 
@@ -28,18 +29,7 @@ def run_bridged(
     folder: Path, form: str, kind: str = "right", step: int = 7, *more: str, **options: object
 ) -> Result:
     """Run it; the run's folder is `folder/out`."""
-    overrides = ["controller.step_timeout=1500ms", "controller.stop_timeout=1s", *more]
+    hasty = ["controller.step_timeout=1500ms", "controller.stop_timeout=1s"]
+    overrides = [*(hasty if kind in SILENT else []), *more]
     scenario = load(write_bridged(folder / "source", form, kind, step), overrides)
     return run(scenario, Options(out=folder / "out", **options))
-
-
-def processes_in(folder: Path) -> list[str]:
-    """Return the command lines of all processes that work below a folder."""
-    found = []
-    for process in psutil.process_iter():
-        try:
-            if Path(process.cwd()).is_relative_to(folder):
-                found.append(" ".join(process.cmdline()))
-        except (psutil.NoSuchProcess, psutil.AccessDenied):
-            continue
-    return found

@@ -227,7 +227,7 @@ class Bus:
         steps = []
         while self._next[name] < limit and self.processes[name].code is None:
             if (name, self._next[name]) == self._dies:
-                self.processes[name].code = 3
+                self._leave(name, 3)
                 break
             steps.append(self._next[name])
             self._next[name] += self._specs[name].every
@@ -244,7 +244,11 @@ class Bus:
             if self.processes[name].code is None:
                 if spec.publishes == "first" and self._next[name] == stop.at_step:
                     self._log(name, stop.at_step)
-                self.processes[name].code = 0
+                self._leave(name, 0)
+
+    def _leave(self, name, code):
+        self.processes[name].code = code
+        self._sinks["alive/*"](f"alive/{name}", False)
 
 
 class Launched:

@@ -30,7 +30,7 @@ participants:
     exec: [python, talk.py, reader]
     inputs: {reference: mission.reference}
     outputs: {event: Event/1}
-    step_timeout: 1s
+    step_timeout: 30s
 """
 
 

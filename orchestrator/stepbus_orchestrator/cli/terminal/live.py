@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _PLAIN_EVERY_S = 2.0
-_LAST_S = 2.0
+_LAST_S = 10.0
+"""How long the last sentences may take; where nobody reads them, the outlet gives up earlier."""
 
 
 class Display:
@@ -126,7 +128,9 @@ def displayed(
         return
     from rich.console import Console  # noqa: PLC0415  see above
 
-    console = Console(stderr=quiet)
+    # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn,
+    # and what this prints from its own thread would land in that participant's log.
+    console = Console(file=sys.stderr if quiet else sys.stdout)
     shown = Display if plain or quiet else LiveTable if console.is_terminal else PlainLines
     with contextlib.closing(Aside(shown(title, console, degrees=degrees))) as display:
         yield display

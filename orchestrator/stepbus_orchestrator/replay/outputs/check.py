@@ -11,6 +11,7 @@ from stepbus_orchestrator.analysis.comparison import (
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Descriptions, Recorder, Recording
 from stepbus_orchestrator.recording.layout import topic_of
+from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
@@ -19,7 +20,7 @@ from .recorded import Track, counts_from_of, recorded_descriptions, recorded_ver
 
 
 class Check:
-    """The sink of a replay: compares message by message, as they come.
+    """The sink of a replay: compares step by step, in whatever order content arrives.
 
     end: number of steps that are replayed. reference: also gets all outputs, for a new reference
     recording. Raises ParticipantFault for a message that is not of its port's type.
@@ -55,8 +56,8 @@ class Check:
             )
         # It works ahead of the run's end, which it has asked for itself; that is not recorded.
         self._is_over = False
-        self._announced: set[tuple[str, int]] = set()
-        self._early: dict[tuple[str, int], bytes] = {}
+        # Bulk content may come after the outputs of later steps.
+        self._order = StepOrder({spec.name: list(spec.outputs)})
 
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
@@ -81,16 +82,12 @@ class Check:
         """Ignore it: it comes from the recording."""
 
     def offer(self, name: str, outputs: Outputs) -> None:
-        """Compare the outputs of the next step."""
+        """Take the outputs of the next step, and compare those that are complete."""
         if self._is_over:
             return
         step = self._step = outputs.step
-        for port in self._ports:
-            if port in outputs.bulk:
-                self._announce(port, step)
-                continue
-            raw = outputs.ports.get(port)
-            self._compare(port, step, None if raw is None else bytes(raw))
+        self._order.offer(name, outputs)
+        self._compare_complete()
         if self._reference is not None:
             self._reference.offer(name, outputs)
         if outputs.end is not None:
@@ -113,24 +110,27 @@ class Check:
             ) from exc
 
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
-        """Compare the content of a bulk port once its outputs have announced it."""
-        self._early[port, step] = content
-        if (port, step) in self._announced:
-            self._announced.remove((port, step))
-            self._announce(port, step)
+        """Take the content of a bulk port, and compare the steps that it completes."""
+        self._order.offer_bulk(name, port, step, content)
+        self._compare_complete()
         if self._reference is not None:
             self._reference.offer_bulk(name, port, step, content)
 
-    def _announce(self, port: str, step: int) -> None:
-        content = self._early.pop((port, step), None)
-        if content is None:
-            self._announced.add((port, step))
-        else:
-            self._compare(port, step, content)
+    def _compare_complete(self) -> None:
+        for step in self._order.complete_below(self._step + 1):
+            self._compare_step(step)
+
+    def _compare_step(self, step: int) -> None:
+        for published in self._order.take(step):
+            if published.fault is not None:
+                raise published.fault
+            content = dict(published.content)
+            for port in self._ports:
+                self._compare(port, step, content.get(port))
 
     def bulk_complete(self) -> bool:
         """Return whether all announced bulk content has arrived."""
-        return not self._announced
+        return self._order.bulk_complete()
 
     def write_below(self, step: int) -> None:
         """Let the new reference grow."""
@@ -147,6 +147,8 @@ class Check:
 
     def miss_below(self, step: int) -> None:
         """Count all recorded outputs of steps below `step` that did not come as missing."""
+        for incomplete in self._order.steps():
+            self._compare_step(incomplete)
         for missed in range(self._step + self._spec.every, step, self._spec.every):
             for port in self._ports:
                 self._compare(port, missed, None)

@@ -21,7 +21,7 @@ _decode = msgspec.json.Decoder(Row).decode
 
 
 class Journal:
-    """Rows in a file; kept in memory is only where each of them starts.
+    """Rows in a file; kept in memory is only where each of them is.
 
     Raises RecordingFailed where the file cannot be opened, or a row cannot be written: a full disk
     costs that row only.
@@ -29,9 +29,11 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / ROWS_FILE
-        self._starts: dict[int, int] = {}
+        self._places: dict[int, tuple[int, int]] = {}
+        """Run → where its line starts, and its length."""
         try:
-            self._file = self._path.open("ab+")
+            # No buffer: rows are written while others are read, and a buffer would be old.
+            self._file = self._path.open("ab+", buffering=0)
         except OSError as exc:
             raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
         try:
@@ -55,25 +57,25 @@ class Journal:
     def _read(self) -> int:
         """Find all rows; return where the last whole one ends."""
         end = 0
-        self._file.seek(0)
-        for line in self._file:
-            try:
-                if not line.endswith(b"\n"):
-                    break
-                row = _decode(line)
-            except msgspec.MsgspecError as exc:
-                raise RecordingFailed(f"{self._path}: byte {end} begins no row: {exc}") from exc
-            self._starts[row.run] = end
-            end += len(line)
+        with self._path.open("rb") as file:
+            for line in file:
+                try:
+                    if not line.endswith(b"\n"):
+                        break
+                    row = _decode(line)
+                except msgspec.MsgspecError as exc:
+                    raise RecordingFailed(f"{self._path}: byte {end} begins no row: {exc}") from exc
+                self._places[row.run] = end, len(line)
+                end += len(line)
         return end
 
     def __contains__(self, number: object) -> bool:
         """Return whether there is a row of a run."""
-        return number in self._starts
+        return number in self._places
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(self._starts)
+        return len(self._places)
 
     def add(self, row: Row) -> None:
         """Append a row; the file has all of it, or nothing."""
@@ -89,17 +91,17 @@ class Journal:
                 f"{self._path} cannot be written: {exc.strerror}; all {len(self)} rows before are "
                 "there, and the same command goes on from them"
             ) from exc
-        self._starts[row.run] = self._end
+        self._places[row.run] = self._end, len(line)
         self._end += len(line)
 
     def row(self, number: int) -> Row:
         """Return the row of a run."""
-        self._file.seek(self._starts[number])
-        return _decode(self._file.readline())
+        start, length = self._places[number]
+        return _decode(os.pread(self._file.fileno(), length, start))
 
     def rows(self) -> Iterator[Row]:
         """Yield all rows by number."""
-        return (self.row(number) for number in sorted(self._starts))
+        return (self.row(number) for number in sorted(self._places))
 
     def close(self) -> None:
         """Close the file."""

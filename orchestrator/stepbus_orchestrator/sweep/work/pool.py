@@ -18,7 +18,7 @@ from typing import Any, Self
 
 import msgspec
 
-from stepbus_orchestrator.errors import ExitCode, StartFailed
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.environment import PYTHON
 from stepbus_orchestrator.sweep.space import Point
 from stepbus_participant import need
@@ -31,7 +31,7 @@ _TEMPORARY = "stepbus-ray-"
 _WAIT_S = 0.25
 _LOOK_S = 5.0
 _MOST_DEATHS = 3
-_LONGEST_FOLDER = 24
+_LONGEST_FOLDER = 22
 _START_S = 60.0
 _PICTURES_S = 120.0
 _CLOSE_S = 2.0
@@ -130,14 +130,15 @@ class Pool:
         self._sweep_up()
         options: dict[str, Any] = {"address": self._terms.address}
         if not self._terms.address:
+            # Ray lets everybody into its own folder, so that lies in one of ours.
             self._temporary = tempfile.mkdtemp(prefix=_TEMPORARY, dir=_short_folder())
             options = {
                 "num_cpus": self._terms.jobs or os.cpu_count(),
                 "include_dashboard": False,
-                "_temp_dir": self._temporary,
+                "_temp_dir": f"{self._temporary}/r",
                 "object_store_memory": 200_000_000,
             }
-        (self._terms.home / _MARK).write_text(f"{self._mark}\n{self._temporary}\n")
+        self._write_mark()
         try:
             self._ray.init(
                 **options,
@@ -155,6 +156,21 @@ class Pool:
         self._actor = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(_Runner)
         return self
 
+    def _write_mark(self) -> None:
+        """Leave a word in the sweep's folder by which workers on this machine know it.
+
+        Raises RecordingFailed where another process is faster.
+        """
+        path = self._terms.home / _MARK
+        try:
+            path.unlink(missing_ok=True)
+            file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(file, "w", encoding="utf-8") as mark:
+                mark.write(f"{self._mark}\n{self._temporary}\n")
+        except OSError as exc:
+            shutil.rmtree(self._temporary or "/nonexistent", ignore_errors=True)
+            raise RecordingFailed(f"{path} cannot be written: {exc.strerror}") from exc
+
     def __exit__(self, *_: object) -> None:
         """End all workers, and the Ray that was started here."""
         self._end()
@@ -162,7 +178,8 @@ class Pool:
     def _sweep_up(self) -> None:
         """Remove what a pool that was killed has left on this machine."""
         mark = self._terms.home / _MARK
-        left = mark.read_text().splitlines()[1:] if mark.is_file() else []
+        is_ours = mark.is_file() and not mark.is_symlink() and mark.stat().st_uid == os.getuid()
+        left = mark.read_text().splitlines()[1:] if is_ours else []
         for folder in map(Path, left):
             if folder.name.startswith(_TEMPORARY):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -172,8 +189,11 @@ class Pool:
         logging.getLogger("ray").setLevel(logging.ERROR)
         os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
         if not self._terms.address and "ray" not in sys.modules:
-            # Otherwise Ray leaves a token in the user's home.
-            os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": self._mark}
+            # Who has the token runs code as this user: it is in no file and on no command line.
+            # Without one, Ray leaves its own in the user's home.
+            os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": os.urandom(32).hex()}
+            # A Ray that is no cluster listens on 127.0.0.1 only, whatever the variable is called.
+            os.environ |= {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
     def _end(self) -> None:
         idle = [worker.actor.close.remote() for worker in self._idle()]

@@ -77,6 +77,7 @@ def test_the_lines_of_several_pieces_are_those_of_one(record):
     )
 
 
+@pytest.mark.slow
 def test_a_report_takes_as_much_memory_for_a_long_recording_as_for_a_short_one(
     tmp_path, monkeypatch
 ):

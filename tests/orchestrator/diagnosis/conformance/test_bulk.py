@@ -22,8 +22,6 @@ participants:
       number: Scalars/1
   eye:
     exec: [python, eye.py]
-    step_timeout: 2s
-    stop_timeout: 1s
     inputs: {frame: camera.frame, number: camera.number}
     outputs:
       copy: {type: Bytes/1, bulk: true}
@@ -48,6 +46,7 @@ def test_a_program_with_bulk_ports_passes_what_concerns_them(inputs, tmp_path):
     assert {result.outcome for result in results.values()} == {"pass"}, results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mistake", "check", "said"),
     [

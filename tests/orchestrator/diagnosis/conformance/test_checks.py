@@ -18,10 +18,10 @@ from stepbus_orchestrator.scenario import ScenarioError
 EXAMPLES = sorted(path.parent for path in CHECKOUT.glob("examples/controllers/*/scenario.yaml"))
 
 SHORT = (
-    "controller.step_timeout=2s",
-    "controller.stop_timeout=1s",
-    "controller.join_timeout=2s",
-)
+    "controller.step_timeout=2s", "controller.stop_timeout=1s", "controller.join_timeout=2s",
+)  # fmt: skip
+"""For mistakes of which some deadline finds each."""
+PATIENT = ("controller.step_timeout=30s", "controller.stop_timeout=30s")
 
 # Mistake → what the kit says of it, by the first of its checks.
 SAID = {
@@ -38,26 +38,40 @@ SAID = {
     "StopsAtOnce": r"the last step it published is 11, due is 12 \(P11.2\)",
     "StrangerOutputs": "has another token",
     "TwiceDifferent": "step 0 was published twice",
-    "Unwatchful": "did not end within 1 s of the orchestrator's disappearance",
+    "Unwatchful": "did not end within 2 s of the orchestrator's disappearance",
     "ZerosForHeld": "do not depend on the messages of step 12",
 }
 
 
+EXPIRES = {
+    "AnyWelcome": "join", "HangsAtGarbage": "step", "StepsMissing": "step",
+    "StrangerOutputs": "step", "TwiceDifferent": "step", "Unwatchful": "stop",
+}  # fmt: skip
+"""Which deadline finds a mistake; the others need none."""
+
+
 @pytest.fixture(scope="module")
 def inputs(two_link_recording):
+    return material(two_link_recording, "controller", *PATIENT)
+
+
+@pytest.fixture(scope="module")
+def hurried_inputs(two_link_recording):
     return material(two_link_recording, "controller", *SHORT)
 
 
-@pytest.fixture(scope="module")
-def patient_inputs(two_link_recording):
-    return material(two_link_recording)
+@pytest.mark.slow
+def test_each_mistake_is_found_and_named(two_link_recording, inputs, tmp_path):
+    def given(mistake):
+        if mistake not in EXPIRES:
+            return inputs
+        deadlines = [*PATIENT, f"controller.{EXPIRES[mistake]}_timeout=2s"]
+        return material(two_link_recording, "controller", *deadlines)
 
-
-def test_each_mistake_is_found_and_named(inputs, tmp_path):
     def check(mistake):
         words = program("wrong_controller.py", mistake)
         name = "steps" if mistake == "StepsMissing" else FOUND_BY[mistake][0]
-        return outcomes(inputs, words, tmp_path / mistake, [name])[name]
+        return outcomes(given(mistake), words, tmp_path / mistake, [name])[name]
 
     # Half of them only wait for a deadline.
     with ThreadPoolExecutor(3) as pool:
@@ -83,9 +97,11 @@ def test_where_the_outputs_vary_what_compares_them_is_skipped(inputs, tmp_path):
     assert [result.outcome for result in results.values()] == ["pass", "fail", "skipped", "skipped"]
 
 
-def test_where_the_plain_run_fails_only_that_check_does(inputs, tmp_path):
+def test_where_the_plain_run_fails_only_that_check_does(hurried_inputs, tmp_path):
     names = ["join", "steps", "log", "windows", "stop-at-end"]
-    results = outcomes(inputs, program("wrong_controller.py", "StepsMissing"), tmp_path, names)
+    results = outcomes(
+        hurried_inputs, program("wrong_controller.py", "StepsMissing"), tmp_path, names
+    )
     assert failed(results) == ["steps"]
     assert "`steps` fails" in results["windows"].observed
 
@@ -97,21 +113,24 @@ def test_a_program_that_joins_no_run_is_killed_in_time(two_link_recording, tmp_p
     assert "a request to join did not come within 0.6 s" in results["join"].observed
 
 
-def test_nothing_is_left_of_a_program_that_hangs(inputs, tmp_path):
+@pytest.mark.slow
+def test_nothing_is_left_of_a_program_that_hangs(hurried_inputs, tmp_path):
     words = program("wrong_controller.py", "HangsAtGarbage")
-    outcomes(inputs, words, tmp_path, ["garbage"])
+    outcomes(hurried_inputs, words, tmp_path, ["garbage"])
     assert leftovers(tmp_path) == []
 
 
-def test_the_program_written_from_the_page_passes(patient_inputs, tmp_path):
+@pytest.mark.slow
+def test_the_program_written_from_the_page_passes(inputs, tmp_path):
     names = [
         "refused", "peers-last", "steps", "log", "determinism", "triggers", "late-input",
         "wrong-message", "control-noise", "stop-overtakes",
     ]  # fmt: skip
-    results = outcomes(patient_inputs, program("by_the_page.py"), tmp_path, names)
+    results = outcomes(inputs, program("by_the_page.py"), tmp_path, names)
     assert {result.outcome for result in results.values()} == {"pass"}, results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("participant", "names"),
     [
@@ -146,10 +165,12 @@ def test_ctrl_c_ends_the_kit_in_the_middle_of_a_check(inputs, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_each_mistake_fails_exactly_the_checks_that_find_it(patient_inputs, tmp_path):
+def test_each_mistake_fails_exactly_the_checks_that_find_it(two_link_recording, tmp_path):
+    inputs = material(two_link_recording)
+
     def run(mistake):
         words = program("wrong_controller.py", mistake)
-        return failed(outcomes(patient_inputs, words, tmp_path / mistake))
+        return failed(outcomes(inputs, words, tmp_path / mistake))
 
     with ThreadPoolExecutor(2) as pool:
         found = dict(zip(FOUND_BY, pool.map(run, FOUND_BY), strict=True))
@@ -167,8 +188,8 @@ def test_our_own_participants_pass_every_check(two_link_recording, tmp_path, par
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_the_program_written_from_the_page_passes_every_check(patient_inputs, tmp_path):
-    results = outcomes(patient_inputs, program("by_the_page.py"), tmp_path)
+def test_the_program_written_from_the_page_passes_every_check(inputs, tmp_path):
+    results = outcomes(inputs, program("by_the_page.py"), tmp_path)
     skipped = [name for name, result in results.items() if result.outcome == "skipped"]
     # test_bulk.py plays bulk ports; the page leaves it to a program whether it takes batches.
     bulk = ["bulk-late", "bulk-noise", "bulk-length"]

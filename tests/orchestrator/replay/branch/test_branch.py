@@ -243,6 +243,7 @@ def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
     assert below(found.result.recording, 60) == below(failed.recording, 60)
 
 
+@pytest.mark.slow
 def test_a_debugged_participant_has_no_deadline(recorded, tmp_path):
     slow = [fault("controller", "controller", "nap", 50), "controller.step_timeout=500ms"]
     prepared = BranchPlan(recorded, 43, tmp_path / "b", slow)

@@ -79,6 +79,7 @@ def test_without_checkpoints_it_is_the_same(saved, tmp_path):
     assert found.restored == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transport", ["unix", pytest.param("tcp", marks=pytest.mark.slow)])
 def test_processes_of_their_own_save_and_start_from_checkpoints_too(
     saved, plain, transport, tmp_path

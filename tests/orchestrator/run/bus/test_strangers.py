@@ -69,7 +69,14 @@ def test_hundreds_of_mutated_messages_over_the_bus_change_nothing(tmp_path, own_
     assert result.drops == {"plant": 200, "controller": 150, "mission": 150}
 
 
-@pytest.mark.parametrize("name", ["stranger", "controller", "orchestrator"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("stranger", marks=pytest.mark.slow),
+        pytest.param("controller", marks=pytest.mark.slow),
+        "orchestrator",
+    ],
+)
 def test_a_strangers_coming_and_going_changes_nothing(tmp_path, own_temp, reference, name):
     def act(stranger, _token):
         with closing(stranger.another_session()) as bus:

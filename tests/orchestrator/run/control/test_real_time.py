@@ -118,6 +118,7 @@ def test_in_one_process_too(tmp_path, plain):
     assert result.wall_s >= 0.2475
 
 
+@pytest.mark.slow
 def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
     nap = fault("controller", "controller", "nap", 7)
     keeps = ("controller.real_time=true", "controller.on_late=fail")

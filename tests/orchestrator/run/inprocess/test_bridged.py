@@ -3,7 +3,8 @@
 import re
 
 import pytest
-from support.runs.bridge import processes_in, run_bridged
+from support.runs.bridge import run_bridged
+from support.surroundings import processes_in
 
 from stepbus_orchestrator.errors import ExitCode
 
@@ -22,7 +23,7 @@ def test_a_bridged_program_keeps_its_process(tmp_path, separate, form):
 def test_a_bridged_program_that_does_not_answer_is_ended(tmp_path):
     result = run_bridged(tmp_path, "json", "hang", in_process=True)
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
-    assert re.search(r"step 7 .* has waited 1\.\d s for its program; deadline", result.reason)
+    assert re.search(r"step 7 .* has waited \d+\.\d s for its program; deadline", result.reason)
 
 
 def test_a_bridged_program_that_is_stopped_is_named_as_such(tmp_path):

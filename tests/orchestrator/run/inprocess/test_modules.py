@@ -12,14 +12,15 @@ from stepbus_orchestrator.run.inprocess.program import Program
 from stepbus_orchestrator.run.run_scenario import run
 
 
-def test_a_scenario_above_the_packages_of_stepbus_does_not_load_them_again(tmp_path):
+def test_a_scenario_above_the_packages_of_stepbus_does_not_load_them_again(monkeypatch):
     program = Program(["worker.py"], Path(stepbus.__file__).parents[1])
     before = sys.modules["stepbus"]
-    program.enter()
-    sys.modules["stepbus.extra_for_a_test"] = module = ModuleType("extra")
+    module = ModuleType("extra")
     module.__file__ = stepbus.__file__
+    program.enter()
+    monkeypatch.setitem(sys.modules, "stepbus.extra_for_a_test", module)
     program.leave()
-    assert sys.modules.pop("stepbus.extra_for_a_test") is module
+    assert sys.modules["stepbus.extra_for_a_test"] is module
     assert sys.modules["stepbus"] is before
 
 

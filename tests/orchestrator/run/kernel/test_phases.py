@@ -1,10 +1,12 @@
 """A run, phase by phase, as text: who is recorded when, and what follows what."""
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
 from support.runs.kernel import MISSION, PLANT, RunInMemory, participant, scenario
+from support.surroundings import comes_true
 
 from stepbus_orchestrator import Pace
 from stepbus_orchestrator.errors import Interrupted, ParticipantDied
@@ -95,8 +97,15 @@ def test_an_interrupt_ends_the_run_at_its_next_turn():
 def test_a_paused_run_releases_no_step_beyond_the_pause():
     pace = Pace(3)
     run = RunInMemory(scenario(MISSION, steps=8, window=4), pace=pace)
-    threading.Timer(0.3, pace.resume).start()
-    run.run()
+
+    def resume():
+        assert comes_true(lambda: "mission@0" in run.sink.text)
+        pace.resume()
+
+    with ThreadPoolExecutor() as pool:
+        resumed = pool.submit(resume)
+        run.run()
+        resumed.result()
     assert run.bus.triggers == [3, 8]
 
 
@@ -108,6 +117,7 @@ def test_every_phase_leads_to_shutdown_and_none_comes_twice():
 
 
 def test_a_phase_that_cannot_follow_is_refused():
-    state = RunInMemory(scenario()).loop.state
+    loop = RunInMemory(scenario()).loop
     with pytest.raises(ValueError, match="closing does not follow start-up"):
-        state.enter(RunPhase.CLOSING)
+        loop.state.enter(RunPhase.CLOSING)
+    loop.announcer.close()

@@ -5,18 +5,14 @@ import socket
 
 import pytest
 from mcap.reader import make_reader
-from support.runs.joints import fault, leftovers, run_joints
+from support.runs.joints import fault, run_joints
 
 from stepbus_orchestrator.errors import ExitCode
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
 
 
-@pytest.fixture(autouse=True)
-def nothing_is_left(tmp_path, own_temp):
-    yield
-    assert leftovers(tmp_path) == []
-    assert list(own_temp.iterdir()) == []
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
 
 
 def recorded_steps(result):
@@ -31,13 +27,14 @@ def recorded_steps(result):
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for 1\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
         ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
     ],
 )  # fmt: skip
 def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
-    result = run_joints(tmp_path, fault("controller", "controller", kind, 7), *FAST)
+    deadlines = FAST if code == ExitCode.STEP_TIMEOUT else ()
+    result = run_joints(tmp_path, fault("controller", "controller", kind, 7), *deadlines)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert re.search(sentence, result.reason)
     assert recorded_steps(result)[:8] == list(range(8))
@@ -54,7 +51,7 @@ def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentenc
     ],
 )  # fmt: skip
 def test_a_broken_message_ends_the_run_and_blames_its_sender(tmp_path, kind, sentence):
-    result = run_joints(tmp_path, fault("controller", "nonsense", kind, 7), *FAST)
+    result = run_joints(tmp_path, fault("controller", "nonsense", kind, 7))
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")
     assert re.search(sentence, result.reason)
     assert recorded_steps(result)[:7] == list(range(7))
@@ -76,8 +73,8 @@ def test_garbage_in_place_of_outputs_is_named_when_the_step_times_out(tmp_path):
     ],
 )  # fmt: skip
 def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
-    deadline = "controller.ready_timeout=500ms"
-    result = run_joints(tmp_path, fault("controller", "controller", kind, -1), deadline, *FAST)
+    deadlines = ["controller.ready_timeout=500ms"] if kind == "hang" else []
+    result = run_joints(tmp_path, fault("controller", "controller", kind, -1), *deadlines)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)
 
@@ -108,7 +105,8 @@ def test_a_slow_start_of_one_is_not_blamed_on_those_that_wait_for_it(tmp_path):
 def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
     tmp_path, kind, code
 ):
-    result = run_joints(tmp_path, fault("controller", "controller", kind, 0), *FAST)
+    deadlines = ["controller.stop_timeout=1s"] if code == ExitCode.STOP_TIMEOUT else []
+    result = run_joints(tmp_path, fault("controller", "controller", kind, 0), *deadlines)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert recorded_steps(result) == list(range(101))
 
@@ -136,13 +134,26 @@ STOPS = "import os; os.kill(os.getpid(), 19)"
 @pytest.mark.parametrize(
     ("program", "sentence"),
     [
-        ("[python, -c, 'STOPS']", r"has not reached the bus; it has been stopped by a signal"),
-        ("[sh, -c, 'kill -STOP $$']", r"been stopped by a signal or a debugger; `kill -CONT -\d+`"),
+        pytest.param(
+            "[python, -c, 'STOPS']",
+            r"has not reached the bus; it has been stopped by a signal",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "[sh, -c, 'kill -STOP $$']",
+            r"been stopped by a signal or a debugger; `kill -CONT -\d+`",
+            marks=pytest.mark.slow,
+        ),
         ("[sh, -c, 'python3 -c \"STOPS\"; true']", r"not reached the bus; it has been stopped"),
-        ("[python, -c, 'while True: pass']", r"bus; it has computed for \d\.\d s; what does it"),
-        (
+        pytest.param(
+            "[python, -c, 'while True: pass']",
+            r"bus; it has computed for \d+\.\d s; what does it",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             "[sleep, '1000']",
             r"the bus; does its program take part with stepbus\? It had a deadline",
+            marks=pytest.mark.slow,
         ),
         (
             "[python, -c, 'input()']",
@@ -153,6 +164,8 @@ STOPS = "import os; os.kill(os.getpid(), 19)"
 )
 def test_what_keeps_a_program_from_the_bus_is_named(tmp_path, program, sentence):
     program = program.replace("STOPS", STOPS)
-    result = run_joints(tmp_path, f"controller.exec={program}", "controller.spawn_timeout=2s")
+    # The last one ends by itself.
+    deadlines = [] if "input()" in program else ["controller.spawn_timeout=2s"]
+    result = run_joints(tmp_path, f"controller.exec={program}", *deadlines)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)

@@ -17,6 +17,8 @@ from support.messages.recordings import messages
 from support.paths import CHECKOUT
 from support.runs.elsewhere import JOIN, SHORT, Elsewhere, run_with_external
 from support.runs.joints import PROGRAM, fault, run_joints, write_scenario
+from support.surroundings import comes_true
+from support.tools import needs
 
 from stepbus_orchestrator import ExitCode, Options, load
 from stepbus_orchestrator.cli import main
@@ -40,14 +42,6 @@ def elsewhere():
     found = Elsewhere()
     yield found
     found.close()
-
-
-def wait_for(condition):
-    """Wait until something is so, however slow the machine."""
-    give_up = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < give_up
-        time.sleep(0.01)
 
 
 def test_a_participant_that_waits_for_its_run_gives_the_bytes_of_a_child(
@@ -74,6 +68,7 @@ def test_a_participant_that_comes_later_gives_the_bytes_of_a_child(
     assert "is not there yet" in told[1]
 
 
+@pytest.mark.slow
 def test_all_participants_may_be_started_elsewhere(tmp_path, elsewhere, as_child):
     names = ("plant", "controller", "mission")
 
@@ -85,6 +80,7 @@ def test_all_participants_may_be_started_elsewhere(tmp_path, elsewhere, as_child
     assert (result.exit_code, result.sha256) == (0, as_child.sha256)
 
 
+@pytest.mark.slow
 def test_on_tcp_too(tmp_path, elsewhere, as_child):
     result, _ = run_with_external(
         tmp_path, "bus.transport=tcp", invited=lambda: elsewhere.join(tmp_path / TICKET)
@@ -153,6 +149,7 @@ def test_a_fault_that_it_reports_ends_the_run(tmp_path, elsewhere):
     assert processes[0].wait(20) == 1
 
 
+@pytest.mark.slow
 def test_who_comes_twice_is_let_in_once(tmp_path, elsewhere, as_child):
     seconds = []
 
@@ -183,16 +180,17 @@ def test_whoever_is_left_by_a_killed_orchestrator_ends(tmp_path, own_temp, elsew
     orchestrator = elsewhere.start(*program, *run_it, "--set", "duration=1h")
     process = elsewhere.join(ticket)
     recording = tmp_path / "out/run.mcap"
-    wait_for(lambda: recording.exists() and recording.stat().st_size > 50_000)
+    assert comes_true(lambda: recording.exists() and recording.stat().st_size > 50_000)
     orchestrator.kill()
     assert process.wait(60) == 1
-    wait_for(lambda: not list(own_temp.iterdir()))
+    assert comes_true(lambda: not list(own_temp.iterdir()))
     # The lock on its ticket went with the run.
     late = elsewhere.join(ticket, "--wait", "200ms")
     assert late.wait(60) == ExitCode.SCENARIO
     assert "of a run that has ended" in late.stderr.read()
 
 
+@pytest.mark.slow
 def test_a_fallback_replaces_one_that_has_left(tmp_path, elsewhere):
     hold = "controller.on_fault=hold"
     pids = []
@@ -237,6 +235,7 @@ def debug(terminal, *commands):
             continue
 
 
+@pytest.mark.slow
 def test_without_deadlines_a_debugger_may_hold_it(tmp_path, elsewhere, as_child):
     mine, its = pty.openpty()
     lines = PROGRAM.read_text().splitlines()
@@ -262,11 +261,11 @@ def test_without_deadlines_a_debugger_may_hold_it(tmp_path, elsewhere, as_child)
     assert (result.exit_code, result.sha256) == (0, as_child.sha256), result.reason
 
 
+@pytest.mark.slow
 def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
     tmp_path, elsewhere, as_child
 ):
-    if shutil.which("node") is None:
-        pytest.skip("needs node")
+    needs("node")
     scenario = load(CHECKOUT / "examples/controllers/javascript/scenario.yaml", SHORT)
     child = run(scenario, Options(out=tmp_path / "child", in_process=True))
     assert child.exit_code == 0, child.reason
@@ -289,7 +288,14 @@ def can_unshare():
     return words if done and done.returncode == 0 else []
 
 
-@pytest.mark.parametrize("what", ["works", "frozen", "killed"])
+@pytest.mark.parametrize(
+    "what",
+    [
+        "works",
+        pytest.param("frozen", marks=pytest.mark.slow),
+        pytest.param("killed", marks=pytest.mark.slow),
+    ],
+)
 def test_in_a_container(tmp_path, elsewhere, as_child, what):
     """It has namespaces of its own: processes, network, mounts, users."""
     words = can_unshare()
@@ -321,7 +327,7 @@ def test_as_a_service(tmp_path, elsewhere, as_child):
     """It has no terminal, no environment and another folder, as under systemd."""
     script = tmp_path / "out/join-controller.sh"
     result, _ = run_with_external(
-        tmp_path, invited=lambda: elsewhere.start("/usr/bin/env", "-i", script, cwd="/")
+        tmp_path, invited=lambda: elsewhere.start("env", "-i", script, cwd="/")
     )
     assert (result.exit_code, result.sha256) == (0, as_child.sha256)
 
@@ -336,6 +342,7 @@ def test_the_exit_code_of_the_program_is_that_of_join(tmp_path, elsewhere):
     assert (codes, result.exit_code) == ([7], ExitCode.START)
 
 
+@pytest.mark.slow
 def test_a_recording_of_it_is_run_again_and_replayed(tmp_path, elsewhere):
     result, _ = run_with_external(tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET))
     recording, again = str(result.recording), str(tmp_path / "again")

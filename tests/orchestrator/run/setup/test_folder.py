@@ -23,6 +23,7 @@ def test_a_default_folder_that_cannot_be_made_is_reported(tmp_path):
         default_folder(load("two_link"), tmp_path / "runs")
 
 
+@pytest.mark.slow
 def test_runs_that_start_together_do_not_share_a_folder(tmp_path):
     words = ["run", "two_link", "--in-process", "--no-report", "--json", "--set", "duration=50ms"]
     runs = [

@@ -9,16 +9,6 @@ from stepbus_orchestrator.run.setup.scratch import scratch_folder
 
 
 @pytest.fixture
-def temporary(tmp_path, monkeypatch):
-    """Return the folder for temporary files."""
-    folder = tmp_path / "tmp"
-    folder.mkdir()
-    monkeypatch.setenv("TMPDIR", str(folder))
-    monkeypatch.setattr("tempfile.tempdir", None)
-    return folder
-
-
-@pytest.fixture
 def broken(tmp_path):
     """Return a scenario whose controller ends with an error of its own."""
     path = write_scenario(tmp_path / "source")
@@ -28,15 +18,15 @@ def broken(tmp_path):
     return path
 
 
-def test_a_describe_that_fails_quotes_the_log_and_leaves_nothing(temporary, broken, capsys):
+def test_a_describe_that_fails_quotes_the_log_and_leaves_nothing(own_temp, broken, capsys):
     assert main(["describe", str(broken)]) == ExitCode.START
     said = capsys.readouterr().err
     assert "its log ends below\n  one line\n" in said
     assert "\n  ZeroDivisionError: division by zero" in said
-    assert not list(temporary.iterdir())
+    assert not list(own_temp.iterdir())
 
 
-def test_a_replay_that_fails_quotes_the_log_and_leaves_nothing(temporary, tmp_path, capsys):
+def test_a_replay_that_fails_quotes_the_log_and_leaves_nothing(own_temp, tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
     assert main(["run", str(path), "--set", "duration=50ms", "--out", str(tmp_path / "run")]) == 0
     program = path.with_name("joints.py")
@@ -45,10 +35,10 @@ def test_a_replay_that_fails_quotes_the_log_and_leaves_nothing(temporary, tmp_pa
     code = main(["replay", recording, "--participant", "controller", "--source", str(path)])
     assert code == ExitCode.START
     assert "its log ends below\n  no such gain\n" in capsys.readouterr().err
-    assert not list(temporary.iterdir())
+    assert not list(own_temp.iterdir())
 
 
-def test_only_logs_that_are_named_are_quoted(temporary):
+def test_only_logs_that_are_named_are_quoted(own_temp):
     def fail():
         with scratch_folder("test") as folder:
             (folder / "a.log").write_text("a speaks\n")
@@ -59,7 +49,7 @@ def test_only_logs_that_are_named_are_quoted(temporary):
     with pytest.raises(StartFailed) as caught:
         fail()
     assert str(caught.value) == "x; its log ends below; y; its log is empty\n  b speaks"
-    assert not list(temporary.iterdir())
+    assert not list(own_temp.iterdir())
 
 
 def test_where_no_folder_can_be_made_the_sentence_says_what_to_do(tmp_path, monkeypatch):

@@ -1,7 +1,10 @@
 """What a program loads and nothing names is recorded, by its language or as it is declared."""
 
+import os
+
 import pytest
 from support.runs.scenario import changed, load_text, problems_of, write
+from support.tools import fake
 
 from stepbus_orchestrator.scenario import files, left_out, resolved
 
@@ -30,7 +33,8 @@ def program(folder, name, text="", mode=0o644):
         ("[sh, c.sh]", "c.sh", []),
     ],
 )
-def test_modules_of_a_language_are_recorded(tmp_path, exec_, script, loaded):
+def test_modules_of_a_language_are_recorded(tmp_path, monkeypatch, exec_, script, loaded):
+    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
     for name in (script, *loaded, "notes.txt", ".hidden/x.pm", "runs/y.pm"):
         program(tmp_path, name)
     assert names(tmp_path, exec_) == sorted([script, *loaded])
@@ -39,8 +43,7 @@ def test_modules_of_a_language_are_recorded(tmp_path, exec_, script, loaded):
 def test_function_files_of_octave_are_recorded(tmp_path, monkeypatch):
     for name in ("c.m", "gain.m", "+own/law.m", "data.csv"):
         program(tmp_path, name)
-    program(tmp_path, ".bin/octave-cli", "", 0o755)
-    monkeypatch.setenv("PATH", str(tmp_path / ".bin"))
+    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "octave-cli")), prepend=os.pathsep)
     assert names(tmp_path, "[octave-cli, --quiet, c.m]") == [
         "+own/law.m", "c.m", "gain.m",
     ]  # fmt: skip

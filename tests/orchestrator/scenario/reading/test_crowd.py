@@ -41,6 +41,7 @@ def test_what_stands_elsewhere_is_not_counted(tmp_path):
     assert len(load(write(tmp_path, text, "s.yaml")).participants) == 2
 
 
+@pytest.mark.slow
 def test_a_thousand_participants_are_not_too_many(tmp_path):
     write(tmp_path, "import stepbus\n", "p.py")
     assert len(load(write(tmp_path, crowd(1000), "s.yaml")).participants) == 1000

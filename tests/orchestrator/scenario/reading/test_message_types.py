@@ -64,8 +64,10 @@ def test_types_come_from_message_classes_of_a_module(tmp_path, monkeypatch):
         "    thrust: list[float]\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    scenario = load(write(tmp_path, "own_messages"))
-    sys.modules.pop("own_messages")
+    try:
+        scenario = load(write(tmp_path, "own_messages"))
+    finally:
+        sys.modules.pop("own_messages", None)
     assert scenario.types.declarations == {
         "Thruster/1": {"help": "Commands.", "thrust": {"type": "float[k]"}}
     }

@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-temporary = tempfile.mkdtemp(prefix="nodes-", dir="/tmp")
+temporary = tempfile.mkdtemp(prefix="n-")
 os.environ |= {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0", "RAY_TMPDIR": temporary}
 os.environ["TMPDIR"] = temporary  # the node that is killed cannot remove its folder
 (Path(temporary) / "ray").mkdir()

@@ -63,7 +63,7 @@ def test_the_same_seed_slips_alike():
     assert odometry(3, slip=0.01) != odometry(4, slip=0.01)
 
 
-@pytest.mark.parametrize("steps", [20, 200])
+@pytest.mark.parametrize("steps", [20, pytest.param(200, marks=pytest.mark.slow)])
 def test_slip_grows_with_the_root_of_the_distance_however_many_steps_it_takes(steps):
     def spread(distance):
         runs = [odometry(n, distance=distance, steps=steps, slip=0.01) for n in range(200)]

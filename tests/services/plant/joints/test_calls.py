@@ -86,6 +86,7 @@ def test_a_joint_that_was_put_somewhere_is_held_there(tmp_path):
     assert (state.position[1], state.target[1]) == (pytest.approx(0.75, abs=1e-3), 0.75)
 
 
+@pytest.mark.slow
 def test_a_run_in_which_a_joint_was_put_somewhere_is_run_again_and_replayed(tmp_path):
     pace = Pace(20)
     out = tmp_path / "out"

@@ -1,0 +1,364 @@
+"""Run the README's two commands as a stranger's machine would: an empty clone, nothing installed.
+
+    make fresh                          clone HEAD, run the commands at the top of README.md
+    make fresh FRESH='--order 7'        with the tests in another order
+    make fresh FRESH='--archive'        in what `git archive` makes: no .git
+    make fresh FRESH='--user nobody'    as a user of your choice (root only)
+
+The machine that it makes up has Python, make, git, the coreutils, sh, grep, sed, awk and tar: no
+compiler, no Node, Java, Octave, Perl. The home is empty, the environment too, but for what pip
+needs to reach its registry. Started as root, the commands run as another user. The tests come in a
+shuffled order; which one follows from the commit, so that a commit has one verdict.
+
+It fails where a command fails, and where something is left: a process, or a file outside of the
+clone and of the tests' own folders. (A socket has a process, or is a file.) Files in folders that
+all users share are only looked for where the commands run as a user of their own: elsewhere they
+may be those of other programs of yours.
+"""
+
+import argparse
+import ctypes
+import os
+import pwd
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+COREUTILS = (
+    "arch b2sum base32 base64 basename basenc cat chgrp chmod chown chroot cksum comm cp csplit cut"
+    " date dd df dir dircolors dirname du echo env expand expr factor false fmt fold groups head"
+    " hostid id install join link ln logname ls md5sum mkdir mkfifo mknod mktemp mv nice nl nohup"
+    " nproc numfmt od paste pathchk pinky pr printenv printf ptx pwd readlink realpath rm rmdir"
+    " runcon seq sha1sum sha224sum sha256sum sha384sum sha512sum shred shuf sleep sort split stat"
+    " stdbuf stty sum sync tac tail tee test timeout touch tr true truncate tsort tty uname"
+    " unexpand uniq unlink users vdir wc who whoami yes ["
+)
+PROGRAMS = ("sh", "grep", "sed", "awk", "tar", "git", "make", *COREUTILS.split())
+PASSED_ON = re.compile(
+    r"(PIP_.*|SSL_CERT_(FILE|DIR)|REQUESTS_CA_BUNDLE|(https?|no|all)_proxy)", re.IGNORECASE
+)
+"""The variables that a registry's client needs."""
+SHARED = ("/tmp", "/var/tmp", "/dev/shm", "/run")
+KEPT_AT_HOME = (".cache", ".config/matplotlib")
+"""What pip and matplotlib keep on every machine."""
+KEPT_BY_RUNS = (*KEPT_AT_HOME, ".local/state/stepbus")
+"""What a user's own runs keep as well: the programs that replays may start. No test adds to it."""
+CHANGES = (".venv", "runs", "__pycache__", ".pytest_cache", ".hypothesis")
+"""What the two commands make in the checkout, by the name of the topmost new entry."""
+OWN_USER = 61_000
+"""Users of its own have numbers from here to 64,999, of which Debian gives out none."""
+MOST_LINES = 20
+PATIENCE_S = 10.0
+"""How long a process may take to end after the command that started it."""
+PYTHON = (3, 11)
+"""The version whose wheels `constraints.txt` names: with another one, PyBullet is compiled."""
+
+
+class Unfit(Exception):
+    """Something is missing here that every machine is assumed to have."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A made-up machine: where its folders are and who works on it."""
+
+    folder: Path
+    uid: int
+    gid: int
+
+    @property
+    def home(self) -> Path:
+        """Return the home of the machine's user, empty at first."""
+        return self.folder / "home"
+
+    @property
+    def temporary(self) -> Path:
+        """Return the folder for temporary files."""
+        return self.folder / "tmp"
+
+    @property
+    def programs(self) -> Path:
+        """Return the folder that is the machine's whole PATH."""
+        return self.folder / "bin"
+
+    @property
+    def checkout(self) -> Path:
+        """Return where HEAD is checked out."""
+        return self.folder / "stepbus"
+
+    def environment(self) -> dict[str, str]:
+        """Return all variables that a command sees."""
+        passed_on = {name: v for name, v in os.environ.items() if PASSED_ON.fullmatch(name)}
+        name = user_name(self.uid)
+        own = {"HOME": str(self.home), "PATH": str(self.programs), "TMPDIR": str(self.temporary)}
+        return passed_on | own | {"USER": name, "LOGNAME": name}
+
+    def run(self, command: str, **variables: str) -> int:
+        """Run a command of the README in the checkout, as the machine's user; return its code."""
+        process = subprocess.Popen(
+            ["sh", "-c", command],
+            executable=str(self.programs / "sh"),
+            cwd=self.checkout,
+            env=self.environment() | variables,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            **self.identity(),
+        )
+        return exit_code(process.pid)
+
+    def identity(self) -> dict[str, object]:
+        """Return what makes a child of ours one of the machine's user."""
+        if self.uid == os.getuid():
+            return {"umask": 0o022}
+        return {"user": self.uid, "group": self.gid, "extra_groups": [], "umask": 0o022}
+
+
+def exit_code(pid: int) -> int:
+    """Wait for a child and return its exit code; fetch those of orphans, which come to us."""
+    while True:
+        ended, status = os.wait()
+        if ended == pid:
+            return os.waitstatus_to_exitcode(status)
+
+
+def user_name(uid: int) -> str:
+    """Return the name of a user; one of our own has none on this machine."""
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return "stranger"
+
+
+def whose(name: str | None) -> tuple[int, int]:
+    """Return the user and group that the commands run as."""
+    if name is not None:
+        try:
+            entry = pwd.getpwuid(int(name)) if name.isdigit() else pwd.getpwnam(name)
+        except KeyError as exc:
+            raise Unfit(f"there is no user {name}; `getent passwd` lists all") from exc
+        if entry.pw_uid != os.getuid() and os.getuid() != 0:
+            raise Unfit(f"only root can run the commands as {name}")
+        return entry.pw_uid, entry.pw_gid
+    if os.getuid() != 0:
+        return os.getuid(), os.getgid()
+    taken = {entry.pw_uid for entry in pwd.getpwall()}
+    first = OWN_USER + os.getpid() % 3_000  # another run beside this one has another
+    uid = next(n for n in range(first, 65_000) if n not in taken)
+    return uid, uid
+
+
+def suitable_python(machine: Machine) -> Path:
+    """Return a Python with `venv` that the machine's user may execute."""
+    places = [*os.get_exec_path(), "/usr/local/bin", "/usr/bin"]
+    for place in dict.fromkeys(places):
+        for name in ("python3.11", "python3"):
+            if (path := Path(place, name)).exists() and answers(path, machine):
+                return path.resolve()
+    wanted = ".".join(map(str, PYTHON))
+    raise Unfit(
+        f"no Python {wanted} with venv that {user_name(machine.uid)} may execute is on PATH"
+    )
+
+
+def answers(python: Path, machine: Machine) -> bool:
+    """Return whether the machine's user can make a virtual environment with a Python."""
+    test = f"import ensurepip, sys; sys.exit(sys.version_info[:2] != {PYTHON})"
+    try:
+        done = subprocess.run(
+            [python, "-c", test],
+            env=machine.environment(),
+            cwd="/",
+            capture_output=True,
+            check=False,
+            **machine.identity(),  # type: ignore[call-overload]
+        )
+    except OSError:
+        return False
+    return done.returncode == 0
+
+
+def build(machine: Machine, archive: bool) -> None:
+    """Make the machine's folders, its programs and the checkout of HEAD."""
+    machine.folder.chmod(0o755)
+    for folder in (machine.home, machine.temporary, machine.programs):
+        folder.mkdir()
+    for name in PROGRAMS:
+        if (path := shutil.which(name)) is not None:
+            (machine.programs / name).symlink_to(Path(path).resolve())
+    (machine.programs / "python3").symlink_to(suitable_python(machine))
+    if archive:
+        machine.checkout.mkdir()
+        with subprocess.Popen(["git", "archive", "HEAD"], cwd=ROOT, stdout=subprocess.PIPE) as git:
+            subprocess.run(["tar", "x"], cwd=machine.checkout, stdin=git.stdout, check=True)
+    else:
+        clone = ["git", "clone", "--quiet", "--no-hardlinks", str(ROOT), str(machine.checkout)]
+        subprocess.run(clone, check=True)
+    for path in (machine.home, machine.temporary, machine.checkout, *machine.checkout.rglob("*")):
+        os.chown(path, machine.uid, machine.gid, follow_symlinks=False)
+
+
+def commands_of_the_readme() -> list[str]:
+    """Return the commands of the first block of README.md."""
+    match = re.search(
+        r"^```\n(.*?)^```$", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
+    )
+    assert match is not None, "README.md begins with the commands"
+    return match[1].splitlines()
+
+
+def descendants() -> Iterator[int]:
+    """Yield the processes below this one that run; it inherits those whose parents have ended."""
+    parents, running = {}, set()
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                state, parent = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
+            except OSError:
+                continue
+            parents[int(entry.name)] = int(parent)
+            if state != "Z":
+                running.add(int(entry.name))
+    for pid in sorted(running - {os.getpid()}):
+        ancestor = pid
+        while ancestor := parents.get(ancestor, 0):
+            if ancestor == os.getpid():
+                yield pid
+                break
+
+
+def processes_left() -> list[str]:
+    """Wait for processes to end; end those that do not, and return what they were."""
+    end = time.monotonic() + PATIENCE_S
+    while (left := list(descendants())) and time.monotonic() < end:
+        time.sleep(0.1)
+    named = []
+    for pid in left:
+        try:
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+            named.append(f"process {pid}: {' '.join(words)[:200]}")
+            os.kill(pid, signal.SIGKILL)
+        except OSError:
+            continue
+    return named
+
+
+def files_left(machine: Machine, before: set[tuple[Path, int]], kept: tuple[str, ...]) -> list[str]:
+    """Return the files that are new or changed, apart from what is there to stay."""
+    own = [machine.home / name for name in kept]
+    own.append(machine.temporary / f"pytest-of-{user_name(machine.uid)}")
+    left = {path for path, _ in files(machine) - before}
+    left -= {path for path in left if any(path.is_relative_to(folder) for folder in own)}
+    return [f"file {path}" for path in sorted(left)]
+
+
+def files(machine: Machine) -> set[tuple[Path, int]]:
+    """Return all files that the commands might have made, each with the time of its change [ns]."""
+    found = [*below(machine.home), *below(machine.temporary), *below(machine.checkout, CHANGES)]
+    if machine.uid != os.getuid():
+        for shared in map(Path, SHARED):
+            found += [p for p in below(shared, (machine.folder.name,)) if owner(p) == machine.uid]
+    return {(path, path.lstat().st_mtime_ns) for path in found if os.path.lexists(path)}
+
+
+def owner(path: Path) -> int | None:
+    """Return whose a file is; None: it has just gone."""
+    try:
+        return path.lstat().st_uid
+    except OSError:
+        return None
+
+
+def below(folder: Path, passed_over: Sequence[str] = ()) -> Iterator[Path]:
+    """Yield the files below a folder, and the folders that are empty."""
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name not in passed_over]
+        yield from (Path(place, name) for name in names)
+        if not folders and not names and place != str(folder):
+            yield Path(place)
+
+
+def try_out(machine: Machine, order: int) -> list[str]:
+    """Run the commands and return what is wrong."""
+    for command in commands_of_the_readme():
+        before = files(machine)
+        kept = KEPT_AT_HOME if "test" in command else KEPT_BY_RUNS
+        began = time.monotonic()
+        code = machine.run(command, PYTEST_ADDOPTS=f"--random-order-seed={order}")
+        say(f"fresh: {command}: exit code {code} after {time.monotonic() - began:.0f} s")
+        wrong = [] if code == 0 else [f"exit code {code}"]
+        wrong += processes_left() + files_left(machine, before, kept)
+        if wrong:
+            more = [f"and {len(wrong) - MOST_LINES} more"] if len(wrong) > MOST_LINES else []
+            return [f"after {command}: {text}" for text in wrong[:MOST_LINES] + more]
+    return []
+
+
+def say(line: str) -> None:
+    """Print a line at once: the commands print to the same place."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def examine(
+    user: str | None, order: int | None, *, archive: bool, keep: bool
+) -> tuple[list[str], str]:
+    """Build a machine and run the commands there; return what is wrong, and what was tried."""
+    head = newest_commit()
+    order = int(head[:8], 16) if order is None else order
+    if ctypes.CDLL(None).prctl(36, 1, 0, 0, 0):  # PR_SET_CHILD_SUBREAPER
+        raise Unfit("this kernel has no subreapers, so processes that are left cannot be seen")
+    folder = Path(tempfile.mkdtemp(prefix="sb-fresh-"))
+    try:
+        machine = Machine(folder, *whose(user))
+        build(machine, archive)
+        what = "an archive" if archive else "a clone"
+        whom = f"{user_name(machine.uid)} ({machine.uid})"
+        about = f"{what} of {head[:10]}, order {order}, as {whom}"
+        say(f"fresh: {about}, in {folder}")
+        return try_out(machine, order), about
+    finally:
+        processes_left()
+        if not keep:
+            shutil.rmtree(folder)
+
+
+def newest_commit() -> str:
+    """Return the hash of HEAD, which is what is tried."""
+    command = ["git", "rev-parse", "HEAD"]
+    try:
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as exc:
+        raise Unfit(f"git finds no commit in {ROOT}: {getattr(exc, 'stderr', exc)}") from exc
+    return done.stdout.strip()
+
+
+def main() -> int:
+    """Run the commands, print the verdict, and return 1 where it is bad."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--archive", action="store_true", help="as from `git archive`: no .git")
+    parser.add_argument("--order", type=int, metavar="N", help="the order of the tests")
+    parser.add_argument("--user", metavar="NAME", help="whom the commands run as (root only)")
+    parser.add_argument("--keep", action="store_true", help="keep the folder, to look around")
+    args = parser.parse_args()
+    try:
+        wrong, about = examine(args.user, args.order, archive=args.archive, keep=args.keep)
+    except Unfit as exc:
+        wrong, about = [str(exc)], "not run"
+    for line in wrong:
+        say(f"fresh: {line}")
+    say(f"fresh: {'FAILED' if wrong else 'passed'}: {about}")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""Programs that a test needs and a machine may lack: without them it is skipped, with a word."""
+
+import shutil
+import subprocess
+
+import pytest
+from support.paths import CHECKOUT
+
+
+def needs(*programs):
+    """Skip the test where one of the programs is not on PATH."""
+    for program in programs:
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not installed")
+
+
+def tracked(folder):
+    """Return the files of a folder of the checkout that no build has made, relative to it.
+
+    Skips the test where git cannot tell: in an unpacked archive, or in a checkout of another user.
+    """
+    needs("git")
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    pipes = {"capture_output": True, "text": True}
+    listed = subprocess.run(command, check=False, cwd=CHECKOUT / folder, **pipes)
+    if listed.returncode:
+        pytest.skip(f"this is no checkout of git: {listed.stderr.strip()}")
+    return set(listed.stdout.splitlines())
+
+
+def fake(folder, name, text="#!/bin/sh\n"):
+    """Write a program that does nothing, for a test that only looks it up; return its folder."""
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(text)
+    (folder / name).chmod(0o755)
+    return folder
