@@ -10,7 +10,7 @@ from stepbus_participant.bus.ticket import Ticket, load_ticket
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant, PortType
 from stepbus_participant.session import Session, Terminated, join
-from stepbus_schemas import Message, StepbusError, Types, WiringError, type_name
+from stepbus_schemas import Message, RunError, StepbusError, Types, WiringError, type_name
 
 from .hosting import HOST, Host
 
@@ -23,21 +23,23 @@ def main(factory: Factory) -> int:
     factory: makes the participant from its configuration; usually its class. Exit code 0: the
     run ended; 1: this participant could not continue, its log says why; 2: there is no ticket.
     """
-    host = HOST.get()
+    hosted = HOST.get()
     try:
-        if host is None:
-            host = _own_process()
+        host = hosted or _own_process()
     except WiringError as exc:
         return _report(str(exc), 2)
     except BusError as exc:
         return _report(str(exc), 1)
     try:
-        take_part(factory, host.ticket, host.bus)
+        try:
+            if hosted is None:
+                signal.signal(signal.SIGTERM, _terminate)
+            take_part(factory, host.ticket, host.bus)
+        finally:
+            _take_no_more_signals()
     except (StepbusError, KeyboardInterrupt) as exc:
-        _take_no_more_signals()
-        return _report(f"{host.ticket.name}: {exc or type(exc).__name__}", 1)
+        return _report(f"{host.ticket.name}: {_own_error(exc) or type(exc).__name__}", 1)
     finally:
-        _take_no_more_signals()
         # A process with an open session and a callback hangs at its exit (P2.6).
         host.bus.close()
     return 0
@@ -46,7 +48,6 @@ def main(factory: Factory) -> int:
 def _own_process() -> Host:
     """Return the bus of this process's ticket; raises WiringError without one, BusError."""
     ticket = load_ticket()
-    signal.signal(signal.SIGTERM, _terminate)
     try:
         return Host(ticket, _open_bus(ticket))
     except BusError as exc:
@@ -95,8 +96,19 @@ def _terminate(_signal: int, _frame: FrameType | None) -> None:
     raise Terminated("ended by SIGTERM")
 
 
+def _own_error(exc: BaseException) -> BaseException:
+    """Return the error that a SIGTERM cut off on its way out of the participant, or `exc`."""
+    cut_off = exc.__context__ if isinstance(exc, Terminated) else None
+    while cut_off is not None and not isinstance(cut_off, RunError):
+        cut_off = cut_off.__context__
+    return cut_off or exc
+
+
 def _take_no_more_signals() -> None:
-    """From here on, a SIGTERM cuts off neither the closing nor the error that is being printed."""
+    """From here on, a SIGTERM cuts off neither the closing nor the error that is being printed.
+
+    The first SIGTERM calls it as well: a participant is interrupted once.
+    """
     if signal.getsignal(signal.SIGTERM) is _terminate:
         signal.signal(signal.SIGTERM, _ignore)
 

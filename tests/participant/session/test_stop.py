@@ -1,6 +1,8 @@
 """When a participant ends, whatever is still under way to it."""
 
+import itertools
 import signal
+import sys
 
 import msgspec
 import pytest
@@ -102,26 +104,51 @@ def test_a_sigterm_while_it_reports_does_not_hide_why_a_participant_failed(capsy
     assert capsys.readouterr().err.endswith("ValueError: the knee\n")
 
 
-def test_a_sigterm_while_it_closes_leaves_the_error_as_the_last_of_its_log(capsys, monkeypatch):
+def terminated_after(moment, monkeypatch):
+    """Return the exit code of a process that fails, and gets a SIGTERM so many lines later.
+
+    Also return whether it got there.
+    """
+    passed = itertools.count()
+
+    def trace(_frame, event, _arg):
+        if event == "line" and next(passed) == moment:
+            signal.raise_signal(signal.SIGTERM)
+        return trace
+
     class Bus:
         def __init__(self, *_args):
             pass
 
         def close(self):
-            signal.raise_signal(signal.SIGTERM)
+            pass
 
     def ticket():
         return Ticket(run="r", name="plant", token=TOKEN, endpoint=None)
 
     def fail(*_args):
+        sys.settrace(trace)
+        sys._getframe().f_back.f_trace = trace
         raise RunError("step 0: the knee")
 
-    before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr(process, "load_ticket", ticket)
     monkeypatch.setattr(process, "ZenohBus", Bus)
     monkeypatch.setattr(process, "take_part", fail)
+    before = signal.getsignal(signal.SIGTERM)
     try:
-        assert process.main(Plant) == 1
+        code = process.main(Plant)
     finally:
+        sys.settrace(None)
         signal.signal(signal.SIGTERM, before)
-    assert capsys.readouterr().err == "plant: step 0: the knee\n"
+    return code, next(passed) > moment
+
+
+def test_a_sigterm_at_any_moment_after_an_error_leaves_it_as_the_last_of_the_log(
+    capsys, monkeypatch
+):
+    reached, moment = True, 0
+    while reached:
+        code, reached = terminated_after(moment, monkeypatch)
+        assert (moment, code, capsys.readouterr().err) == (moment, 1, "plant: step 0: the knee\n")
+        moment += 1
+    assert moment > 10
