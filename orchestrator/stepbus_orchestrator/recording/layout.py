@@ -11,9 +11,11 @@ CHECKPOINTS_FOLDER = "checkpoints"
 CHECKPOINTS_INDEX = "index.json"
 
 PROFILE = ""
-LIBRARY = "stepbus 2"
-"""From version 2 on, the data section has a checksum: no byte of it changes unseen."""
-LIBRARIES = frozenset({"stepbus", LIBRARY})
+LIBRARY = "stepbus 3"
+"""From version 2 on, the data section has a checksum: no byte of it changes unseen. From version 3
+on, a chunk ends with a whole step: whatever ends a file between two chunks cuts no step in two."""
+FIRST = "stepbus"
+LIBRARIES = frozenset({FIRST, "stepbus 2", LIBRARY})
 """Chunks, attachments and the summary of these have checksums: none is a sign of damage."""
 CHUNK_BYTES = 64 * 1024
 MESSAGE_ENCODING = "msgpack"
@@ -90,6 +92,11 @@ def versions_owner(metadata: str) -> str | None:
 def channel_metadata(participant: str, port: str, description: str) -> dict[str, str]:
     """Return the metadata of a port's channel. description: as JSON."""
     return {"participant": participant, "port": port, DESCRIPTION_KEY: description}
+
+
+def incomplete(step: int) -> str:
+    """Return what is said of the last step of a recording that was ended in its midst."""
+    return f"step {step}, the last one, is not complete and is left out"
 
 
 def has_chain(step: int) -> bool:

@@ -25,7 +25,8 @@ from .holes import Holes
 class Recovery:
     """What was saved, and what was lost.
 
-    damage: what is wrong with the source, empty when nothing is. messages, attachments,
+    damage: what is wrong with the source, empty when nothing is. cut_step: the step that it ends
+    in the midst of, which is left out; None where it ends with a whole step. messages, attachments,
     metadata: how many records were kept. last_step: the newest step with a message; −1 without
     any. planned_steps: what the scenario asks for, where it is known. kept_bytes, lost_bytes: of
     the source; what is lost includes the index, which is rebuilt. only_index_lost: whether all
@@ -35,6 +36,7 @@ class Recovery:
     source: Path
     target: Path
     damage: str
+    cut_step: int | None
     messages: int
     attachments: int
     metadata: int
@@ -90,6 +92,11 @@ class _Copy:
         self._channels: dict[int, int] = {}
         self._counts = {Message: 0, Attachment: 0, Metadata: 0}
         self._last_step = -1
+        self._is_ours = False
+        self._newest_step = -1
+        self._newest: list[McapRecord] = []
+        """The messages of the newest step, and whatever stands behind the first of them."""
+        self._cut_step: int | None = None
         self._planned_steps: int | None = None
         self._topics: dict[int, str] = {}
         self._holes = Holes(None)
@@ -112,14 +119,40 @@ class _Copy:
                 index_types=IndexType.ALL,
                 enable_data_crcs=True,
             )
-            writer.start(profile=header.profile, library=header.library)
+            self._is_ours = header.library in layout.LIBRARIES
+            library = layout.LIBRARY if self._is_ours else header.library
+            writer.start(profile=header.profile, library=library)
             for record in records:
-                self._copy(writer, record)
+                self._take(writer, record)
+            if self._newest and not self._scanner.ends_a_step:
+                self._cut_newest()
+            self._copy_newest(writer)
             writer.finish()
             file.flush()
             # It may replace the only copy there is.
             os.fsync(file.fileno())
         return self._recovery()
+
+    def _take(self, writer: Any, record: McapRecord) -> None:
+        """Copy a record, a message only once it is known that nothing of its step is missing."""
+        if isinstance(record, Message) and self._is_ours:
+            if record.sequence != self._newest_step:
+                self._copy_newest(writer)
+            self._newest_step = record.sequence
+            self._newest.append(record)
+        elif self._newest:
+            self._newest.append(record)
+        else:
+            self._copy(writer, record)
+
+    def _copy_newest(self, writer: Any) -> None:
+        for record in self._newest:
+            self._copy(writer, record)
+        self._newest.clear()
+
+    def _cut_newest(self) -> None:
+        self._cut_step = self._newest_step
+        self._newest = [record for record in self._newest if not isinstance(record, Message)]
 
     def _copy(self, writer: Any, record: McapRecord) -> None:
         match record:
@@ -173,6 +206,7 @@ class _Copy:
             source=scanner.path,
             target=self._target,
             damage=scanner.damage,
+            cut_step=self._cut_step,
             messages=self._counts[Message],
             attachments=self._counts[Attachment],
             metadata=self._counts[Metadata],
@@ -180,7 +214,7 @@ class _Copy:
             planned_steps=self._planned_steps,
             kept_bytes=scanner.intact_bytes,
             lost_bytes=scanner.size - scanner.intact_bytes,
-            only_index_lost=scanner.has_end,
+            only_index_lost=scanner.has_end and self._cut_step is None,
             holes=self._holes.end(),
         )
 

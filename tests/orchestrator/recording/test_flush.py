@@ -1,5 +1,6 @@
 """What a killed orchestrator leaves behind, and that it changes no byte of a closed recording."""
 
+import errno
 import os
 import random
 import shutil
@@ -40,10 +41,26 @@ def test_all_that_was_flushed_can_be_recovered(tmp_path):
     def copy(count):
         copied = shutil.copy(path, tmp_path / "cut.mcap")
         counts[count] = recover(copied, tmp_path / "fixed.mcap", in_place=True).messages
-        assert sum(len(port) for port in Recording(copied).ports.values()) == count
+        assert sum(len(port) for port in Recording(copied).ports.values()) == counts[count]
 
-    fill(path, range(0, 2000, 101), copy)
-    assert counts == {count: count for count in range(0, 2000, 101)}
+    fill(path, range(0, 2000, 102), copy)
+    assert counts == {count: count for count in range(0, 2000, 102)}
+
+
+def test_a_flush_that_finds_no_room_is_made_up_for_by_the_next_one(tmp_path, monkeypatch):
+    def refuse(*_args):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    file = McapFile(tmp_path / "run.mcap")
+    channel = file.add_channel("plant/a", "Event/1", {})
+    for step in range(60):
+        file.add(channel, step, b"", step)
+        with monkeypatch.context() as patch:
+            if 20 <= step < 40:
+                patch.setattr("os.pwrite", refuse)
+            file.flush()
+    assert Recording(file.path)["plant/a"].steps.tolist() == list(range(60))
+    file.close()
 
 
 def test_a_kill_between_a_chunk_and_the_cut_behind_it_leaves_no_rubbish(tmp_path, monkeypatch):

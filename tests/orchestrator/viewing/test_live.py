@@ -11,6 +11,7 @@ import time
 import psutil
 import pytest
 from support.browser import Curves, needs_chromium, opened
+from support.messages.recordings import chunks
 from support.paused import Paused
 
 from stepbus_orchestrator import load
@@ -111,7 +112,7 @@ def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run
     killed.mkdir()
     (killed / LIVE_FILE).write_text("of a process that is no more")
     whole = plain_run.recording.read_bytes()
-    (killed / "run.mcap").write_bytes(whole[: len(whole) // 2])
+    (killed / "run.mcap").write_bytes(whole[: sum(chunks(whole)[0])])
     assert follow(page.server, killed, lambda: False)
 
 

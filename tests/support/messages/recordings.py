@@ -67,15 +67,17 @@ def opcodes(data):
     return [data[end] for end in record_ends(data)[:-1]]
 
 
-def rewrite(source, target, chunk_bytes, lacks=lambda _topic, _step: False, **options):
-    """Copy a recording with chunks of another size, and with other options of the writer.
+def rewrite(
+    source, target, chunk_bytes, lacks=lambda _topic, _step: False, library="another", **options
+):
+    """Copy a recording as another program would, with chunks of another size and other options.
 
-    lacks: takes topic and step of a message; returns whether to leave it out.
+    library: which wrote it, as its header says. lacks: takes topic and step of a message; returns whether to leave it out.
     """
     with source.open("rb") as file, target.open("wb") as out:
         reader = make_reader(file)
         writer = Writer(out, chunk_size=chunk_bytes, **options)
-        writer.start(profile="", library="stepbus")
+        writer.start(profile="", library=library)
         for item in reader.iter_attachments():
             writer.add_attachment(0, 0, item.name, item.media_type, item.data)
         for item in reader.iter_metadata():

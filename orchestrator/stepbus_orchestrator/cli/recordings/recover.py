@@ -5,8 +5,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.recording import Recovery, recover
-from stepbus_orchestrator.recording.layout import recording_file
+from stepbus_orchestrator.recording import Recovery, layout, recover
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +21,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    source = recording_file(args.recording)
+    source = layout.recording_file(args.recording)
     target = args.out or source.with_name(f"{source.stem}.recovered.mcap")
     recovery = recover(source, source if args.in_place else target, in_place=args.in_place)
     if args.json:
@@ -36,7 +35,13 @@ def _execute(args: argparse.Namespace) -> int:
 def _lines(recovery: Recovery) -> list[str]:
     """Return what was kept and what was lost, in sentences."""
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
-    found = recovery.damage or ("it has holes" if recovery.holes else "undamaged")
+    found = recovery.damage or (
+        "it has holes"
+        if recovery.holes
+        else "it ends in the midst of a step"
+        if recovery.cut_step is not None
+        else "undamaged"
+    )
     lines = [
         f"{recovery.source}: {found}",
         (
@@ -44,6 +49,8 @@ def _lines(recovery: Recovery) -> list[str]:
             f"{recovery.attachments}, metadata records: {recovery.metadata}"
         ),
     ]
+    if recovery.cut_step is not None:
+        lines.append(layout.incomplete(recovery.cut_step))
     if recovery.damage:
         lines.append(_loss(recovery))
     lines += [f"hole: {hole}" for hole in recovery.holes]

@@ -97,7 +97,7 @@ class McapFile:
     def flush(self) -> None:
         """Let the file have all messages even if this process is killed; it raises nothing.
 
-        It does not change the bytes of the closed file.
+        To be called between steps, whose end it marks. The bytes of the closed file stay the same.
         """
         if not self._closed and self._failed is None:
             self._writer.write_unfinished()

@@ -1,8 +1,9 @@
-"""The mcap writer with a faster path for messages, whose chunks are written whole or not at all.
+"""The mcap writer with a faster path for messages; chunks of whole steps, written or not at all.
 
 `mcap.writer.Writer` packs a message field by field, which took more time than all else the
 orchestrator does in a step: 14 µs a message, 4 here. It forgets a chunk that a full disk refused,
-but counts it; and it keeps an object for every chunk. A test holds both to the same bytes.
+but counts it; it keeps an object for every chunk, and ends one between two messages of a step. A
+test holds both to the same bytes but for that.
 """
 
 import contextlib
@@ -18,8 +19,10 @@ from mcap.records import Chunk, ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
 from .open_chunk import OpenChunk
+from .records import HEAD, STEP_END
 
 _MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_STEP_END = HEAD.pack(STEP_END, 0)
 _PREFIX_BYTES = 9  # opcode and length
 _FIELDS_BYTES = _MESSAGE.size - _PREFIX_BYTES
 
@@ -91,6 +94,7 @@ class MessageWriter(Writer):
         self._statistics: Any = own["_Writer__statistics"]
         self._records: RecordBuilder = own["_Writer__record_builder"]
         self._attached = (own["_Writer__attachment_indexes"], own["_Writer__metadata_indexes"])
+        self._step = (0, 0)  # time and sequence of the newest message
         self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._chunk_indexes = _ChunkIndexes()
         if own["_Writer__index_types"] & IndexType.CHUNK:
@@ -99,7 +103,10 @@ class MessageWriter(Writer):
     def add_message(
         self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
     ) -> None:
-        """Append a message to the chunk; raises OSError when a full chunk cannot be written."""
+        """Append a message to the chunk; raises OSError when a full one cannot be written.
+
+        A chunk is full when it has `chunk_size` bytes and the next message is of another step.
+        """
         self.add_messages([(channel_id, data)], log_time, publish_time, sequence)
 
     def add_messages(
@@ -110,7 +117,11 @@ class MessageWriter(Writer):
         sequence: int = 0,
     ) -> None:
         """Append messages of one time, (channel, content) each; raises as `add_message` does."""
-        chunk, pack, limit = self._chunk, _MESSAGE.pack, self._chunk_bytes
+        chunk, pack, step = self._chunk, _MESSAGE.pack, (log_time, sequence)
+        if step != self._step:
+            if chunk.count > self._chunk_bytes:
+                self._end_chunk()
+            self._step = step
         chunk.cover(log_time)
         records, indexes, count = chunk.records, chunk.indexes, chunk.count
         for channel, data in messages:
@@ -122,11 +133,6 @@ class MessageWriter(Writer):
             head = pack(Opcode.MESSAGE, length, channel, sequence, log_time, publish_time)
             records.append(head + data)
             count += _PREFIX_BYTES + length
-            if count > limit:
-                chunk.count = count
-                self._end_chunk()
-                chunk.cover(log_time)
-                records, indexes, count = chunk.records, chunk.indexes, chunk.count
         chunk.count = count
 
     def add_attachment(self, *args: Any, **named: Any) -> None:
@@ -143,14 +149,15 @@ class MessageWriter(Writer):
         """Write what is new in the open chunk behind the file's end; the whole chunk replaces it.
 
         The records stand there one by one, not compressed: a file that is cut off behind them has
-        them, and one that is closed has the same bytes as without.
+        them, and one that is closed has the same bytes as without. To be called between steps.
         """
         chunk, offset = self._chunk, self._output.tell()
         if not chunk.indexes:
             return
         known = self._unfinished[1] if self._unfinished[0] == offset else 0
-        self._output.write_ahead(chunk.content()[known:])
-        self._unfinished = (offset, chunk.count)
+        # Where there is no room now, the next try begins with what is missing: no hole stays.
+        if self._output.write_ahead(chunk.content()[known:] + _STEP_END):
+            self._unfinished = (offset, chunk.count)
 
     def drop_chunk(self) -> None:
         """Forget the messages that are not in the file yet."""

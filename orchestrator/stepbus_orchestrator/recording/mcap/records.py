@@ -25,6 +25,8 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time of a message."""
 
 _CRC_BYTES = 4
+STEP_END = 0x81
+"""Record that stands behind messages outside of a chunk: they end with a whole step."""
 _FIRST_PRIVATE_OPCODE = 0x80
 _KNOWN = frozenset(int(opcode) for opcode in Opcode)
 _INSIDE_CHUNKS = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))

@@ -89,15 +89,17 @@ class ReservedFile:
         self.sha256.update(data)
         return len(data)
 
-    def write_ahead(self, data: bytes) -> None:
-        """Append bytes that the next `write` replaces; left out where there is no room."""
+    def write_ahead(self, data: bytes) -> bool:
+        """Append bytes that the next `write` replaces; returns whether there was room for them."""
         end = self._position + self._ahead
         try:
             self._write_at(end, data)
-            self._ahead += len(data)
         except OSError:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, end)
+            return False
+        self._ahead += len(data)
+        return True
 
     def _write_at(self, offset: int, data: bytes) -> None:
         rest = memoryview(data)

@@ -15,7 +15,7 @@ from mcap.records import Channel, Header, McapRecord, Message
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
 
-from .records import HEAD, MAGIC, DamagedRecord, check_head, open_recording, records_of
+from .records import HEAD, MAGIC, STEP_END, DamagedRecord, check_head, open_recording, records_of
 
 _CRC_BYTES = 4
 
@@ -39,7 +39,8 @@ class Scanner:
 
     size: of the file [bytes]. intact_bytes: up to the end of the last complete record, for a
     chunk with all it contains. damage: what is wrong behind that, empty when nothing is. has_end:
-    whether the end of the data was reached, so that at most the index is missing.
+    whether the end of the data was reached, so that at most the index is missing. ends_a_step:
+    whether nothing of the last message's step is missing; taken for granted of other programs.
 
     Raises RecordingFailed when the file cannot be read or is no MCAP file.
     """
@@ -50,7 +51,8 @@ class Scanner:
         self.intact_bytes = 0
         self.damage = ""
         self.has_end = False
-        self._channels: set[int] = set()
+        self.ends_a_step = True
+        self._channels: dict[int, str] = {}
         self._library = ""
         self._crc = 0
 
@@ -104,6 +106,8 @@ class Scanner:
             finally:
                 # A chunk may be damaged inside: what precedes it is complete.
                 yield scanned
+            if opcode == STEP_END or (opcode == Opcode.CHUNK and self._library == layout.LIBRARY):
+                self.ends_a_step = True
             self.has_end = self.has_end or opcode == Opcode.DATA_END
             self.intact_bytes = file.tell()
             self._take_checksum(opcode, content)
@@ -127,7 +131,9 @@ class Scanner:
         """Add a record to the checksum of its section; raise DamagedRecord where that is wrong."""
         record = HEAD.pack(opcode, len(content)) + content
         if opcode == Opcode.DATA_END:
-            self._check_section("data section", content, must=self._library == layout.LIBRARY)
+            self._check_section(
+                "data section", content, must=self._is_ours() and self._library != layout.FIRST
+            )
             self._crc = 0
         elif opcode == Opcode.FOOTER:
             self._crc = zlib.crc32(record[:-_CRC_BYTES], self._crc)
@@ -145,11 +151,14 @@ class Scanner:
     def _check_channel(self, record: McapRecord) -> None:
         """Raise DamagedRecord for a message of a channel that no record before it describes."""
         if isinstance(record, Channel):
-            self._channels.add(record.id)
+            self._channels.setdefault(record.id, record.topic)
         elif isinstance(record, Message) and record.channel_id not in self._channels:
             raise DamagedRecord(
                 f"a message is of channel {record.channel_id}, which is not described"
             )
+        elif isinstance(record, Message) and self._is_ours():
+            # Written last, it shows that nothing of its step is missing.
+            self.ends_a_step = self._channels[record.channel_id] == layout.CHAIN_TOPIC
 
     def _take_end(self, file: IO[bytes]) -> None:
         rest = file.read(len(MAGIC) + 1)

@@ -52,7 +52,11 @@ class Block:
 
 @dataclass(kw_only=True)
 class Index:
-    """What a recording holds. damage: what is wrong with the file, empty when nothing is."""
+    """What a recording holds.
+
+    damage: what is wrong with the file, empty when nothing is. ends_a_step: whether nothing of its
+    last step is missing, as far as that is known without reading its messages.
+    """
 
     schemas: dict[int, str] = field(default_factory=dict)
     schema_texts: dict[str, bytes] = field(default_factory=dict)
@@ -62,6 +66,7 @@ class Index:
     metadata: dict[str, Mapping[str, str]] = field(default_factory=dict)
     library: str = ""
     damage: str = ""
+    ends_a_step: bool = False
 
     @property
     def is_ours(self) -> bool:
@@ -107,6 +112,7 @@ def _scan(path: Path) -> Index:
             start_ns = min(message.log_time for message in messages)
             index.blocks.append(Block(scanned.offset, scanned.length, channels, start_ns))
     index.damage = scanner.damage
+    index.ends_a_step = scanner.ends_a_step
     return index
 
 
@@ -133,6 +139,7 @@ class _Summary:
         for row in self._attached:
             for record in self._records_at(row.offset, row.length):
                 self._index.add(record)
+        self._index.ends_a_step = self._index.library == layout.LIBRARY
         return self._index
 
     def _section(self) -> bytes | None:

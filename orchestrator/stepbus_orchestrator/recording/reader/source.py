@@ -14,6 +14,7 @@ import msgspec
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.mcap.records import (
     HEAD,
     MESSAGE_HEAD,
@@ -27,6 +28,7 @@ from .index import Block, read_index
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1
+_ENDLESS = 2**63
 _RECORD = struct.Struct(HEAD.format + MESSAGE_HEAD.format[1:])
 """Of a message: opcode, length, channel, sequence, log time, publish time."""
 
@@ -60,6 +62,8 @@ class Source:
         self._blocks = self.index.blocks
         self._blocks_of: dict[frozenset[int], list[Block]] = {}
         self._cache = _Cache()
+        self._end_step = _ENDLESS
+        self._cut_incomplete_step()
 
     def rows(self, channels: frozenset[int] | None = None) -> Iterator[Row]:
         """Yield the messages of some channels, or all, in recorded order, up to the first damage.
@@ -105,10 +109,31 @@ class Source:
         for block in reversed(self._blocks):
             if block.channels & channels:
                 try:
-                    return max(step for _, step, _, _ in self._in_block(block, channels))
+                    steps = [step for _, step, _, _ in self._in_block(block, channels)]
                 except DamagedRecord as exc:
                     self._end_before(block, exc)
+                    continue
+                if steps:
+                    return max(steps)
         return -1
+
+    def _cut_incomplete_step(self) -> None:
+        """Leave out the last step where something of it may be missing, and say so.
+
+        Its chain, which is written last, shows that nothing is.
+        """
+        while self._blocks and not self.index.ends_a_step:
+            last = self._blocks[-1]
+            try:
+                *_, (channel, step, _, _) = self._in_block(last, last.channels)
+            except DamagedRecord as exc:
+                self._end_before(last, exc)
+                continue
+            if self.index.channels[channel].topic != layout.CHAIN_TOPIC:
+                self._end_step = step
+                told = layout.incomplete(step)
+                self.damage = f"{self.damage}; {told}" if self.damage else told
+            return
 
     def _end_before(self, block: Block, exc: DamagedRecord) -> None:
         """End the recording before a block that turned out to be damaged."""
@@ -123,7 +148,11 @@ class Source:
         if data is None:
             data = self._read(block)
             self._cache.add(block, data)
-        return _messages(data, channels)
+        rows = _messages(data, channels)
+        return rows if self._end_step == _ENDLESS else self._below_the_end(rows)
+
+    def _below_the_end(self, rows: Iterator[Row]) -> Iterator[Row]:
+        return (row for row in rows if row[1] < self._end_step)
 
     def _read(self, block: Block) -> bytes:
         """Return the records of a block; raises DamagedRecord."""

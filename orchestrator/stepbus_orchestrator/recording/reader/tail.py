@@ -14,6 +14,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.mcap.records import (
     HEAD,
     MAGIC,
+    STEP_END,
     DamagedRecord,
     open_recording,
     records_of,
@@ -231,6 +232,8 @@ def _whole_records(data: bytes) -> Iterator[object]:
         opcode, length = HEAD.unpack_from(data, offset)
         start = offset + HEAD.size
         offset = start + length
+        if opcode == STEP_END:
+            continue
         if offset > len(data) or opcode not in _UNFINISHED:
             return
         try:
