@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.mcap.being_written import is_being_written
 from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
 from stepbus_orchestrator.recording.mcap.scanner import Scanner
 from stepbus_participant import parse_duration
@@ -61,12 +62,17 @@ def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
     source: an MCAP file, uncompressed or zstd; it is only read. target: appears when it is
     complete; may exist, or be the source, only with `in_place`.
 
-    Raises RecordingFailed when the source holds nothing to recover, or when the target exists
-    already or cannot be written.
+    Raises RecordingFailed when the source holds nothing to recover, when the target exists already
+    or cannot be written, and in place of a recording that is being written.
     """
     if target.exists() and not in_place:
         raise RecordingFailed(f"{target} exists already; choose another name with --out")
     part = target.with_name(f".{target.name}.part")
+    if in_place and is_being_written(source):
+        raise RecordingFailed(
+            f"{source} is still being written; wait until its run has ended, or write what it has "
+            "so far to another file with --out"
+        )
     try:
         try:
             recovery = _Copy(source, target).write(part)
@@ -93,6 +99,7 @@ class _Copy:
         self._counts = {Message: 0, Attachment: 0, Metadata: 0}
         self._last_step = -1
         self._is_ours = False
+        self._is_live = is_being_written(source)
         self._newest_step = -1
         self._newest: list[McapRecord] = []
         """The messages of the newest step, and whatever stands behind the first of them."""
@@ -205,7 +212,7 @@ class _Copy:
         return Recovery(
             source=scanner.path,
             target=self._target,
-            damage=scanner.damage,
+            damage="it is still being written" if self._is_live else scanner.damage,
             cut_step=self._cut_step,
             messages=self._counts[Message],
             attachments=self._counts[Attachment],

@@ -180,10 +180,9 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
     if holes:
         raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
     steps = replayable_steps(recording, scenario, participant)
-    if not steps and recording.damage:
+    if not steps and recording.cut_short:
         raise RecordingFailed(
-            f"{recording.path} is damaged before the first step of {participant}: "
-            f"{recording.damage}"
+            f"{recording.path} has no complete step of {participant}: it {recording.cut_short}"
         )
     if not steps:
         raise RecordingFailed(

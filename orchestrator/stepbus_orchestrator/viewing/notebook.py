@@ -80,7 +80,8 @@ def recording_html(recording: Recording) -> str:
     """Return a recording as a table of its ports, with a still of its scene."""
     ports = [p for p in recording.ports.values() if not p.topic.startswith("stepbus/")]
     rows = "".join(map(_row, ports))
-    damage = f"<p><b>damaged</b>: {escape(recording.damage)}</p>" if recording.damage else ""
+    why = recording.cut_short
+    damage = f"<p>The recording <b>{escape(why)}</b>.</p>" if why else ""
     return (
         f"<div><p><b>{escape(str(recording.path))}</b>, up to step {recording.last_step}</p>"
         f"{damage}{_still(recording)}<table><tr><th>port</th><th>type</th><th>names</th>"

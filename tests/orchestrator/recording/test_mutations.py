@@ -23,6 +23,6 @@ def test_a_recording_damaged_before_its_channels_is_not_replayed(two_link_record
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: chunks(data)[0][0] + 20])
     with pytest.raises(
-        RecordingFailed, match="is damaged before the first step of controller: the chunk"
+        RecordingFailed, match="has no complete step of controller: it is damaged: the chunk"
     ):
         replay_participant(cut, "controller")

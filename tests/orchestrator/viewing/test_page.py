@@ -144,7 +144,7 @@ def test_half_a_recording_is_shown_and_its_page_says_so(recording, tmp_path):
     cut.write_bytes(data[: len(data) // 2])
     assert main(["report", str(cut)]) == 0
     text = (tmp_path / "report.html").read_text()
-    assert "the recording is damaged after step" in text
+    assert "the recording is damaged: " in text
     assert content(tmp_path / "report.html")["groups"]
 
 

@@ -72,7 +72,7 @@ def test_half_a_recording_is_shown_up_to_its_damage(recording, tmp_path, page):
     half, data = tmp_path / "half.mcap", recording.read_bytes()
     half.write_bytes(data[: len(data) * 3 // 4])
     playback = Playback(page.server, open_recording(half))
-    assert "**damaged**" in playback.status
+    assert "the recording **is damaged: " in playback.status
 
 
 @pytest.mark.slow

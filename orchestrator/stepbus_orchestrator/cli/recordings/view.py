@@ -78,8 +78,9 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _warn_of_damage(recording: Recording) -> None:
-    if recording.damage:
-        print_error(f"{recording.path} is damaged: {recording.damage}; what precedes it is shown")
+    if recording.cut_short:
+        end = f"it is shown up to step {recording.last_step}"
+        print_error(f"{recording.path} {recording.cut_short}; {end}")
 
 
 def _follow(args: argparse.Namespace, show: Show) -> int:

@@ -6,6 +6,8 @@ import os
 import struct
 from pathlib import Path
 
+from .being_written import lock, unlock
+
 _RESERVE_BYTES = 512 * 1024
 _END_BYTES = 256 * 1024
 """For the end of a file beside the index of its chunks: channels, schemas, statistics."""
@@ -20,7 +22,8 @@ class ReservedFile:
 
     A reserve of 512 KiB, or more where `keep_room` asks for it, is given back by `release`: room to
     close the file properly, so that a recording on a full disk ends with its index. It is a
-    file without a name, so that it goes with the process, however that ends.
+    file without a name, so that it goes with the process, however that ends. Until it is closed, it
+    is locked as one that is being written.
 
     sha256: of all that has been written.
     """
@@ -38,6 +41,7 @@ class ReservedFile:
         self._file = os.open(path, flags, 0o644)
         status = os.fstat(self._file)
         self._identity = self._identity_of(status)
+        lock(self._file)
         try:
             self._make_reserve()
         except OSError:
@@ -143,6 +147,7 @@ class ReservedFile:
         """Close the file; harmless when repeated."""
         if not self.closed:
             self.closed = True
+            unlock(self._file)
             with contextlib.suppress(OSError):
                 os.close(self._file)
             self.release()

@@ -55,7 +55,8 @@ class Index:
     """What a recording holds.
 
     damage: what is wrong with the file, empty when nothing is. ends_a_step: whether nothing of its
-    last step is missing, as far as that is known without reading its messages.
+    last step is missing, as far as that is known without reading its messages. loose_from: where
+    messages begin that are in no chunk yet, as the file was not closed.
     """
 
     schemas: dict[int, str] = field(default_factory=dict)
@@ -67,6 +68,7 @@ class Index:
     library: str = ""
     damage: str = ""
     ends_a_step: bool = False
+    loose_from: int | None = None
 
     @property
     def is_ours(self) -> bool:
@@ -111,6 +113,8 @@ def _scan(path: Path) -> Index:
             channels = frozenset(message.channel_id for message in messages)
             start_ns = min(message.log_time for message in messages)
             index.blocks.append(Block(scanned.offset, scanned.length, channels, start_ns))
+        if scanned.opcode == Opcode.MESSAGE and index.loose_from is None:
+            index.loose_from = scanned.offset
     index.damage = scanner.damage
     index.ends_a_step = scanner.ends_a_step
     return index

@@ -53,8 +53,18 @@ class Recording:
 
     @property
     def damage(self) -> str:
-        """Return what is wrong with the file, as far as it was read; empty when nothing is."""
-        return self._source.damage
+        """Return what is wrong with the file, as far as it was read; empty when nothing is.
+
+        Nothing is wrong with one that is being written.
+        """
+        return "" if self._source.is_live else self._source.damage
+
+    @property
+    def cut_short(self) -> str:
+        """Return why it ends where it does, such as `is damaged: …`; empty when it is complete."""
+        if self._source.is_live:
+            return "is still being written"
+        return f"is damaged: {self.damage}" if self.damage else ""
 
     @property
     def last_step(self) -> int:
@@ -106,9 +116,9 @@ class Recording:
         return self._holes
 
     def flaws(self) -> list[str]:
-        """Return a sentence for all that is wrong with it: damage and holes."""
+        """Return a sentence for all that is missing in it: its end, and holes."""
         holes = [f"has a hole: {hole}" for hole in self.holes()]
-        return [*([f"is damaged: {self.damage}"] if self.damage else []), *holes]
+        return [*([self.cut_short] if self.cut_short else []), *holes]
 
     def __repr__(self) -> str:
         """Return its path and its end."""

@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.mcap.being_written import is_locked
 from stepbus_orchestrator.recording.mcap.records import (
     HEAD,
     MESSAGE_HEAD,
@@ -24,7 +25,7 @@ from stepbus_orchestrator.recording.mcap.records import (
     open_recording,
 )
 
-from .index import Block, read_index
+from .index import Block, Index, read_index
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1
@@ -47,6 +48,8 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 class Source:
     """An open recording. damage: what is wrong with the file, as far as it was read.
 
+    is_live: whether it is being written; then it has what stood there when it was opened.
+
     Raises RecordingFailed when it cannot be read or is no MCAP file.
     """
 
@@ -57,13 +60,27 @@ class Source:
         except OSError as exc:
             raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
         self.close = weakref.finalize(self, os.close, self._file)
-        self.index = read_index(path, self._file)
+        self.is_live = is_locked(self._file)
+        self.index = self._read_index()
         self.damage = self.index.damage
         self._blocks = self.index.blocks
         self._blocks_of: dict[frozenset[int], list[Block]] = {}
         self._cache = _Cache()
         self._end_step = _ENDLESS
         self._cut_incomplete_step()
+
+    def _read_index(self) -> Index:
+        """Read the index, and with it what a run that goes on may replace any moment."""
+        self._loose = b""
+        while True:
+            index = read_index(self.path, self._file)
+            start = index.loose_from if self.is_live else None
+            if start is None:
+                return index
+            self._loose = os.pread(self._file, os.fstat(self._file).st_size - start, start)
+            # A chunk that has come in the meantime begins with another byte.
+            if os.pread(self._file, 1, start) == bytes((Opcode.MESSAGE,)):
+                return index
 
     def rows(self, channels: frozenset[int] | None = None) -> Iterator[Row]:
         """Yield the messages of some channels, or all, in recorded order, up to the first damage.
@@ -154,10 +171,16 @@ class Source:
     def _below_the_end(self, rows: Iterator[Row]) -> Iterator[Row]:
         return (row for row in rows if row[1] < self._end_step)
 
+    def _bytes_of(self, block: Block) -> bytes:
+        start = block.offset - (self.index.loose_from or 0)
+        if self._loose and start >= 0:
+            return self._loose[start : start + block.length]
+        return os.pread(self._file, block.length, block.offset)
+
     def _read(self, block: Block) -> bytes:
         """Return the records of a block; raises DamagedRecord."""
         try:
-            data = os.pread(self._file, block.length, block.offset)
+            data = self._bytes_of(block)
         except OSError as exc:
             raise RecordingFailed(f"{self.path} cannot be read: {exc.strerror or exc}") from exc
         if len(data) != block.length:

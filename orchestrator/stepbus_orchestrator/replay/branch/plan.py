@@ -109,7 +109,7 @@ def _check_step(recording: Recording, origin: Origin, scenario: Scenario, at: in
     if holes:
         raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
     end = origin.end
-    if recording.damage:
+    if recording.cut_short:
         names = (spec.name for spec in scenario.participants)
         end = min(replayable_steps(recording, scenario, name) for name in names)
     if not 0 <= at <= end:

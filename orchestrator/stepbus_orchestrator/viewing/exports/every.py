@@ -39,13 +39,10 @@ def export(
 
 
 def damage_line(recording: Recording) -> str:
-    """Return what is missing of a damaged recording, in an export of it; empty for a whole one."""
-    if not recording.damage:
+    """Return why an export of a recording ends before its run; empty for a whole one."""
+    if not recording.cut_short:
         return ""
-    return (
-        f"{recording.path} is damaged: {recording.damage}; exported up to step "
-        f"{recording.last_step}"
-    )
+    return f"{recording.path} {recording.cut_short}; exported up to step {recording.last_step}"
 
 
 def _silent(_form: str, _last_step: int) -> AbstractContextManager[Reached]:

@@ -27,7 +27,7 @@ def nothing_to_export(recording: Recording, done: str = "exported") -> Recording
     """Return why nothing of a recording can be exported: it is empty, damaged or foreign."""
     unknown = sorted({p.type for p in recording.ports.values() if p.type not in recording.types})
     unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
-    why = recording.damage
+    why = f"it {recording.cut_short}" if recording.cut_short else ""
     if unknown:
         why = f"it is not of stepbus, or of a newer one: its types are {', '.join(unknown)}"
     reason = f": {why}" if why else ""

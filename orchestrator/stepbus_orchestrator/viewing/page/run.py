@@ -68,9 +68,9 @@ def read_run(path: Path, arrays: Arrays, lines: Sequence[str] = ()) -> RunPage:
             if taker.problem:
                 problems.append(f"{taker.port.topic}: {taker.problem}")
         happened, left_out = happenings(recording, result)
-        if recording.damage:
-            at = recording.last_step
-            problems.insert(0, f"the recording is damaged after step {at}: {recording.damage}")
+        if recording.cut_short:
+            end = f"it is shown up to step {recording.last_step}"
+            problems.insert(0, f"the recording {recording.cut_short}; {end}")
         return RunPage(
             name=_name(recording, result),
             path=recording.path,

@@ -33,7 +33,7 @@ def open_recording(path: Path) -> Recording:
     """
     recording = Recording(path)
     if recording.last_step < 0:
-        why = f": {recording.damage}" if recording.damage else ""
+        why = f": it {recording.cut_short}" if recording.cut_short else ""
         recording.close()
         raise RecordingFailed(f"{recording.path} has no messages, so there is nothing to show{why}")
     try:
@@ -188,8 +188,8 @@ class Playback:
             scene = self._stage.scene
             self._stage.move(scene.poses(self._other.at(scene.topics, t_ns)))
         step = round(t_ns / history.step_ns)
-        damage = history.recording.damage
-        note = f"  \n**damaged**: {damage}; what precedes it is shown" if damage else ""
+        why = history.recording.cut_short
+        note = f"  \nthe recording **{why}**; what precedes that is shown" if why else ""
         self._view.status.content = (
             f"**t = {t_ns * 1e-9:.3f} s**, step {step} of {history.last_step}{note}"
         )
