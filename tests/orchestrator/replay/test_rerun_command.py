@@ -113,6 +113,15 @@ def test_where_nothing_ran_nothing_is_said_to_be_as_recorded(recorded, tmp_path,
     assert "nothing was compared" in said
 
 
+def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_path, capsys):
+    broken = fault("controller", "controller", "raise", -1)
+    failed = run_joints(tmp_path, broken, in_process=True)
+    assert cli.main(["rerun", str(failed.recording), "--out", str(tmp_path / "again")]) != 0
+    said = capsys.readouterr().out
+    assert "as recorded" not in said
+    assert "the recording has no complete step: nothing was compared" in said
+
+
 def test_a_recording_without_a_step_cannot_be_confirmed(recorded, tmp_path, capsys):
     cut = cut_off(recorded, 0)
     words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]

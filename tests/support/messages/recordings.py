@@ -68,11 +68,17 @@ def opcodes(data):
 
 
 def rewrite(
-    source, target, chunk_bytes, lacks=lambda _topic, _step: False, library="another", **options
+    source,
+    target,
+    chunk_bytes,
+    lacks=lambda _topic, _step: False,
+    library="another",
+    attached=(),
+    **options,
 ):
     """Copy a recording as another program would, with chunks of another size and other options.
 
-    library: which wrote it, as its header says. lacks: takes topic and step of a message; returns whether to leave it out.
+    library: which wrote it, as its header says. attached: names of further attachments. lacks: takes topic and step of a message; returns whether to leave it out.
     """
     with source.open("rb") as file, target.open("wb") as out:
         reader = make_reader(file)
@@ -80,6 +86,8 @@ def rewrite(
         writer.start(profile="", library=library)
         for item in reader.iter_attachments():
             writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+        for name in attached:
+            writer.add_attachment(0, 0, name, "text/plain", b"x")
         for item in reader.iter_metadata():
             writer.add_metadata(item.name, item.metadata)
         numbers = {}

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli.command import Command, add_overrides, add_recording
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
@@ -91,11 +91,12 @@ def _execute(args: argparse.Namespace) -> int:
     if args.vary:
         return _execute_variants(args, out, trusted)
     branch = _make(args, out, args.set, trusted)
+    found = _difference(branch)
     if args.json:
-        say_json(_fields(branch))
+        say_json(_fields(branch, found))
     else:
-        _conclude(branch, has_plots=not args.no_report)
-    return _code(branch, args)
+        _conclude(branch, found, has_plots=not args.no_report)
+    return _code(branch, found, args)
 
 
 def _make(
@@ -136,15 +137,23 @@ def _default(recording: Path, at: str) -> Path:
     return next(Path("runs") / name for name in names if not (Path("runs") / name).exists())
 
 
-def _code(branch: Branch, args: argparse.Namespace) -> int:
-    """Return the exit code: a branch without a change has to be equal."""
+def _difference(branch: Branch) -> Diff | None:
+    """Return how a branch differs from its recording; None where it has the same bytes, or none."""
+    if branch.result.exit_code or branch.equal:
+        return None
+    return branch.diff()
+
+
+def _code(branch: Branch, found: Diff | None, args: argparse.Namespace) -> int:
+    """Return the exit code: a branch without a change has to have the same messages."""
     if branch.result.exit_code:
         return branch.result.exit_code
     is_changed = args.set or args.call or args.fault or args.vary
-    return ExitCode.FINISHED if is_changed or branch.equal else ExitCode.DIFFERENT
+    is_equal = found is None or found.equal
+    return ExitCode.FINISHED if is_changed or is_equal else ExitCode.DIFFERENT
 
 
-def _conclude(branch: Branch, *, has_plots: bool) -> None:
+def _conclude(branch: Branch, found: Diff | None, *, has_plots: bool) -> None:
     result = branch.result
     if result.exit_code:
         print_error(result.reason)
@@ -154,13 +163,13 @@ def _conclude(branch: Branch, *, has_plots: bool) -> None:
     if branch.restored:
         rows = (f"{name} from step {step}" for name, step in branch.restored.items())
         say(f"checkpoints: {', '.join(rows)}")
-    if branch.equal:
-        say(f"{result.steps} steps, byte for byte as recorded")
-    elif result.exit_code == 0:
+    if found is not None:
         why = "" if result.reason == "finished" else f" ({result.reason})"
         say(f"{result.scenario}: finished{why} after {result.steps} steps")
-        for line in _difference(branch):
+        for line in _differences(found):
             say(line)
+    elif branch.equal and result.steps:
+        say(f"{result.steps} steps, byte for byte as recorded")
     if has_plots and result.recording.exists() and result.steps:
         with abortable():
             lines = write_report(result.recording, has_plots=True)
@@ -169,20 +178,21 @@ def _conclude(branch: Branch, *, has_plots: bool) -> None:
     say(f"recording {result.recording}\nsha256    {result.sha256}")
 
 
-def _difference(branch: Branch) -> Iterator[str]:
-    """Yield where a branch leaves its recording."""
-    found = diff(branch.recording, branch.result.recording)
+def _differences(found: Diff) -> Iterator[str]:
+    """Yield where a branch leaves its recording, or else what beside the messages differs."""
     if found.divergence is not None:
         yield f"leaves the recording at {found.divergence.text('recorded', 'now')}"
     elif found.equal:
-        yield "every message is as recorded"
+        yield "every message is as recorded, though the files differ"
+        yield from (f"note: {note}" for note in found.notes)
 
 
-def _fields(branch: Branch) -> dict[str, Any]:
+def _fields(branch: Branch, found: Diff | None) -> dict[str, Any]:
     return {
         "at": branch.at,
         "changed": list(branch.changed),
         "equal": branch.equal,
+        "messages_equal": branch.equal or (found is not None and found.equal),
         "way_s": branch.way_s,
         "restored": dict(branch.restored),
         "notes": list(branch.notes),
@@ -208,11 +218,14 @@ def _execute_variants(args: argparse.Namespace, out: Path, trusted: str) -> int:
             break
     picture = None if args.no_report else _picture(args, out, branches)
     if args.json:
-        rows = [{"variant": variant.name, **_fields(branch)} for variant, branch in branches]
+        rows = [
+            {"variant": variant.name, **_fields(branch, _difference(branch))}
+            for variant, branch in branches
+        ]
         say_json({"variants": rows, "picture": picture})
     elif picture is not None:
         say(f"picture   {picture}")
-    return max((_code(branch, args) for _, branch in branches), default=ExitCode.FINISHED)
+    return max((_code(branch, None, args) for _, branch in branches), default=ExitCode.FINISHED)
 
 
 def _say_variant(variant: Variant, branch: Branch) -> None:

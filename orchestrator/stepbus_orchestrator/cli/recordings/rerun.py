@@ -52,7 +52,7 @@ def _execute(args: argparse.Namespace) -> int:
         _conclude(rerun, found)
     if rerun.result.exit_code:
         return rerun.result.exit_code
-    if not rerun.equal and not rerun.compares:
+    if not rerun.compares:
         return ExitCode.RECORDING
     return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
 
@@ -68,7 +68,7 @@ def _execute_row(args: argparse.Namespace) -> int:
     result = again.result
     if args.json:
         say_json({"equal": again.equal, "row": again.row, "result": result})
-    elif again.equal:
+    elif again.equal and result.steps:
         say(f"{result.steps} steps, byte for byte as in the sweep\nsha256    {result.sha256}")
     else:
         say(f"sha256    {result.sha256}, in the sweep {again.row.sha256 or 'none'}")
@@ -94,11 +94,11 @@ def _conclude(rerun: Rerun, found: Diff | None) -> None:
     result = rerun.result
     if result.exit_code:
         print_error(result.reason)
-    if rerun.equal:
-        say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
-    elif found is None:
-        empty = "the recording has" if result.steps else "this run made"
+    if not rerun.compares:
+        empty = "this run made" if rerun.recorded_steps else "the recording has"
         say(f"{empty} no complete step: nothing was compared")
+    elif rerun.equal or found is None:
+        say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
     elif found.equal and rerun.is_part:
         say(
             f"every message of the recording is as recorded: {rerun.recorded_steps} steps, after "

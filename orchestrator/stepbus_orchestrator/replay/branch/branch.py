@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.run.reports.progress import Observer
@@ -39,6 +40,12 @@ class Branch:
     def equal(self) -> bool:
         """Return whether the new recording is the old one, byte for byte."""
         return self.recorded_sha256 == self.result.sha256
+
+    def diff(self) -> Diff:
+        """Compare it with the recording: of one that is cut off, up to its end."""
+        with Recording(self.recording) as recording:
+            is_part = bool(recording.cut_short)
+        return diff(self.recording, self.result.recording, is_part=is_part)
 
 
 class BranchPlan:

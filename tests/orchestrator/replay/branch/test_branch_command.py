@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from support.runs.joints import run_joints
+from support.messages.recordings import chunks, rewrite
+from support.runs.joints import fault, run_joints
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode
@@ -26,6 +27,33 @@ def test_an_unchanged_branch_is_equal_and_exits_with_0(recorded, tmp_path, capsy
     printed = capsys.readouterr().out
     assert "live from step 20" in printed
     assert "50 steps, byte for byte as recorded" in printed
+
+
+def test_a_branch_with_the_same_messages_exits_with_0_and_says_what_else_differs(
+    recorded, tmp_path, capsys
+):
+    other = rewrite(recorded, tmp_path / "other.mcap", 4096, attached=["notes.txt"])
+    assert run_command(other, tmp_path, "--at", "20", "--trust") == 0
+    printed = capsys.readouterr().out
+    assert "\nevery message is as recorded, though the files differ\n" in printed
+    assert "\nnote: attachment notes.txt is only in the first\n" in printed
+
+
+def test_a_branch_of_a_recording_that_is_cut_off_is_as_recorded_up_to_its_end(
+    recorded, tmp_path, capsys
+):
+    whole = recorded.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: sum(chunks(whole)[0])])
+    assert run_command(cut, tmp_path, "--at", "20", "--trust") == 0
+    assert "every message is as recorded" in capsys.readouterr().out
+
+
+def test_a_branch_of_a_run_without_a_step_compares_nothing(tmp_path, capsys):
+    broken = fault("controller", "controller", "raise", 0)
+    failed = run_joints(tmp_path, broken, in_process=True).recording
+    assert run_command(failed, tmp_path, "--at", "0") == ExitCode.FAULT
+    assert "as recorded" not in capsys.readouterr().out
 
 
 def test_a_change_shows_where_it_leaves_the_recording(recorded, tmp_path, capsys):
