@@ -5,6 +5,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command, add_recording
 from stepbus_orchestrator.cli.terminal.output import print_error, say
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.viewing.exports import FORMS, Exported, damage_line, export, progress_bar
 from stepbus_schemas import WiringError
@@ -64,14 +65,16 @@ def _execute(args: argparse.Namespace) -> int:
     if not targets:
         raise WiringError("nothing to export; name a target, e.g. --parquet tables")
     options = {"camera": args.camera, "viewpoint": args.viewpoint, "progress": progress_bar}
+    is_whole = True
     with Recording(args.recording) as recording:
         for form, done in export(recording, targets, **options):
             for line in done.problems:
                 print_error(line)
             say(f"wrote {_listed(targets[form], done)}")
+            is_whole = is_whole and not done.lost
         if damage := damage_line(recording):
             print_error(damage)
-    return 0
+    return ExitCode.FINISHED if is_whole else ExitCode.RECORDING
 
 
 def _listed(target: Path, done: Exported) -> str:
@@ -85,7 +88,7 @@ COMMAND = Command(
     summary="write a recording for other programs",
     description="Writes a recording as tables for pandas, polars and DuckDB, "
     "or its scene as one HTML file. A damaged recording "
-    "is exported up to its damage.",
+    "is exported up to its damage. Exit code 8: a port could not be exported to its end.",
     examples=(
         "stepbus export run.mcap --parquet tables",
         "stepbus export runs/arm --csv all.csv",

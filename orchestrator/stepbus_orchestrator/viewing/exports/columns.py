@@ -58,12 +58,14 @@ class Field:
     def values(self, batch: Batch, array: NDArray[Any] | None) -> list[Cells]:
         """Return the values of each column, shape (m,); None where a message lacks them.
 
-        array: the field as `Batch.arrays` returns it. Raises ValueError for a vector of another
-        length than it has columns.
+        array: the field as `Batch.arrays` returns it. An empty vector has none of its values, as
+        an absent one. Raises ValueError for any other length than it has columns.
         """
         count = len(self.columns)
         if self.is_flat:
             if array is not None and array.dtype != object:
+                if not array.size:
+                    return [[None] * len(array)] * count
                 table = array.reshape(len(array), -1)
                 _check_width(self, table.shape[1])
                 return list(table.T)
@@ -77,6 +79,8 @@ class Field:
         if value is None:
             return [None] * len(self.columns)
         row = np.asarray(value, dtype=float).ravel().tolist()
+        if not row:
+            return [None] * len(self.columns)
         _check_width(self, len(row))
         return row
 

@@ -1,6 +1,6 @@
 """What an export wrote, and what it could not."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,10 +11,15 @@ from stepbus_schemas import ENVELOPE_TYPES, StepbusError
 
 @dataclass(frozen=True, kw_only=True)
 class Exported:
-    """What an export wrote. problems: a sentence for all that it could not."""
+    """What an export wrote.
+
+    problems: a sentence for all that it could not. lost: topics of ports that it lacks, or ends
+    before their last message, though the form could have had them.
+    """
 
     paths: Sequence[Path]
     problems: Sequence[str] = ()
+    lost: Collection[str] = ()
 
 
 def check_readable(recording: Recording) -> None:

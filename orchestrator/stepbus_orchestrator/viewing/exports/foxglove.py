@@ -29,10 +29,10 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
     without the library.
     """
     foxglove, channels = need("the export for Foxglove", "foxglove", "foxglove.channels")
-    problems: list[str] = []
-    ports = readable(recording, problems)
+    lost: dict[str, str] = {}
+    ports = readable(recording, lost)
     moving = Moving(recording, round(NS / PER_S))
-    problems += moving.scene.notes
+    problems = list(moving.scene.notes)
     wanted = [p for p in ports if p.type in SHOWN or p.topic in moving.scene.topics]
     layout = target.with_suffix(".layout.json")
     rate = Rate(PER_S)
@@ -42,7 +42,7 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
             conversion = Conversion(moving.scene, _Channels(channels, context).log)
             conversion.place(moving.still(), 0)
             conversion.bodies()
-            for moment in moments(recording, wanted, problems, reached):
+            for moment in moments(recording, wanted, lost, reached):
                 placed = moving.take(moment)
                 if placed:
                     conversion.place(placed, moment.t_ns)
@@ -52,7 +52,8 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
     with replaced(layout) as path:
         text = json.dumps(layout_of(moving.scene, moving.latest, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
-    return Exported(paths=[target, layout], problems=problems)
+    problems += lost.values()
+    return Exported(paths=[target, layout], problems=problems, lost=list(lost))
 
 
 @contextmanager

@@ -24,18 +24,17 @@ class Moment:
 
 
 def moments(
-    recording: Recording, ports: Collection[Port], problems: list[str], reached: Reached
+    recording: Recording, ports: Collection[Port], lost: dict[str, str], reached: Reached
 ) -> Iterator[Moment]:
     """Yield the messages of some ports in the order of time, in memory that does not grow.
 
-    A port that cannot be read ends there, and is a problem.
+    lost: topic → why it is; gets a port that cannot be read to its end.
     """
-    broken: set[str] = set()
     for piece in recording.batches(ports):
         rows: list[tuple[int, int, Moment]] = []
         for number, port in enumerate(ports):
             batch = piece[port.topic]
-            if not len(batch.steps) or port.topic in broken:
+            if not len(batch.steps) or port.topic in lost:
                 continue
             try:
                 for step, t, message in zip(batch.steps, batch.t, batch.messages(), strict=True):
@@ -44,18 +43,17 @@ def moments(
                     )
                     rows.append((found.t_ns, number, found))
             except StepbusError as exc:
-                broken.add(port.topic)
-                problems.append(f"{port.topic}: {exc}")
+                lost[port.topic] = f"{port.topic}: {exc}"
         for _, _, moment in sorted(rows, key=lambda row: row[:2]):
             yield moment
         if rows:
             reached(rows[-1][2].step)
 
 
-def readable(recording: Recording, problems: list[str]) -> list[Port]:
+def readable(recording: Recording, lost: dict[str, str]) -> list[Port]:
     """Return the ports with messages of a known type.
 
-    Raises RecordingFailed without any; a port of an unknown type is a problem.
+    lost: topic → why it is; gets those of an unknown type. Raises RecordingFailed without any.
     """
     found = []
     for port in recording.ports.values():
@@ -64,7 +62,7 @@ def readable(recording: Recording, problems: list[str]) -> list[Port]:
         try:
             port.message_class  # noqa: B018  (raises for an unknown type)
         except StepbusError as exc:
-            problems.append(unreadable(port, exc))
+            lost[port.topic] = unreadable(port, exc)
             continue
         if port.last_step >= 0:
             found.append(port)

@@ -54,10 +54,10 @@ def export_ros2(recording: Recording, target: Path, reached: Reached) -> Exporte
     Raises RecordingFailed when nothing can be exported or the file cannot be written, ExtraMissing
     without the library.
     """
-    problems: list[str] = []
-    ports = readable(recording, problems)
+    lost: dict[str, str] = {}
+    ports = readable(recording, lost)
     moving = Moving(recording, _TF_PERIOD_NS)
-    problems += moving.scene.notes
+    problems = list(moving.scene.notes)
     ros = _Ros()
     wanted = [p for p in ports if p.type in _CONVERTERS or p.topic in moving.scene.topics]
     left = [f"{p.topic} ({p.type})" for p in ports if p not in wanted]
@@ -69,7 +69,7 @@ def export_ros2(recording: Recording, target: Path, reached: Reached) -> Exporte
             topic = "/robot_description" if number == 0 else f"/{name}/robot_description"
             bag.add(topic, "std_msgs/msg/String", ros.make("std_msgs/msg/String", data=text), 0)
         bag.add("/tf_static", _TF, ros.transforms(moving, moving.still(), 0), 0)
-        for moment in moments(recording, wanted, problems, reached):
+        for moment in moments(recording, wanted, lost, reached):
             placed = moving.take(moment)
             if placed:
                 bag.add("/tf", _TF, ros.transforms(moving, placed, moment.t_ns), moment.t_ns)
@@ -77,7 +77,8 @@ def export_ros2(recording: Recording, target: Path, reached: Reached) -> Exporte
             for suffix, type_name, message in convert(ros, moment) if convert else ():
                 bag.add(_topic(moment.port, suffix), type_name, message, moment.t_ns)
         bag.close()
-    return Exported(paths=[target], problems=problems)
+    problems += lost.values()
+    return Exported(paths=[target], problems=problems, lost=list(lost))
 
 
 def _topic(port: Port, suffix: str) -> str:

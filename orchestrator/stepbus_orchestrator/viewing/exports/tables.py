@@ -80,7 +80,7 @@ def export_tables(recording: Recording, target: Path, form: str, reached: Reache
             paths = [path for _, path in _files(tables, target, form)]
             if form == "csv":
                 paths.append(_describe(tables, target))
-    return Exported(paths=paths, problems=list(problems.values()))
+    return Exported(paths=paths, problems=list(problems.values()), lost=list(problems))
 
 
 def _tables(recording: Recording) -> tuple[list[Table], dict[str, str]]:

@@ -2,14 +2,17 @@
 
 import csv
 import math
+from collections import Counter
+from pathlib import Path
 
 import duckdb
 import polars as pl
 import pyarrow.parquet as parquet
 import pytest
-from support.messages.recordings import write
+from support.messages.recordings import messages, write
 
 from stepbus_orchestrator.cli.entry import main
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Contacts, ControllerStatus, Description, Event, Image, JointState, Poses
 
@@ -45,6 +48,11 @@ def recording(tmp_path):
         events=("Event/1", [], [None, Event(level="warning", text='it\'s, "slow"')]),
         image=("Image/1", [], [IMAGE]),
     )
+
+
+@pytest.fixture(params=["two_link", "baxter", "store"])
+def golden(request):
+    return Path(__file__).parents[3] / "scenarios" / "golden" / f"{request.param}.mcap"
 
 
 def export(recording, *words):
@@ -119,9 +127,31 @@ def test_a_port_whose_messages_are_wrong_ends_alone(tmp_path, capsys):
         status=("ControllerStatus/1", ["hip", "knee"], rows),
         events=("Event/1", [], [Event(level="info", text="good")] * 4),
     )
-    export(path, "--csv", tmp_path / "csv")
+    assert main(["export", str(path), "--csv", str(tmp_path / "csv")]) == ExitCode.RECORDING
     assert "plant/status: " in capsys.readouterr().err
     assert len((tmp_path / "csv/plant.events.csv").read_text().splitlines()) == 5
+
+
+def test_an_empty_vector_has_no_values_and_ends_no_port(tmp_path):
+    rows = [state(0), JointState(position=[]), JointState(position=[0.5, 1.0])]
+    for name, given in {"some": rows, "all": rows[1:2] * 3}.items():
+        path = write(tmp_path / f"{name}.mcap", state=("JointState/1", ["hip", "knee"], given))
+        export(path, "--parquet", tmp_path / name)
+        found = pl.read_parquet(tmp_path / name / "plant.state.parquet")
+        expected = [m.position[1] if m.position else None for m in given]
+        assert found["position.knee"].to_list() == expected
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv"])
+def test_every_port_of_the_shipped_scenarios_is_exported_whole(tmp_path, form, golden):
+    """The messages are counted by the mcap package."""
+    export(golden, f"--{form}", tmp_path)
+    counted = Counter(topic for topic, *_ in messages(golden) if not topic.startswith("stepbus/"))
+    assert len(counted) >= 4
+    for topic, count in counted.items():
+        path = tmp_path / f"{topic.replace('/', '.')}.{form}"
+        read = pl.read_parquet if form == "parquet" else pl.read_csv
+        assert len(read(path)) == count, topic
 
 
 @pytest.mark.parametrize("form", ["parquet", "csv"])
