@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_participant.files.reading import read_file
 
 from . import layout
 
@@ -74,7 +75,7 @@ class Checkpoints:
         if not path.parent.is_dir():
             return {}
         try:
-            index = msgspec.json.decode(path.read_bytes(), type=_Index)
+            index = msgspec.json.decode(read_file(path), type=_Index)
         except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as exc:
             reason = exc.strerror if isinstance(exc, OSError) else str(exc)
             self.problems.append(f"no checkpoints: {path}: {reason}")
@@ -98,7 +99,7 @@ class Checkpoints:
 
     def _is_sound(self, path: Path, sha256: str) -> bool:
         try:
-            state = path.read_bytes()
+            state = read_file(path)
         except OSError as exc:
             self.problems.append(f"checkpoint {path}: {exc.strerror}; an earlier state is used")
             return False

@@ -12,6 +12,8 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
+from stepbus_participant.files.reading import open_regular
+
 _LARGEST = 4 * 1024 * 1024
 _OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
@@ -44,6 +46,8 @@ def remember(programs: str) -> None:
         path = _path()
         path.parent.mkdir(parents=True, mode=0o700, exist_ok=True)
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        # A named pipe that stands there is no list, and would wait for a reader.
+        flags |= os.O_NONBLOCK
         file = os.open(path, flags, 0o600)
         try:
             if not _is_ours(file):
@@ -59,7 +63,7 @@ def remember(programs: str) -> None:
 def is_known(programs: str) -> bool:
     """Return whether a fingerprint is on the list, and nobody else can have written it there."""
     try:
-        file = os.open(_path(), os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        file = open_regular(_path(), os.O_NOFOLLOW)
     except (OSError, RuntimeError):
         return False
     try:
@@ -82,11 +86,14 @@ def _is_ours(file: int) -> bool:
 
 def _read(file: int) -> bytes:
     with os.fdopen(os.dup(file), "rb") as stream:
-        return stream.read()
+        # It is halved where it grows larger; what is much larger is no list.
+        return stream.read(2 * _LARGEST)
 
 
 def _forget_oldest(path: Path) -> None:
-    lines = path.read_bytes().splitlines(keepends=True)
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 2 * _LARGEST))
+        lines = file.read().splitlines(keepends=True)
     part = path.with_name(f".{path.name}.{os.getpid()}")
     part.touch(mode=0o600)
     part.write_bytes(b"".join(lines[len(lines) // 2 :]))

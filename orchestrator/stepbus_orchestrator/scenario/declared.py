@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_participant import Problems, Settings, extra_hint
+from stepbus_participant.files.reading import read_file
 from stepbus_participant.parameters import find_problems
 
 from .files.paths import is_file
@@ -79,7 +80,7 @@ def find_declaration(spec: ParticipantSpec, folder: Path) -> Declaration | None:
 def _in_source(at: Declaration, folder: Path) -> Declaration | None:
     """Follow the name `Params` at the top of a module to the class."""
     try:
-        tree = ast.parse(at.file.read_bytes())
+        tree = ast.parse(read_file(at.file))
     except (OSError, SyntaxError, ValueError):
         return None
     for node in tree.body:

@@ -18,6 +18,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import Count, Settings, Whole
+from stepbus_participant.files.reading import MOST_TEXT_BYTES, read_file, read_text
 from stepbus_participant.parameters import Keys, read, read_yaml
 from stepbus_schemas import WiringError
 
@@ -137,7 +138,11 @@ def find_spec(scenario: str, options: Mapping[str, Any]) -> Spec:
 
 def _is_sweep(path: Path) -> bool:
     """Return whether a file is that of a sweep: it names a scenario."""
-    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        text = read_file(path, MOST_TEXT_BYTES).decode(errors="replace")
+    except OSError:
+        # Who reads it as a scenario says what is wrong with it.
+        return False
     return any(line.startswith(("scenario:", "vary:")) for line in text.splitlines())
 
 
@@ -168,7 +173,7 @@ def load_spec(folder: Path) -> tuple[Spec, str]:
     """
     path = folder / SPEC_FILE
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_text(path))
         return make_spec(content["sweep"]), str(content["fingerprint"])
     except FileNotFoundError as exc:
         raise WiringError(f"{folder} holds no sweep: there is no {SPEC_FILE} in it") from exc

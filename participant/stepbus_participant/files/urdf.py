@@ -8,6 +8,7 @@ from stepbus_participant.hints.extras import need
 from stepbus_schemas import WiringError
 
 from .paths import package_path
+from .reading import read_file, read_text
 from .sdf import sdf_to_urdf
 from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
 
@@ -50,7 +51,7 @@ def _text(path: Path) -> str:
     if path.suffix.lower() == ".xacro":
         return _expand(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except OSError as exc:
         raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:
@@ -94,7 +95,7 @@ def _with_includes(path: Path, above: tuple[Path, ...]) -> minidom.Document:
     if path in above:
         raise WiringError(f"{path}: includes itself, by way of {above[-1]}")
     try:
-        document = minidom.parse(str(path))  # noqa: S318
+        document = minidom.parseString(read_file(path))  # noqa: S318
     except OSError as exc:
         raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
     except ExpatError as exc:

@@ -12,6 +12,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from stepbus_participant.files.reading import read_text
+
 from .problems import Keys, Place, Problem, Problems, SettingsError, dotted
 
 _STANDARD = "tag:yaml.org,2002:"
@@ -51,7 +53,7 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
     """
     file = file or path.name
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except OSError as exc:
         raise fatal(file, f"cannot be read: {exc.strerror} ({path})") from exc
     except UnicodeDecodeError as exc:

@@ -8,6 +8,7 @@ import msgspec
 
 from stepbus_orchestrator.run.reports.lateness import Lateness
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
+from stepbus_participant.files.reading import read_file
 
 from .panels.devices import Panel
 from .panels.style import colour
@@ -23,7 +24,7 @@ def read_lateness(folder: Path) -> Lateness | None:
     folder: of the run; its result.json has it.
     """
     try:
-        return msgspec.json.decode((folder / RESULT_FILE).read_bytes(), type=_Result).real_time
+        return msgspec.json.decode(read_file(folder / RESULT_FILE), type=_Result).real_time
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return None
 

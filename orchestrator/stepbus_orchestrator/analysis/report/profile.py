@@ -1,11 +1,14 @@
 """What `stepbus run --profile` has measured: where the time of each participant's steps went."""
 
 import csv
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from stepbus_participant.files.reading import open_regular
 
 from .panels.devices import Panel
 from .panels.style import colour
@@ -37,7 +40,7 @@ def read_profiles(folder: Path) -> list[StepProfile]:
 
 def _read(path: Path) -> StepProfile:
     totals, steps = dict.fromkeys(PARTS, 0), 0
-    with path.open(newline="") as file:
+    with os.fdopen(open_regular(path), newline="") as file:
         for row in csv.DictReader(file):
             steps += 1
             for part in PARTS:

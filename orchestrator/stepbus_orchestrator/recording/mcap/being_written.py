@@ -6,7 +6,7 @@ import os
 import struct
 from pathlib import Path
 
-from .records import open_recording
+from stepbus_participant.files.reading import open_regular
 
 _LOCK = struct.Struct("hhqqi0q")
 """`struct flock`: type, whence, start, length, process. A lock of an open file (OFD): unlike one of
@@ -31,7 +31,7 @@ def _set(file: int, kind: int) -> None:
 def is_being_written(path: Path) -> bool:
     """Return whether a recording is being written; not of a file that cannot be read."""
     try:
-        file = open_recording(path)
+        file = open_regular(path)
     except OSError:
         return False
     try:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import stat
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import zstandard
@@ -42,19 +38,6 @@ _PARSE_ERRORS = (
 
 class DamagedRecord(Exception):
     """A record is not complete, or contradicts itself; the text says how."""
-
-
-def open_recording(path: Path) -> int:
-    """Return a descriptor to read a file, which is no pipe: nobody may ever write to that.
-
-    Raises OSError when it cannot be read.
-    """
-    # Without O_NONBLOCK, to open a named pipe waits for somebody who writes to it.
-    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    if stat.S_ISREG(os.fstat(file).st_mode):
-        return file
-    os.close(file)
-    raise OSError(errno.EINVAL, "it is not a regular file")
 
 
 def type_of(opcode: int) -> str:

@@ -14,8 +14,9 @@ from mcap.records import Channel, Header, McapRecord, Message
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_participant.files.reading import open_regular
 
-from .records import HEAD, MAGIC, STEP_END, DamagedRecord, check_head, open_recording, records_of
+from .records import HEAD, MAGIC, STEP_END, DamagedRecord, check_head, records_of
 
 _CRC_BYTES = 4
 
@@ -64,7 +65,7 @@ class Scanner:
     def scan(self) -> Iterator[Scanned]:
         """Yield each record of the file; the last one may be damaged inside."""
         try:
-            with os.fdopen(open_recording(self.path), "rb") as file:
+            with os.fdopen(open_regular(self.path), "rb") as file:
                 self.size = file.seek(0, 2)
                 file.seek(0)
                 self._take_magic(file)

@@ -22,8 +22,8 @@ from stepbus_orchestrator.recording.mcap.records import (
     DamagedRecord,
     check_head,
     chunk_content,
-    open_recording,
 )
+from stepbus_participant.files.reading import open_regular
 
 from .index import Block, Index, read_index
 
@@ -56,7 +56,7 @@ class Source:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._file = open_recording(path)
+            self._file = open_regular(path)
         except OSError as exc:
             raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
         self.close = weakref.finalize(self, os.close, self._file)

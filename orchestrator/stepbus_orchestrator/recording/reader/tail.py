@@ -16,9 +16,9 @@ from stepbus_orchestrator.recording.mcap.records import (
     MAGIC,
     STEP_END,
     DamagedRecord,
-    open_recording,
     records_of,
 )
+from stepbus_participant.files.reading import open_regular
 from stepbus_schemas import Decoder, Description, MessageError, StepbusError, Types
 from stepbus_schemas import Message as PortMessage
 
@@ -75,7 +75,7 @@ class Tail:
         self.t_ns = 0
         self._skips = True
         try:
-            self._file = open_recording(path)
+            self._file = open_regular(path)
         except OSError as exc:
             raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
 

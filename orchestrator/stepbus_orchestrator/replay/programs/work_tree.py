@@ -22,6 +22,7 @@ from stepbus_orchestrator.scenario import builtin_folders
 from stepbus_orchestrator.scenario import read_data as read_scenario
 from stepbus_orchestrator.scenario.files.paths import BUILT, is_scenario
 from stepbus_participant import SettingsError
+from stepbus_participant.files.reading import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -161,7 +162,7 @@ def _origin(recording: Path, trusted: frozenset[int]) -> _Origin:
     try:
         if not path.is_file() or _owner(path) not in trusted:
             return _Origin()
-        return msgspec.json.decode(path.read_bytes(), type=_Origin)
+        return msgspec.json.decode(read_file(path), type=_Origin)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
         return _Origin()
 

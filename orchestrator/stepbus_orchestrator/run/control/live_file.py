@@ -11,6 +11,7 @@ import msgspec
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
 from stepbus_participant import BusError, Endpoint, ZenohBus
+from stepbus_participant.files.reading import read_file
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
 from .calls import CALL_KEY
@@ -122,7 +123,7 @@ def _pack(live: Live, request: CallRequest) -> bytes:
 
 def _read(folder: Path) -> Live:
     try:
-        return msgspec.json.decode((folder / LIVE_FILE).read_bytes(), type=Live)
+        return msgspec.json.decode(read_file(folder / LIVE_FILE), type=Live)
     except FileNotFoundError as exc:
         raise WiringError(
             f"no live run in {folder}; give the folder of one, e.g. runs/two_link-20260101-120000"

@@ -12,6 +12,7 @@ from typing import Protocol
 from stepbus_orchestrator.run.setup.seat import Seat
 from stepbus_orchestrator.scenario import OURS, ParticipantSpec, Scenario, python_target
 from stepbus_participant import main
+from stepbus_participant.files.reading import read_file
 from stepbus_schemas import WiringError
 
 _MAIN = "__main__"
@@ -106,7 +107,7 @@ class Program:
     def _script_code(self, main: ModuleType) -> CodeType:
         path = self._script / "__main__.py" if self._script.is_dir() else self._script
         main.__file__ = str(path)
-        return compile(path.read_bytes(), str(path), "exec", dont_inherit=True)
+        return compile(read_file(path), str(path), "exec", dont_inherit=True)
 
     def _module_code(self, main: ModuleType) -> CodeType:
         spec = importlib.util.find_spec(self._module)

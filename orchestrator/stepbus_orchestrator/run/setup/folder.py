@@ -10,6 +10,7 @@ from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
 from stepbus_orchestrator.run.reports.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
+from stepbus_participant.files.reading import read_file
 
 LOGS_FOLDER = "logs"
 
@@ -82,7 +83,7 @@ def read_files(found: Mapping[str, Path]) -> dict[str, bytes]:
     contents = {}
     for name, path in found.items():
         try:
-            contents[name] = path.read_bytes()
+            contents[name] = read_file(path)
         except OSError as exc:
             raise RecordingFailed(f"{path} cannot be read: {exc.strerror}") from exc
     return contents

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from stepbus_participant.files.reading import open_regular
+
 from .paths import BUILT, is_file, is_folder
 
 _BY_LANGUAGE = {
@@ -81,7 +83,7 @@ def _is_link_out(path: Path, folder: Path) -> bool:
 def _interpreter(script: Path) -> str:
     """Return the interpreter that the first line of a script names; empty without one."""
     try:
-        with script.open("rb") as file:
+        with os.fdopen(open_regular(script), "rb") as file:
             first = file.readline(200)
     except OSError:
         return ""

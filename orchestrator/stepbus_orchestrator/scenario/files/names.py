@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from stepbus_participant import SettingsError
+from stepbus_participant.files.reading import read_text
 from stepbus_participant.parameters import texts_in
 from stepbus_schemas import WiringError
 
@@ -57,7 +58,7 @@ def _imported(node: ast.AST) -> list[str]:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except OSError as exc:
         raise FileUnreadable(f" cannot be read: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:

@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from stepbus_participant.files.reading import read_file
+
 INSTALLED = frozenset({"__pycache__", "node_modules", "runs", "site-packages"})
 """Folders of what is installed, cached, or recorded: no files of a scenario's own."""
 
@@ -31,6 +33,6 @@ def is_folder(path: Path) -> bool:
 def is_scenario(path: Path) -> bool:
     """Return whether a file has the keys of a scenario, or of a part of one."""
     try:
-        return is_file(path) and _SCENARIO.search(path.read_bytes()) is not None
+        return is_file(path) and _SCENARIO.search(read_file(path)) is not None
     except OSError:
         return False

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from stepbus_participant.files.reading import read_text
 from stepbus_participant.parameters import YamlFile, fatal
 
 MOST_PARTICIPANTS = 1000
@@ -18,7 +19,7 @@ def refuse_crowd(path: Path) -> None:
     It counts lines, which takes milliseconds; to read 10,000 participants as YAML takes seconds.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return
     start = _PARTICIPANTS.search(text)

@@ -15,6 +15,7 @@ from stepbus_orchestrator.run.reports.result import RESULT_FILE, Result
 from stepbus_orchestrator.viewing.exports import check_readable
 from stepbus_orchestrator.viewing.render import Pixels
 from stepbus_orchestrator.viewing.still import scene_still
+from stepbus_participant.files.reading import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
@@ -133,7 +134,7 @@ def _result(folder: Path, recording: Path) -> Result | None:
     if recording.name != layout.RUN_FILE:
         return None
     try:
-        return msgspec.json.decode((folder / RESULT_FILE).read_bytes(), type=Result)
+        return msgspec.json.decode(read_file(folder / RESULT_FILE), type=Result)
     except (OSError, msgspec.MsgspecError):
         return None
 

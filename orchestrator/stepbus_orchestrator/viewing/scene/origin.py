@@ -7,6 +7,7 @@ from typing import Any
 
 from stepbus_orchestrator.recording import layout
 from stepbus_participant import find_file
+from stepbus_participant.files.reading import read_text
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
@@ -79,7 +80,7 @@ def _texts(value: object) -> Iterator[str]:
 
 def _yaml(origin: Origin, path: Path) -> Mapping[str, Any]:
     try:
-        data = parse_yaml(path.name, path.read_text(encoding="utf-8"))
+        data = parse_yaml(path.name, read_text(path))
     except (StepbusError, OSError, UnicodeDecodeError) as exc:
         origin.notes.append(f"{path.name} cannot be read: {exc}")
         return {}

@@ -1,6 +1,7 @@
 """Reads a table of numbers from a CSV file, and reports every mistake with its line."""
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from stepbus_participant import suggest
+from stepbus_participant.files.reading import read_text
 from stepbus_schemas import WiringError
 
 _DERIVATIVES = ("velocity", "acceleration")
@@ -28,9 +30,8 @@ def read_table(path: Path, joints: Sequence[str]) -> Table:
     Raises WiringError that lists all mistakes, each with file and line.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file)
-            lines = [(reader.line_num, row) for row in reader if any(row)]
+        reader = csv.reader(io.StringIO(read_text(path, "utf-8-sig")))
+        lines = [(reader.line_num, row) for row in reader if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as exc:
         raise WiringError(f"{path} cannot be read as CSV: {exc}") from exc
     if len(lines) < 3:
