@@ -23,7 +23,15 @@ from .calls.methods import CallError, Method
 from .calls.steering import Steering
 from .config import Config, Ports
 from .config.plugins import make_plugin
-from .files import find_file, last_error, package_path
+from .files import (
+    MOST_TEXT_BYTES,
+    find_file,
+    last_error,
+    open_regular,
+    package_path,
+    read_file,
+    read_text,
+)
 from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .hints.installed import installed_version
 from .hints.suggestions import suggest
@@ -51,6 +59,7 @@ _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "HOST",
     "LONGEST_NS",
+    "MOST_TEXT_BYTES",
     "NO_CHECKPOINTS",
     "ONE_THREAD",
     "TICKET_VARIABLE",
@@ -119,10 +128,13 @@ __all__ = [
     "mimics",
     "need",
     "needed_when",
+    "open_regular",
     "package_path",
     "parse_duration",
     "parse_urdf",
+    "read_file",
     "read_stamp",
+    "read_text",
     "read_urdf_text",
     "scratch_folder",
     "stamp",

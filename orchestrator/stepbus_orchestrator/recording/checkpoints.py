@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import read_file
 
 from . import layout
 

@@ -12,7 +12,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 
 _LARGEST = 4 * 1024 * 1024
 _OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH

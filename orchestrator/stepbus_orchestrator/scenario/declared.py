@@ -13,8 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_participant import Problems, Settings, extra_hint
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import Problems, Settings, extra_hint, read_file
 from stepbus_participant.parameters import find_problems
 
 from .files.paths import is_file

@@ -17,8 +17,7 @@ from typing import Any, Literal
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant import Count, Settings, Whole
-from stepbus_participant.files.reading import MOST_TEXT_BYTES, read_file, read_text
+from stepbus_participant import MOST_TEXT_BYTES, Count, Settings, Whole, read_file, read_text
 from stepbus_participant.parameters import Keys, read, read_yaml
 from stepbus_schemas import WiringError
 

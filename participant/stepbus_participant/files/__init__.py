@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .last_error import last_error
 from .paths import find_file, package_path
+from .reading import MOST_TEXT_BYTES, open_regular, read_file, read_text
 
 if TYPE_CHECKING:
     from .urdf import read_urdf_text, urdf_warnings
@@ -22,12 +23,16 @@ _WHERE = {
 }
 
 __all__ = [
+    "MOST_TEXT_BYTES",
     "Mimic",
     "find_file",
     "last_error",
     "mimics",
+    "open_regular",
     "package_path",
     "parse_urdf",
+    "read_file",
+    "read_text",
     "read_urdf_text",
     "urdf_warnings",
 ]

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from stepbus_participant.files.reading import read_text
+from stepbus_participant.files import read_text
 
 from .problems import Keys, Place, Problem, Problems, SettingsError, dotted
 

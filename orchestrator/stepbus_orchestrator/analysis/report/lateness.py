@@ -8,7 +8,7 @@ import msgspec
 
 from stepbus_orchestrator.run.reports.lateness import Lateness
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import read_file
 
 from .panels.devices import Panel
 from .panels.style import colour

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 
 from .panels.devices import Panel
 from .panels.style import colour

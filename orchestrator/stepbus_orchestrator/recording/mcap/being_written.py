@@ -6,7 +6,7 @@ import os
 import struct
 from pathlib import Path
 
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 
 _LOCK = struct.Struct("hhqqi0q")
 """`struct flock`: type, whence, start, length, process. A lock of an open file (OFD): unlike one of

@@ -14,7 +14,7 @@ from mcap.records import Channel, Header, McapRecord, Message
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 
 from .records import HEAD, MAGIC, STEP_END, DamagedRecord, check_head, records_of
 

@@ -23,7 +23,7 @@ from stepbus_orchestrator.recording.mcap.records import (
     check_head,
     chunk_content,
 )
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 
 from .index import Block, Index, read_index
 

@@ -18,7 +18,7 @@ from stepbus_orchestrator.recording.mcap.records import (
     DamagedRecord,
     records_of,
 )
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 from stepbus_schemas import Decoder, Description, MessageError, StepbusError, Types
 from stepbus_schemas import Message as PortMessage
 

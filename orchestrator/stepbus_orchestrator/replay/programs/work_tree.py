@@ -21,8 +21,7 @@ from stepbus_orchestrator.run.reports.result import RESULT_FILE
 from stepbus_orchestrator.scenario import builtin_folders
 from stepbus_orchestrator.scenario import read_data as read_scenario
 from stepbus_orchestrator.scenario.files.paths import BUILT, is_scenario
-from stepbus_participant import SettingsError
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import SettingsError, read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 

@@ -10,8 +10,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
-from stepbus_participant import BusError, Endpoint, ZenohBus
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import BusError, Endpoint, ZenohBus, read_file
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
 from .calls import CALL_KEY

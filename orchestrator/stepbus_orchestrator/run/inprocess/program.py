@@ -11,8 +11,7 @@ from typing import Protocol
 
 from stepbus_orchestrator.run.setup.seat import Seat
 from stepbus_orchestrator.scenario import OURS, ParticipantSpec, Scenario, python_target
-from stepbus_participant import main
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import main, read_file
 from stepbus_schemas import WiringError
 
 _MAIN = "__main__"

@@ -10,7 +10,7 @@ from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
 from stepbus_orchestrator.run.reports.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import read_file
 
 LOGS_FOLDER = "logs"
 

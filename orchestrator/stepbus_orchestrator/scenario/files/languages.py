@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from stepbus_participant.files.reading import open_regular
+from stepbus_participant import open_regular
 
 from .paths import BUILT, is_file, is_folder
 

@@ -5,8 +5,7 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_participant import SettingsError
-from stepbus_participant.files.reading import read_text
+from stepbus_participant import SettingsError, read_text
 from stepbus_participant.parameters import texts_in
 from stepbus_schemas import WiringError
 

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import read_file
 
 INSTALLED = frozenset({"__pycache__", "node_modules", "runs", "site-packages"})
 """Folders of what is installed, cached, or recorded: no files of a scenario's own."""

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from stepbus_participant.files.reading import read_text
+from stepbus_participant import read_text
 from stepbus_participant.parameters import YamlFile, fatal
 
 MOST_PARTICIPANTS = 1000

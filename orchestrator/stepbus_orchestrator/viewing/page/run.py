@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.reports.result import RESULT_FILE, Result
 from stepbus_orchestrator.viewing.exports import check_readable
 from stepbus_orchestrator.viewing.render import Pixels
 from stepbus_orchestrator.viewing.still import scene_still
-from stepbus_participant.files.reading import read_file
+from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.recording import layout
-from stepbus_participant import find_file
-from stepbus_participant.files.reading import read_text
+from stepbus_participant import find_file, read_text
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from stepbus_participant import suggest
-from stepbus_participant.files.reading import read_text
+from stepbus_participant import read_text, suggest
 from stepbus_schemas import WiringError
 
 _DERIVATIVES = ("velocity", "acceleration")
