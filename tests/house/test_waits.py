@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reference" / "waits.md"
 PACKAGES = ("orchestrator/stepbus_orchestrator", "participant/stepbus_participant")
 METHODS = {"acquire", "communicate", "get", "join", "query", "receive", "wait", "wait_for"}
+PIPES = re.compile(r"^[\w.]*\bstd(in|out|err)( or \(\))?$")
 FUNCTIONS = {
     *("os.fsync", "os.read", "os.wait4", "os.waitid", "os.waitpid", "select.select", "time.sleep"),
     *("subprocess.Popen", "subprocess.call", "subprocess.check_call", "subprocess.check_output"),
@@ -45,8 +46,8 @@ def waits_in(source: str, file: str = "x.py") -> Iterator[Wait]:
         if isinstance(node, ast.Call):
             texts = (ast.unparse(argument) for argument in node.args)
             yield from (Wait(*where, text, "") for text in texts if text in CLOSES)
-        if isinstance(node, ast.For) and ast.unparse(node.iter) == "sys.stdin":
-            yield Wait(*where, "sys.stdin", "")
+        if isinstance(node, ast.For) and PIPES.search(text := ast.unparse(node.iter)):
+            yield Wait(*where, text, "")
         if isinstance(node, ast.With):
             for text in (ast.unparse(item.context_expr) for item in node.items):
                 if re.search(r"_?(lock|changed|condition)$", text, re.IGNORECASE):
@@ -63,6 +64,8 @@ def is_wait(call: ast.Call) -> bool:
     name = text.rpartition(".")[2]
     if text in FUNCTIONS | CLOSES or name in PUTS:
         return name != "put" or not re.search("queue|inbox", text)
+    if name in {"read", "readline"}:
+        return PIPES.search(text.rpartition(".")[0]) is not None
     if not isinstance(call.func, ast.Attribute) or name not in METHODS:
         return False
     if name == "get":

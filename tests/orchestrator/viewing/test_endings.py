@@ -2,14 +2,17 @@
 
 import io
 import json
+import signal
 import subprocess
 import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
 
+import psutil
 import pytest
 from support.messages.recordings import write
+from support.surroundings import comes_true
 
 import stepbus
 from stepbus_orchestrator.cli import main
@@ -140,3 +143,53 @@ def test_a_view_that_stays_ends_with_a_signal_to_the_run_alone(tmp_path, capsys)
 def test_what_a_view_complains_of_is_passed_on_but_not_its_end(capsys):
     _pass_on(SimpleNamespace(stderr=io.BytesIO(b"stepbus: it is lost\nstepbus: interrupted\n")))
     assert capsys.readouterr().err == "stepbus: it is lost\n"
+
+
+SILENT = [sys.executable, "-c", "import time; time.sleep(1000)"]
+VIEWER = "stepbus_orchestrator.cli.scenarios.viewer"
+
+
+def test_a_view_that_does_not_begin_is_not_waited_for(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(f"{VIEWER}._COMMAND", SILENT)
+    monkeypatch.setattr(f"{VIEWER}._START_S", 0.2)
+    with viewed(tmp_path / "run", [[]], stays=False, interrupt=threading.Event()):
+        assert "has not begun after 0 s; is its process stopped? The run begins without it" in (
+            capsys.readouterr().err
+        )
+
+
+def test_a_signal_ends_the_wait_for_a_view(tmp_path, monkeypatch):
+    monkeypatch.setattr(f"{VIEWER}._COMMAND", SILENT)
+    interrupt = threading.Event()
+    threading.Timer(0.3, interrupt.set).start()
+    with (
+        pytest.raises(KeyboardInterrupt),
+        viewed(tmp_path / "run", [[]], stays=False, interrupt=interrupt),
+    ):
+        pytest.fail("nobody can see it")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("view", [["--view", "--no-open"], ["--foxglove"]])
+def test_a_view_that_is_stopped_at_its_start_delays_no_run_for_good(tmp_path, view):
+    words = ["run", "two_link", "--set", "duration=50ms", "--no-report", *view]
+    command = [sys.executable, "-m", "stepbus_orchestrator.cli", *words, "--out", tmp_path / "run"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as started:
+        run = psutil.Process(started.pid)
+        assert comes_true(lambda: stopped_views(run))
+        assert comes_true(lambda: (tmp_path / "run" / "result.json").exists(), 90)
+        # A view stays open until Ctrl-C.
+        started.send_signal(signal.SIGINT)
+        _, errors = started.communicate(timeout=30)
+    assert "has not begun after 30 s; is its process stopped?" in errors
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["exit_code"] == 0
+    assert started.returncode == 0
+
+
+def stopped_views(run):
+    """Stop the views below a run from outside, and return them."""
+    views = [child for child in run.children() if "view" in child.cmdline()]
+    for view in views:
+        view.suspend()
+    return views
