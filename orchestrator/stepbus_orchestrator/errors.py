@@ -38,6 +38,11 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
+def indented(text: str) -> str:
+    """Return a text of somebody else, of whose lines none can be taken for a sentence of ours."""
+    return "\n    ".join(text.splitlines())
+
+
 class RunFailure(RunError):
     """A run failed.
 

@@ -178,7 +178,7 @@ def test_a_view_that_is_stopped_at_its_start_delays_no_run_for_good(tmp_path, vi
     with subprocess.Popen(command, **pipes) as started:
         run = psutil.Process(started.pid)
         assert comes_true(lambda: stopped_views(run))
-        assert comes_true(lambda: (tmp_path / "run" / "result.json").exists(), 90)
+        assert comes_true((tmp_path / "run" / "result.json").exists, 90)
         # A view stays open until Ctrl-C.
         started.send_signal(signal.SIGINT)
         _, errors = started.communicate(timeout=30)

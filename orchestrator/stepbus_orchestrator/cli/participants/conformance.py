@@ -9,7 +9,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.command import Command, add_overrides
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
-from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.cli.terminal.output import say, say_json, visible
 from stepbus_orchestrator.diagnosis.conformance import (
     CHECKS,
     CheckResult,
@@ -111,7 +111,10 @@ def _row(result: CheckResult) -> Table:
     row.add_column(ratio=1)
     style = _STYLES[result.outcome]
     row.add_row(
-        f"[{style}]{result.outcome}[/]", result.name, result.clause, escape(result.observed)
+        f"[{style}]{result.outcome}[/]",
+        result.name,
+        result.clause,
+        escape(visible(result.observed)),
     )
     return row
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.terminal.output import visible
 from stepbus_orchestrator.processes.launcher import participant_environment
 from stepbus_orchestrator.processes.links.shared_ticket import JoinTicket, await_ticket
 from stepbus_orchestrator.scenario.program import command
@@ -66,7 +67,7 @@ def _argv(ticket: JoinTicket, words: list[str], folder: Path) -> tuple[str, ...]
 
 
 def _notify(sentence: str) -> None:
-    sys.stderr.write(f"stepbus join: {sentence}\n")
+    sys.stderr.write(f"stepbus join: {visible(sentence)}\n")
     sys.stderr.flush()
 
 

@@ -3,7 +3,8 @@
 import argparse
 import sys
 
-from stepbus_orchestrator.errors import Untrusted
+from stepbus_orchestrator.cli.terminal.output import visible
+from stepbus_orchestrator.errors import Untrusted, indented
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.known_programs import folder_mark, remember
 from stepbus_orchestrator.replay.programs.trust import Programs, programs_of
@@ -42,12 +43,12 @@ def trusted_programs(
 
 def _ask(args: argparse.Namespace, programs: Programs, tree: WorkTree | None) -> None:
     has_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    rows = "\n".join(f"  {line}" for line in programs.lines())
+    rows = "\n".join(f"  {indented(line)}" for line in programs.lines())
     shown = f"{args.recording} was not made by you on this machine. It starts, with your rights:"
     if tree is not None:
         shown = f"You have not run {tree.shown()} on this machine. It starts, with your rights:"
     if has_terminal:
-        sys.stderr.write(f"{shown}\n{rows}\nStart that? [y/N] ")
+        sys.stderr.write(visible(f"{shown}\n{rows}\nStart that? [y/N] "))
         sys.stderr.flush()
         if sys.stdin.readline().strip().lower() in {"y", "yes"}:
             return

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stepbus_orchestrator.cli.command import Command
-from stepbus_orchestrator.cli.terminal.output import say, say_json
+from stepbus_orchestrator.cli.terminal.output import say, say_json, visible
 from stepbus_orchestrator.run.control.live_file import call
 from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
@@ -61,7 +61,8 @@ def _list(offered: Mapping[str, Mapping[str, Any]], participant: str, *, as_json
         table.add_column(column, overflow="fold")
     for name, methods in rows.items():
         for method, item in methods.items():
-            table.add_row(name, method, escape(item["help"]), "yes" if item["changes"] else "")
+            text = escape(visible(item["help"]))
+            table.add_row(name, visible(method), text, "yes" if item["changes"] else "")
     Console().print(table)
 
 

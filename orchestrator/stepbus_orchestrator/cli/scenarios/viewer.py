@@ -61,8 +61,8 @@ class _Viewer:
 
     def _listen(self) -> None:
         stdout, stderr = self.process.stdout, self.process.stderr
-        assert stdout is not None
-        assert stderr is not None
+        if stdout is None or stderr is None:
+            return
         with stdout, stderr:
             self.place = stdout.readline().decode().strip()
             if not self.place:

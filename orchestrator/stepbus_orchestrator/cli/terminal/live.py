@@ -11,6 +11,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
+from stepbus_orchestrator.cli.terminal.output import visible
 from stepbus_orchestrator.run.reports.progress import Progress
 
 from .keys import HELP
@@ -45,7 +46,7 @@ class Display:
         """Remove what is not to stay."""
 
     def _print(self, text: str) -> None:
-        self._console.print(text, markup=False, soft_wrap=True)
+        self._console.print(visible(text), markup=False, soft_wrap=True)
 
 
 class LiveTable(Display):

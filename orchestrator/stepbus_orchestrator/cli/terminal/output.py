@@ -6,6 +6,21 @@ from pathlib import Path
 
 import msgspec
 
+_CONTROLS = (*range(10), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
+_DIRECTIONS = (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+_ESCAPES = {
+    code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
+    for code in (*_CONTROLS, *_DIRECTIONS)
+}
+
+
+def visible(text: str) -> str:
+    """Return a text with what would move the cursor, or turn what is read, as escapes.
+
+    Participants and recordings bring texts of others: no terminal obeys them. Line feeds stay.
+    """
+    return text.translate(_ESCAPES)
+
 
 def open_closed_streams() -> None:
     """Put the null device where a standard stream is closed, as after `stepbus run … <&-`.
@@ -19,16 +34,20 @@ def open_closed_streams() -> None:
 
 def say(text: str) -> None:
     """Print a line for people."""
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(visible(text) + "\n")
     sys.stdout.flush()
 
 
 def print_error(text: str) -> None:
     """Print an error."""
-    sys.stderr.write(f"stepbus: {text}\n")
+    sys.stderr.write(f"stepbus: {visible(text)}\n")
     sys.stderr.flush()
 
 
 def say_json(value: object) -> None:
     """Print a value for programs."""
-    say(msgspec.json.format(msgspec.json.encode(value, enc_hook=os.fspath), indent=2).decode())
+    data = msgspec.json.format(msgspec.json.encode(value, enc_hook=os.fspath), indent=2)
+    # JSON has escapes of its own, though not for all that terminals obey.
+    text = data.decode().translate({code: f"\\u{code:04x}" for code in _ESCAPES})
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import msgspec
 
-from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.errors import BusFailed, indented
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
 from stepbus_participant import BusError, Endpoint, ZenohBus, read_file
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
@@ -90,7 +90,7 @@ class Line:
         for answer in self._bus.query(CALL_KEY, question, encoding_of("CallRequest/1"), timeout_s):
             reply = _decode_reply(answer)
             if reply.error is not None:
-                raise WiringError(reply.error)
+                raise WiringError(indented(reply.error))
             return reply
         raise BusFailed(
             f"{self._folder}: the run does not answer; was it killed? Then "

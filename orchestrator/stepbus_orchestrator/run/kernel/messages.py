@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import ParticipantFault, StartFailed
+from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
 from stepbus_orchestrator.processes.links.credentials import ORCHESTRATOR
 from stepbus_orchestrator.recording import CheckpointWriter, Sink, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec
@@ -263,7 +263,7 @@ class MessageHandler:
         seen = "" if blamed is participant else f" (seen by {participant.who()})"
         failed = StartFailed if participant.phase < Phase.READY else ParticipantFault
         failure = failed(
-            f"{self._state.at(fault.step)}: {blamed.who()}: {fault.message}{seen}; "
+            f"{self._state.at(fault.step)}: {blamed.who()}: {indented(fault.message)}{seen}; "
             f"{blamed.where_it_prints()}",
             participant=blamed.name,
             step=fault.step,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.errors import StartFailed, indented
 from stepbus_orchestrator.recording import SavedState
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import CheckpointOrder
@@ -65,7 +65,7 @@ class RunState:
 
     def ask_end(self, step: int, reason: str) -> None:
         """End the run before a step; of several requests, the earliest counts (P7.4)."""
-        asked = (step, reason)
+        asked = (step, indented(reason))
         self.end = asked if self.end is None else min(self.end, asked)
 
     def waited_us(self) -> dict[str, float]:
