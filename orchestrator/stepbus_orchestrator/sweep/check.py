@@ -4,11 +4,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
+from stepbus_participant import suggest
 from stepbus_participant.parameters import Problem
+from stepbus_schemas import WiringError
 
 from .space import FAULTS, Axis, Design, Point
 from .spec import Spec
-from .work import overrides_of
+from .work import BUILTIN, overrides_of
 
 _MOST_CHECKED = 200
 
@@ -27,6 +29,7 @@ def check(spec: Spec) -> Checked:
 
     Raises ScenarioError with every problem, WiringError for axes that do not go together.
     """
+    _check_metric(spec)
     base = load(spec.scenario, spec.set)
     problems: dict[str, Problem] = {}
     variants = [base]
@@ -43,6 +46,18 @@ def check(spec: Spec) -> Checked:
         raise ScenarioError(problems.values())
     design = spec.design(base.seed) if spec.optimize is None else Design([])
     return Checked(design, base, variants)
+
+
+def _check_metric(spec: Spec) -> None:
+    """Raise WiringError for a metric that no run can have; those of your own are known later."""
+    name = spec.optimize
+    if name is None or spec.metrics or name in BUILTIN or name.startswith("rmse."):
+        return
+    known = ", ".join([*BUILTIN, "rmse.JOINT"])
+    raise WiringError(
+        f"--optimize {name}: there is no such metric{suggest(name, BUILTIN)}; there are {known}, "
+        "and your own with --metric FILE:FUNCTION"
+    )
 
 
 def _probes(axes: Iterable[Axis]) -> Iterator[Point]:

@@ -173,7 +173,9 @@ class _Sweep:
                 self._run_points(missing, journal, resumed, interrupt)
                 if interrupt.is_set():
                     return
-                self._optimizer.tell([_checked(journal.row(p.number), p) for p in batch])
+                rows = [_checked(journal.row(p.number), p) for p in batch]
+                self._optimizer.refuse_unmeasured(rows)
+                self._optimizer.tell(rows)
             self._draw_extremes(journal, interrupt)
 
     def _draw_extremes(self, journal: Journal, interrupt: threading.Event) -> None:

@@ -7,7 +7,8 @@ the same sequence everywhere.
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from stepbus_participant import need
+from stepbus_participant import need, suggest
+from stepbus_schemas import WiringError
 
 from .space import Axis, Point
 from .spec import Spec
@@ -38,6 +39,19 @@ class Optimizer:
         for first in range(0, len(self), self._spec.batch):
             last = min(first + self._spec.batch, len(self))
             yield [self._ask(number, axes) for number in range(first, last)]
+
+    def refuse_unmeasured(self, rows: Sequence[Row]) -> None:
+        """Raise WiringError where runs that finished have no number to optimise."""
+        finished = [row for row in rows if row.exit_code == 0]
+        if not finished or any(self.value(row) is not None for row in finished):
+            return
+        name, measured = str(self._spec.optimize), finished[0].metrics
+        if name in measured:
+            why = f"is {measured[name]!r} in run {finished[0].run}, which is no number"
+        else:
+            known = ", ".join(measured)
+            why = f"is no metric of these runs{suggest(name, measured)}; they have {known}"
+        raise WiringError(f"--optimize {name}: it {why}: there is nothing to optimise")
 
     def _ask(self, number: int, axes: Sequence[Axis]) -> Point:
         trial = self._asked[number] = self._study.ask()

@@ -108,6 +108,10 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
         (["--vary", "seed=1,2", "--metric", "no.py:f"], ["there is no file no.py"]),
         (["--vary", "seed=1,2", "--metric", "no.py"], ["write FILE.py:FUNCTION"]),
         (["--vary", "seed=1,2", "--optimize", "rmse"], ["an optimizer needs a number of runs"]),
+        (
+            ["--vary", "controller.params.kp=1:5", "--optimize", "rmsee", "--trials", "4"],
+            ["there is no such metric; did you mean 'rmse'?", "your own with --metric"],
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence_before_anything_starts(
@@ -179,6 +183,35 @@ def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path
     assert tables[0] == tables[1]
     found = rows(tmp_path / "1")["rmse"]
     assert min(found[8:]) < min(found[:4])
+
+
+METRIC = """
+def measure(recording):
+    return {"tip_error": 0.5, "verdict": "fine"}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("tip_eror", "it is no metric of these runs; did you mean 'tip_error'?"),
+        ("settling", "it is None in run 0, which is no number"),
+        ("verdict", "it is 'fine' in run 0, which is no number"),
+        ("rmse.joint3", "it is no metric of these runs"),
+    ],
+)
+def test_an_optimizer_ends_where_there_is_nothing_to_optimise(
+    tmp_path: Path, name: str, sentence: str
+) -> None:
+    (tmp_path / "measure.py").write_text(METRIC)
+    words = ["two_link", *SHORT, "--vary", "controller.params.kp=10:400", "--trials", "32"]
+    words += ["--optimize", name, "--metric", "measure.py:measure", "--out", "sweep"]
+    command = [*STEPBUS, "sweep", *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert " ".join(sentence.split()) in " ".join(done.stderr.split())
+    assert 0 < (tmp_path / "sweep/rows.jsonl").read_bytes().count(b"\n") < 32
 
 
 @pytest.mark.slow

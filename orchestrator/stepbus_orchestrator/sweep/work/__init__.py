@@ -1,11 +1,12 @@
 """What makes the runs of a sweep: its content, one run, workers on Ray."""
 
 from .content import Content, collect
-from .metrics import Value
+from .metrics import BUILTIN, Value
 from .pool import Pool, Terms
 from .trial import KEEP, Row, overrides_of, write_run
 
 __all__ = [
+    "BUILTIN",
     "KEEP",
     "Content",
     "Pool",

@@ -30,6 +30,10 @@ _REST_SHARE = 0.2
 _FULL = 1 - 1e-6
 
 
+BUILTIN = ("success", "duration", "rmse", "overshoot", "settling", "saturation", "energy")
+"""Names of the figures that ship; there is `rmse.JOINT` too."""
+
+
 class MetricFailed(RunError):
     """A user's metric raised, or returned what is no metric."""
 
