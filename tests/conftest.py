@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from support.disks import small_disk  # noqa: F401
 from support.properties import DEFAULT
 from support.surroundings import left_as_found, no_thread_is_left, nothing_is_left  # noqa: F401
 

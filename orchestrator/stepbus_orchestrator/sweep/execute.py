@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import Interrupted, RecordingFailed
+from stepbus_orchestrator.analysis.replaced import replaced
+from stepbus_orchestrator.errors import ExitCode, Interrupted, RecordingFailed
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import need
 from stepbus_schemas import WiringError
@@ -186,7 +187,8 @@ class _Sweep:
         points = [Point(row.run, row.values) for row in chosen.values()]
         for name, content in zip(chosen, self._pool.pictures(points), strict=True):
             if content:
-                (self._terms.home / f"{name}.png").write_bytes(content)
+                with replaced(self._terms.home / f"{name}.png") as part:
+                    part.write_bytes(content)
 
     def _conclude(self, journal: Journal) -> None:
         """Write the tables and the page."""
@@ -202,6 +204,12 @@ class _Sweep:
         self, points: Iterator[Point], journal: Journal, resumed: int, interrupt: threading.Event
     ) -> None:
         for row, files in self._pool.run(points, interrupt.is_set):
+            if row.exit_code == ExitCode.RECORDING:
+                # The machine's fault, not the point's: a row of it would stay for good.
+                raise RecordingFailed(
+                    f"run {row.run}: {row.reason}; its row is left out, all {len(journal)} others "
+                    "are there, and the same command goes on from them"
+                )
             if files:
                 write_run(files, self._terms.home, row.run)
             journal.add(row)

@@ -23,25 +23,6 @@ from stepbus_schemas import JointState, encode
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
 
-@pytest.fixture
-def small_disk(tmp_path):
-    """Return a function that makes a folder with room for so much."""
-    mounted = []
-
-    def make(size):
-        disk = tmp_path / f"disk{len(mounted)}"
-        disk.mkdir()
-        command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", disk]
-        if os.geteuid() != 0 or subprocess.run(command, check=False).returncode:
-            pytest.skip("this machine does not let us mount a tmpfs")
-        mounted.append(disk)
-        return disk
-
-    yield make
-    for disk in mounted:
-        subprocess.run(["umount", disk], check=True)
-
-
 @pytest.mark.parametrize("size", ["1800k", pytest.param("2500k", marks=pytest.mark.slow)])
 def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
     disk = small_disk(size)

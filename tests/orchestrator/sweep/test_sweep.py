@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import psutil
@@ -47,6 +48,13 @@ def sweep(folder: Path, *words: str, check: bool = True) -> subprocess.Completed
     )
     assert not check or done.returncode == 0, done.stderr
     return done
+
+
+def run_in(folder: Path, command: Sequence[str | Path]) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "HOME": str(folder)}
+    return subprocess.run(
+        command, check=False, cwd=folder, env=environment, capture_output=True, text=True
+    )
 
 
 def rows(folder: Path) -> dict[str, list[object]]:
@@ -185,7 +193,30 @@ def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path
     assert min(found[8:]) < min(found[:4])
 
 
-METRIC = """
+@pytest.mark.slow
+@pytest.mark.parametrize("keep", ["all", "none"])
+def test_a_full_disk_ends_a_sweep_and_leaves_no_row_that_is_not_the_points_own(
+    tmp_path: Path, small_disk: Callable[[str], Path], keep: str
+) -> None:
+    disk = small_disk("16m")
+    filler = disk / "filler"
+    left = 1_200_000 if keep == "all" else 40_000
+    filler.write_bytes(bytes(16 * 1024**2 - left))
+    words = ["two_link", "--set", "duration=5s", "--vary", "controller.params.kp=50:100:8"]
+    command = [*STEPBUS, "sweep", *words, "--keep", keep, "--out", disk / "sweep"]
+    done = run_in(tmp_path, command)
+    assert done.returncode == ExitCode.RECORDING, done.stderr
+    assert "No space left on device" in done.stderr
+    journal = (disk / "sweep/rows.jsonl").read_bytes().splitlines()
+    assert all(json.loads(line)["exit_code"] == 0 for line in journal)
+    filler.unlink()
+    done = run_in(tmp_path, command)
+    assert done.returncode == 0, done.stderr
+    table = parquet.read_table(disk / "sweep/results.parquet").to_pydict()
+    assert table["exit_code"] == [0] * 8
+
+
+TIP = """
 def measure(recording):
     return {"tip_error": 0.5, "verdict": "fine"}
 """
@@ -204,11 +235,11 @@ def measure(recording):
 def test_an_optimizer_ends_where_there_is_nothing_to_optimise(
     tmp_path: Path, name: str, sentence: str
 ) -> None:
-    (tmp_path / "measure.py").write_text(METRIC)
+    (tmp_path / "measure.py").write_text(TIP)
     words = ["two_link", *SHORT, "--vary", "controller.params.kp=10:400", "--trials", "32"]
     words += ["--optimize", name, "--metric", "measure.py:measure", "--out", "sweep"]
     command = [*STEPBUS, "sweep", *words]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = run_in(tmp_path, command)
     assert done.returncode == 2
     assert " ".join(sentence.split()) in " ".join(done.stderr.split())
     assert 0 < (tmp_path / "sweep/rows.jsonl").read_bytes().count(b"\n") < 32

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.replay.rerun import unpack_files
 from stepbus_orchestrator.run.setup.folder import read_files
 from stepbus_orchestrator.scenario import Scenario, files, resolved
@@ -38,12 +39,14 @@ class Content:
         return digest.hexdigest()
 
     def unpack(self, folder: Path) -> Path:
-        """Write it to a new folder, and return the scenario's path."""
+        """Write it to a new folder, and return the scenario's path.
+
+        Raises RecordingFailed where it cannot be written.
+        """
         scenario = unpack_files(self.scenario, self.files, folder / "scenario")
         for name, content in self.modules.items():
-            path = folder / _METRICS / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
+            with replaced(folder / _METRICS / name) as part:
+                part.write_bytes(content)
         return scenario
 
     @staticmethod

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.analysis.report import write_report
-from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.inprocess import check_scenario
 from stepbus_orchestrator.run.reports.result import Result
@@ -183,30 +183,41 @@ def run_folder(home: Path, number: int) -> Path:
 
 
 def move_run(out: Path, home: Path, number: int) -> None:
-    """Move the folder of a run to that of its sweep; nobody sees half of it."""
+    """Move the folder of a run to that of its sweep; nobody sees half of it.
+
+    Raises RecordingFailed where it cannot be written.
+    """
     target = run_folder(home, number)
     part = target.with_name(f".{target.name}.part")
-    target.parent.mkdir(exist_ok=True)
-    for old in (part, target):
-        shutil.rmtree(old, ignore_errors=True)
     try:
+        target.parent.mkdir(exist_ok=True)
+        for old in (part, target):
+            shutil.rmtree(old, ignore_errors=True)
         shutil.move(out, part)
         part.rename(target)
     except OSError as exc:
         with contextlib.suppress(OSError):
             shutil.rmtree(part)
-        raise StepbusError(f"{target} cannot be written: {exc.strerror}") from exc
+        # Of a folder, shutil has a list of what it could not copy, each with its reason.
+        why = exc.args[0][0][-1] if isinstance(exc, shutil.Error) else exc.strerror
+        raise RecordingFailed(f"{target} cannot be written: {why or exc}") from exc
 
 
 def write_run(files: Mapping[str, bytes], home: Path, number: int) -> None:
-    """Write the files of a run that came from another machine."""
-    with tempfile.TemporaryDirectory(dir=home, prefix=".fetched-") as folder:
-        out = Path(folder) / "run"
-        for name, content in files.items():
-            path = out / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        move_run(out, home, number)
+    """Write the files of a run that came from another machine; raises as `move_run`."""
+    try:
+        with tempfile.TemporaryDirectory(dir=home, prefix=".fetched-") as folder:
+            out = Path(folder) / "run"
+            for name, content in files.items():
+                path = out / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+            move_run(out, home, number)
+    except RecordingFailed:
+        raise
+    except OSError as exc:
+        target = run_folder(home, number)
+        raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
 
 
 def _files_below(folder: Path) -> list[Path]:
