@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.run.reports.lateness import Lateness
+from stepbus_orchestrator.run.reports.lateness import Lateness, in_units
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
 from stepbus_participant import read_file
 
@@ -46,8 +46,8 @@ def _draw(axis: Any, lateness: Lateness) -> None:
     axis.set_ylabel("steps")
     held = ", ".join(f"{name} {count}" for name, count in lateness.late.items())
     axis.set_title(
-        f"lateness at {lateness.factor:g} × real time: p50 {lateness.p50_us:.0f} µs, "
-        f"p99 {lateness.p99_us:.0f} µs, max {lateness.max_us:.0f} µs"
+        f"lateness at {lateness.factor:g} × real time: p50 {in_units(lateness.p50_us)}, "
+        f"p99 {in_units(lateness.p99_us)}, max {in_units(lateness.max_us)}"
         + (f"\nsteps held past their time: {held}" if held else ""),
         loc="left",
         fontsize=10,

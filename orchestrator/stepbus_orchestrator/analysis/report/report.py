@@ -44,7 +44,10 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             for piece in tracking_pieces(recording):
                 tracking.take(piece)
                 summary.take(piece)
-            problems = [f"attention {line}" for line in findings(recording)]
+            lateness = read_lateness(path.parent)
+            late = lateness.complaint() if lateness is not None else ""
+            found = [*findings(recording), *([late] if late else [])]
+            problems = [f"attention {line}" for line in found]
             if tracking.measured:
                 lines = summary.lines(tracking_pieces(recording, has_commands=False))
             profiles = read_profiles(path.parent)
@@ -56,7 +59,7 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             target = path.with_name(REPORT_FILE)
             panels = [*device_panels(recording), *field_panels(recording)]
             panels += profile_panels(profiles)
-            panels += lateness_panels(read_lateness(path.parent))
+            panels += lateness_panels(lateness)
             if not tracking.measured and not panels:
                 return lines
             errors = pose_errors(recording)

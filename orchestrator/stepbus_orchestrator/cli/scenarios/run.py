@@ -14,7 +14,7 @@ from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.control.pace import Pace
-from stepbus_orchestrator.run.reports.lateness import Lateness
+from stepbus_orchestrator.run.reports.lateness import Lateness, in_units
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import (
     Options,
@@ -281,11 +281,16 @@ def _summarise(result: Result, lines: list[str]) -> None:
 
 def _lateness(found: Lateness) -> str:
     held = ", ".join(f"{count} by {name}" for name, count in found.late.items())
-    rows = ", ".join(f"≤ {bound} µs: {count}" for bound, count in found.histogram.items() if count)
+    rows = ", ".join(
+        f"{'more' if bound == 'more' else f'≤ {in_units(float(bound))}'}: {count}"
+        for bound, count in found.histogram.items()
+        if count
+    )
+    p50, p99, largest = map(in_units, (found.p50_us, found.p99_us, found.max_us))
     return (
-        f"lateness  p50 {found.p50_us:.0f} µs, p99 {found.p99_us:.0f} µs, max {found.max_us:.0f} µs"
-        f"; steps held past their time: {held or 'none'}\n          {rows}"
-    ).replace("≤ more µs", "more")
+        f"lateness  p50 {p50}, p99 {p99}, max {largest}; steps held past their time: "
+        f"{held or 'none'}\n          {rows}"
+    )
 
 
 def _warnings(result: Result) -> list[str]:

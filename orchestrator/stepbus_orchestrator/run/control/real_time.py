@@ -84,6 +84,8 @@ class RealTime:
         found = sorted(self._lateness_ns)
         if not found:
             return None
+        last_ns = self._lateness_ns[-1]
+        planned_ns = len(found) * self._period_ns
         histogram = dict.fromkeys([*map(str, _BOUNDS_US), "more"], 0)
         for value in found:
             bound = next((str(us) for us in _BOUNDS_US if value <= us * 1000), "more")
@@ -96,6 +98,8 @@ class RealTime:
             max_us=found[-1] * 1e-3,
             histogram=histogram,
             late=self._late,
+            kept=float(planned_ns / (planned_ns + last_ns)),
+            behind_s=last_ns * 1e-9,
         )
 
     def _origin(self) -> int:

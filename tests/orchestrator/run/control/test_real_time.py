@@ -3,13 +3,15 @@
 from fractions import Fraction
 
 import pytest
-from support.runs.joints import fault, run_joints
+from support.runs.joints import fault, run_joints, write_scenario
 from support.runs.kernel import scenario, states
 
 from stepbus_orchestrator import ExitCode
+from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.control.real_time import RealTime
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports.lateness import in_units
 
 MS = 1_000_000
 
@@ -130,3 +132,33 @@ def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
 def test_without_a_clock_nobody_has_to_keep_time(tmp_path, plain):
     keeps = ("controller.real_time=true", "controller.on_late=fail")
     assert run_joints(tmp_path, *keeps).sha256 == plain.sha256
+
+
+@pytest.mark.parametrize(
+    ("us", "text"),
+    [(0, "0 µs"), (999.4, "999 µs"), (1000, "1 ms"), (4217, "4.22 ms"), (3_182_760, "3.18 s")],
+)
+def test_a_duration_is_given_in_the_unit_that_people_read(us, text):
+    assert in_units(us) == text
+
+
+def test_a_run_that_does_not_keep_real_time_is_told_with_who_held_it(tmp_path, capsys):
+    scenario = write_scenario(tmp_path / "source")
+    words = ["run", str(scenario), "--in-process", "--no-report", "--out", str(tmp_path / "out")]
+    assert main([*words, "--real-time", "1000"]) == 0
+    said = capsys.readouterr().out
+    assert "\nattention real time was not kept: " in said
+    assert "instead of 1000; the last step was " in said
+    assert "held past their time: " in said
+
+
+@pytest.mark.parametrize(("late_ms", "text"), [(5, ""), (500, "0.50 instead of 1; the last")])
+def test_what_counts_is_how_late_the_last_step_is(late_ms, text):
+    clock, gate = made()
+    for step in range(100):
+        clock.now = (7 + 5 * step) * MS + (late_ms * MS if step >= 50 else 0)
+        gate.began(states(scenario()), step, step + 1)
+    found = gate.lateness()
+    assert found.kept == pytest.approx(500 / (500 + late_ms))
+    assert bool(text) == bool(found.complaint())
+    assert text in found.complaint()
