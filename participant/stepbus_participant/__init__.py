@@ -24,13 +24,19 @@ from .calls.steering import Steering
 from .config import Config, Ports
 from .config.plugins import make_plugin
 from .files import (
-    MOST_TEXT_BYTES,
+    append_to,
     find_file,
+    irregular,
+    is_shared,
     last_error,
+    make_file,
+    make_folder,
+    make_new_folder,
     open_regular,
     package_path,
     read_file,
     read_text,
+    write_file,
 )
 from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .hints.installed import installed_version
@@ -59,7 +65,6 @@ _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "HOST",
     "LONGEST_NS",
-    "MOST_TEXT_BYTES",
     "NO_CHECKPOINTS",
     "ONE_THREAD",
     "TICKET_VARIABLE",
@@ -113,6 +118,7 @@ __all__ = [
     "Vector3",
     "Whole",
     "ZenohBus",
+    "append_to",
     "each",
     "extra_hint",
     "find_file",
@@ -120,10 +126,15 @@ __all__ = [
     "import_error_hint",
     "install_command",
     "installed_version",
+    "irregular",
+    "is_shared",
     "last_error",
     "load_ticket",
     "load_types",
     "main",
+    "make_file",
+    "make_folder",
+    "make_new_folder",
     "make_plugin",
     "mimics",
     "need",
@@ -142,6 +153,7 @@ __all__ = [
     "take_part",
     "urdf_warnings",
     "when",
+    "write_file",
 ]
 
 

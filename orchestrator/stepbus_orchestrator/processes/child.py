@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
-from stepbus_participant import last_error
+from stepbus_participant import append_to, last_error
 
 from .activity import Activity, activity
 from .bounded_log import BoundedLog
@@ -54,7 +54,7 @@ class Child:
         self._bounded_log = BoundedLog(log)
         self._lock = threading.Lock()
         try:
-            with log.open("ab") as file:
+            with os.fdopen(append_to(log), "ab") as file:
                 if has_terminal:
                     file.write(b"its output went to the terminal (--debug)\n")
                 self._process = subprocess.Popen(

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant import read_file
+from stepbus_participant import make_new_folder, read_file, write_file
 
 from . import layout
 
@@ -39,6 +39,7 @@ class CheckpointWriter:
     def __init__(self, out: Path) -> None:
         self._folder = out / layout.CHECKPOINTS_FOLDER
         self._states: dict[str, dict[str, str]] = {}
+        self._is_made = False
 
     def add(self, name: str, step: int, state: bytes) -> None:
         """Write the state of a participant; raises RecordingFailed."""
@@ -53,8 +54,10 @@ class CheckpointWriter:
 
     def _write(self, name: str, data: bytes) -> None:
         try:
-            self._folder.mkdir(exist_ok=True)
-            (self._folder / name).write_bytes(data)
+            if not self._is_made:
+                make_new_folder(self._folder)
+                self._is_made = True
+            write_file(self._folder / name, data)
         except OSError as exc:
             raise RecordingFailed(f"{self._folder / name}: {exc.strerror}") from exc
 

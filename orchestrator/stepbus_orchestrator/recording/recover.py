@@ -15,7 +15,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.mcap.being_written import is_being_written
 from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
 from stepbus_orchestrator.recording.mcap.scanner import Scanner
-from stepbus_participant import parse_duration
+from stepbus_participant import irregular, make_file, parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
@@ -65,6 +65,8 @@ def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
     Raises RecordingFailed when the source holds nothing to recover, when the target exists already
     or cannot be written, and in place of a recording that is being written.
     """
+    if kind := irregular(target):
+        raise RecordingFailed(f"{target} is {kind}: no file takes its place; name another one")
     if target.exists() and not in_place:
         raise RecordingFailed(f"{target} exists already; choose another name with --out")
     part = target.with_name(f".{target.name}.part")
@@ -117,7 +119,7 @@ class _Copy:
                 f"{self._scanner.path} has {self._scanner.size} bytes and no complete record: "
                 "there is nothing to recover"
             )
-        with part.open("wb") as file:
+        with os.fdopen(make_file(part), "wb") as file:
             # As the recorder does, so that an undamaged recording comes out byte for byte.
             writer: Any = MessageWriter(
                 file,

@@ -31,6 +31,7 @@ from stepbus_orchestrator.scenario import (
     replaced_program,
     start_command,
 )
+from stepbus_participant import make_new_folder
 from stepbus_schemas import BridgeFormat
 
 from .outputs.check import Check
@@ -160,7 +161,7 @@ class _Replay:
         with contextlib.ExitStack() as stack:
             launcher = Launcher(run=run, token=self.token, folder=folder, logs=logs)
             stack.callback(launcher.end_all)
-            logs.mkdir()
+            make_new_folder(logs)
             timing = TimingRecorder(self.folder / layout.TIMING_FILE)
             stack.callback(timing.close)
             mesh = make_mesh(alone(scenario, spec.name), folder, run)

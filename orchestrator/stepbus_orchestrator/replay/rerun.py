@@ -17,7 +17,7 @@ from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, command, load, resolved
-from stepbus_participant import SettingsError
+from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
 from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord
 
@@ -166,15 +166,13 @@ def unpack_files(scenario: bytes, files: Mapping[str, bytes], folder: Path) -> P
     home = folder.joinpath(*[_LEVEL] * levels)
     path = home / SCENARIO_ATTACHMENT
     try:
-        folder.mkdir(parents=True)
-        home.mkdir(parents=True, exist_ok=True)
+        make_new_folder(folder)
+        make_folder(home)
         for name, content in files.items():
             file = Path(os.path.normpath(home / name))
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(content)
-            if content.startswith(_PROGRAMS):
-                file.chmod(0o755)
-        path.write_bytes(scenario)
+            make_folder(file.parent)
+            write_file(file, content, 0o755 if content.startswith(_PROGRAMS) else 0o644)
+        write_file(path, scenario)
     except OSError as exc:
         raise RecordingFailed(
             f"{exc.filename or folder} cannot be written: {exc.strerror}; choose another --out"

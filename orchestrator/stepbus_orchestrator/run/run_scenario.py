@@ -33,7 +33,7 @@ from stepbus_orchestrator.scenario import (
     format_fault,
     left_out,
 )
-from stepbus_participant import Bus
+from stepbus_participant import Bus, is_shared, make_new_folder
 
 from .bus.session import Session, open_bus
 from .control.injector import Injector
@@ -62,6 +62,11 @@ __all__ = [
     "run_with",
     "without_deadlines",
 ]
+
+_SHARED = (
+    "{folder} may be written by every user of this machine, who could put files of theirs in the "
+    "place of the run's; choose another --out, or take that right away: chmod o-w {folder}"
+)
 
 
 def run(
@@ -128,7 +133,7 @@ class _Run:
             check_scenario(scenario)
         claim(options.out)
         if options.profile:
-            (options.out / PROFILE_FOLDER).mkdir()
+            make_new_folder(options.out / PROFILE_FOLDER)
         # A run in one process works in the scenario's folder.
         out = options.out.resolve()
         self._file = McapFile(out / layout.RUN_FILE) if options.is_recorded else None
@@ -138,6 +143,8 @@ class _Run:
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
         self._invitations = Invitations(out, observer)
+        if is_shared(out):
+            self._events.add_warning("orchestrator", _SHARED.format(folder=options.out))
         factor = options.real_time
         self._real_time = None if factor is None else RealTime(scenario.step_ns, factor)
         self._recorder = (

@@ -1,6 +1,7 @@
 """Runs a sweep: every point that has no row yet."""
 
 import fcntl
+import os
 import shutil
 import threading
 import time
@@ -13,7 +14,7 @@ from typing import Any
 from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.errors import ExitCode, Interrupted, RecordingFailed
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_participant import need
+from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 
 from .check import Checked, check
@@ -95,8 +96,8 @@ def sweep(
 def _claimed(home: Path) -> Iterator[None]:
     """Hold a sweep's folder; raises RecordingFailed where another process does."""
     try:
-        home.mkdir(parents=True, exist_ok=True)
-        lock = (home / _LOCK).open("w")
+        make_folder(home)
+        lock = os.fdopen(append_to(home / _LOCK), "ab")
     except OSError as exc:
         raise RecordingFailed(f"cannot make the folder {home}: {exc.strerror}") from exc
     with lock:

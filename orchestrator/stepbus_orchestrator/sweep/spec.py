@@ -17,7 +17,7 @@ from typing import Any, Literal
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant import MOST_TEXT_BYTES, Count, Settings, Whole, read_file, read_text
+from stepbus_participant import Count, Settings, Whole, read_text, write_file
 from stepbus_participant.parameters import Keys, read, read_yaml
 from stepbus_schemas import WiringError
 
@@ -138,7 +138,7 @@ def find_spec(scenario: str, options: Mapping[str, Any]) -> Spec:
 def _is_sweep(path: Path) -> bool:
     """Return whether a file is that of a sweep: it names a scenario."""
     try:
-        text = read_file(path, MOST_TEXT_BYTES).decode(errors="replace")
+        text = read_text(path, errors="replace")
     except OSError:
         # Who reads it as a scenario says what is wrong with it.
         return False
@@ -160,7 +160,7 @@ def save_spec(folder: Path, spec: Spec, fingerprint: str) -> None:
     content = {"sweep": spec.plain(), "fingerprint": fingerprint}
     path = folder / SPEC_FILE
     try:
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_file(path, f"{json.dumps(content, indent=2)}\n".encode())
     except OSError as exc:
         raise RecordingFailed(f"{path} cannot be written: {exc.strerror}") from exc
 

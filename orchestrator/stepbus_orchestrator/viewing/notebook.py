@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.analysis.report.signals_plot import (
     draw_signals,
     find_signals,
@@ -36,10 +37,8 @@ class Plot:
     def save(self, path: str | Path) -> Path:
         """Write it as a PNG file; raises RecordingFailed when it cannot be written."""
         target = Path(path)
-        try:
-            target.write_bytes(self.png)
-        except OSError as exc:
-            raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
+        with replaced(target) as part:
+            part.write_bytes(self.png)
         return target
 
     def __repr__(self) -> str:

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from .last_error import last_error
 from .paths import find_file, package_path
-from .reading import MOST_TEXT_BYTES, open_regular, read_file, read_text
+from .reading import open_regular, read_file, read_text
+from .writing import (
+    append_to,
+    irregular,
+    is_shared,
+    make_file,
+    make_folder,
+    make_new_folder,
+    write_file,
+)
 
 if TYPE_CHECKING:
     from .urdf import read_urdf_text, urdf_warnings
@@ -23,10 +32,15 @@ _WHERE = {
 }
 
 __all__ = [
-    "MOST_TEXT_BYTES",
     "Mimic",
+    "append_to",
     "find_file",
+    "irregular",
+    "is_shared",
     "last_error",
+    "make_file",
+    "make_folder",
+    "make_new_folder",
     "mimics",
     "open_regular",
     "package_path",
@@ -35,6 +49,7 @@ __all__ = [
     "read_text",
     "read_urdf_text",
     "urdf_warnings",
+    "write_file",
 ]
 
 

@@ -41,10 +41,10 @@ def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     return content
 
 
-def read_text(path: Path, encoding: str = "utf-8") -> str:
+def read_text(path: Path, encoding: str = "utf-8", errors: str = "strict") -> str:
     """Return the text of a regular file, with line feeds as the ends of its lines.
 
-    Raises OSError as `read_file`, UnicodeDecodeError.
+    encoding, errors: as of `bytes.decode`. Raises OSError as `read_file`, UnicodeDecodeError.
     """
-    text = read_file(path, MOST_TEXT_BYTES).decode(encoding)
+    text = read_file(path, MOST_TEXT_BYTES).decode(encoding, errors)
     return text.replace("\r\n", "\n").replace("\r", "\n")

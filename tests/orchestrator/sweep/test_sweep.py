@@ -216,6 +216,17 @@ def test_a_full_disk_ends_a_sweep_and_leaves_no_row_that_is_not_the_points_own(
     assert table["exit_code"] == [0] * 8
 
 
+@pytest.mark.slow
+def test_with_a_umask_of_0_nobody_else_may_write_to_what_a_sweep_leaves(tmp_path: Path) -> None:
+    words = ["two_link", *SHORT, "--vary", "controller.params.kp=50,100", "--keep", "all"]
+    command = [*STEPBUS, "sweep", *words, "--out", str(tmp_path / "sweep")]
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    subprocess.run(command, check=True, cwd=tmp_path, env=environment, umask=0, capture_output=True)
+    found = [tmp_path / "sweep", *(tmp_path / "sweep").rglob("*")]
+    assert len(found) > 20
+    assert [str(path) for path in found if path.stat().st_mode & 0o002] == []
+
+
 TIP = """
 def measure(recording):
     return {"tip_error": 0.5, "verdict": "fine"}

@@ -13,6 +13,7 @@ from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.processes.environment import is_set
 from stepbus_orchestrator.scenario import load
+from stepbus_participant import make_new_folder
 
 _RUNS = 5
 _SHOWN_HASH = 12
@@ -73,7 +74,7 @@ def _folder(keep: Path | None) -> Path:
     if keep is None:
         return Path(tempfile.mkdtemp(prefix="verify-stepbus-"))
     try:
-        keep.mkdir(parents=True)
+        make_new_folder(keep)
     except OSError as exc:
         raise RecordingFailed(
             f"cannot make the folder {keep}: {exc.strerror}; choose a new one with --keep"

@@ -6,6 +6,8 @@ import os
 import struct
 from pathlib import Path
 
+from stepbus_participant import make_file
+
 from .being_written import lock, unlock
 
 _RESERVE_BYTES = 512 * 1024
@@ -37,7 +39,7 @@ class ReservedFile:
         self._reserve = -1
         self._reserved = 0
         # A named pipe that stands there would wait for a reader without O_NONBLOCK.
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOFOLLOW
         self._file = os.open(path, flags, 0o644)
         status = os.fstat(self._file)
         self._identity = self._identity_of(status)
@@ -51,7 +53,7 @@ class ReservedFile:
 
     def _make_reserve(self) -> None:
         name = self._path.with_name(f".{self._path.name}.reserve")
-        self._reserve = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._reserve = make_file(name, 0o600)
         name.unlink()
         self._set_aside(_RESERVE_BYTES)
 

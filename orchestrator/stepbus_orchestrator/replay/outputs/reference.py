@@ -10,6 +10,7 @@ from stepbus_orchestrator.recording.known_programs import fingerprint, remember
 from stepbus_orchestrator.replay.prepare import Prepared
 from stepbus_orchestrator.run.setup.folder import read_files
 from stepbus_orchestrator.scenario import Schedule, resolved
+from stepbus_participant import irregular
 
 
 @contextlib.contextmanager
@@ -25,7 +26,7 @@ def new_reference(
     if target is None:
         yield None
         return
-    if target.exists():
+    if irregular(target) or target.exists():
         raise RecordingFailed(f"{target} exists already; choose another name with --update")
     part = target.with_name(f".{target.name}.part")
     file = McapFile(part)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.reports.progress import Observer
+from stepbus_participant import write_file
 
 _REMIND_S = 5.0
 _NO_END_S = 1e5
@@ -37,8 +38,8 @@ class Invitations:
         arguments = ["join", str(participant.external.ticket.path)]
         command = shlex.join([sys.executable, "-P", "-m", "stepbus_orchestrator.cli", *arguments])
         script = self._out / f"join-{participant.name}.sh"
-        script.write_text(_SCRIPT.format(name=participant.name, command=command), encoding="utf-8")
-        script.chmod(0o700)
+        text = _SCRIPT.format(name=participant.name, command=command)
+        write_file(script, text.encode(), 0o700)
         self._scripts.append(script)
         own = shlex.join(participant.spec.exec)
         self._tell(

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 from stepbus_orchestrator.processes.activity import Activity, activity
 from stepbus_orchestrator.processes.bounded_log import BoundedLog
 from stepbus_orchestrator.run.kernel.participants import KeptThread
-from stepbus_participant import HOST, Host, Ticket, last_error
+from stepbus_participant import HOST, Host, Ticket, append_to, last_error
 
 from .bus import HostedBus
 from .hub import Hub
@@ -56,7 +56,7 @@ class HostedParticipant:
         self.pid = os.getpid()
         self.late: KeptThread | None = None
         self.output: TextIO = (
-            sys.stdout if shown else log.open("a", encoding="utf-8", errors="replace", buffering=1)
+            sys.stdout if shown else os.fdopen(append_to(log), "a", 1, "utf-8", "replace")
         )
         self._hub = hub
         self._program = program

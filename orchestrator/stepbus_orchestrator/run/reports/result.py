@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.recording import layout
-from stepbus_participant import installed_version
+from stepbus_participant import installed_version, write_file
 
 from .events import Warned
 from .lateness import Lateness
@@ -84,7 +84,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         target = Path(self.folder) / RESULT_FILE
         part = target.with_name(f".{RESULT_FILE}.part")
         try:
-            part.write_bytes(data + b"\n")
+            write_file(part, data + b"\n")
             part.replace(target)
         except OSError:
             with contextlib.suppress(OSError):

@@ -1,5 +1,6 @@
 """The folder of a run: a new one for each, also for runs that start in the same second."""
 
+import os
 from collections.abc import Iterable, Mapping
 from datetime import datetime
 from itertools import chain, count
@@ -10,7 +11,7 @@ from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
 from stepbus_orchestrator.run.reports.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
-from stepbus_participant import read_file
+from stepbus_participant import make_folder, make_new_folder, read_file
 
 LOGS_FOLDER = "logs"
 
@@ -24,7 +25,7 @@ def default_folder(scenario: Scenario, parent: Path) -> Path:
     stem = f"{scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     names = chain([stem], (f"{stem}-{number}" for number in count(2)))
     try:
-        parent.mkdir(parents=True, exist_ok=True)
+        make_folder(parent)
         return first_new(parent / name for name in names)
     except OSError as exc:
         raise RecordingFailed(f"cannot make a folder in {parent}: {exc.strerror}") from exc
@@ -38,7 +39,7 @@ def first_new(folders: Iterable[Path]) -> Path:
 def _is_made(folder: Path) -> bool:
     """Make a folder; return False where another process has made it."""
     try:
-        folder.mkdir()
+        make_new_folder(folder)
     except FileExistsError:
         return False
     return True
@@ -48,9 +49,9 @@ def claim(out: Path) -> None:
     """Make a run's folder, with one for logs in it; raises RecordingFailed where one is in use."""
     taken = (layout.RUN_FILE, layout.TIMING_FILE)
     try:
-        is_used = any((out / name).exists() for name in taken)
+        is_used = any(os.path.lexists(out / name) for name in taken)
         if not is_used:
-            out.mkdir(parents=True, exist_ok=True)
+            make_folder(out)
             # Of two runs that are given the same folder, one makes this.
             is_used = not _is_made(out / LOGS_FOLDER)
     except OSError as exc:

@@ -15,6 +15,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.sweep.work import Row
+from stepbus_participant import append_to
 
 ROWS_FILE = "rows.jsonl"
 _decode = msgspec.json.Decoder(Row).decode
@@ -33,7 +34,7 @@ class Journal:
         """Run → where its line starts, and its length."""
         try:
             # No buffer: rows are written while others are read, and a buffer would be old.
-            self._file = self._path.open("ab+", buffering=0)
+            self._file = os.fdopen(append_to(self._path), "ab+", buffering=0)
         except OSError as exc:
             raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
         try:

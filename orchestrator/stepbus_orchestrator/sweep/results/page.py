@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.sweep.spec import Spec
 from stepbus_orchestrator.sweep.work import Row
 from stepbus_participant import need
@@ -50,13 +50,8 @@ def write_page(
         script=(room / "page.js").read_text("utf-8"),
     )
     path = folder / PAGE_FILE
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with replaced(path) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as exc:
-        part.unlink(missing_ok=True)
-        raise RecordingFailed(f"{path} cannot be written: {exc.strerror}") from exc
     return path
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.sweep.work import Row, Value
 from stepbus_participant import need
 
@@ -107,15 +107,9 @@ def _times(row: Row) -> dict[str, Value]:
 def _write(path: Path, columns: Mapping[str, str], rows: Iterable[Mapping[str, Any]]) -> None:
     arrow, parquet = need("a sweep", "pyarrow", "pyarrow.parquet")
     schema = arrow.schema([(name, _arrow_type(arrow, of)) for name, of in columns.items()])
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with parquet.ParquetWriter(part, schema) as writer:
-            for group in _groups(rows):
-                writer.write_table(arrow.Table.from_pylist(group, schema=schema))
-        part.replace(path)
-    except OSError as exc:
-        part.unlink(missing_ok=True)
-        raise RecordingFailed(f"{path} cannot be written: {exc.strerror or exc}") from exc
+    with replaced(path) as part, parquet.ParquetWriter(part, schema) as writer:
+        for group in _groups(rows):
+            writer.write_table(arrow.Table.from_pylist(group, schema=schema))
 
 
 def _arrow_type(arrow: Any, of: str) -> Any:

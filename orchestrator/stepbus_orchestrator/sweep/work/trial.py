@@ -19,6 +19,7 @@ from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_orchestrator.sweep.space import FAULTS, Point
+from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
 
 from .content import Content
@@ -190,7 +191,7 @@ def move_run(out: Path, home: Path, number: int) -> None:
     target = run_folder(home, number)
     part = target.with_name(f".{target.name}.part")
     try:
-        target.parent.mkdir(exist_ok=True)
+        make_folder(target.parent)
         for old in (part, target):
             shutil.rmtree(old, ignore_errors=True)
         shutil.move(out, part)

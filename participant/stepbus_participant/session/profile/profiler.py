@@ -1,6 +1,7 @@
 """Measures each step of a participant: compute, wait, transport, record."""
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import TextIO
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import ProfileOrder
+from stepbus_participant.files import make_file
 from stepbus_participant.participant import Participant
 from stepbus_participant.session.outbox import Outbox
 from stepbus_participant.step import Step
@@ -72,7 +74,7 @@ class Profiler:
     @contextlib.contextmanager
     def writing(self, frame: FrameType) -> Iterator[None]:
         """Write the rows; frame: of the function whose calls are sampled."""
-        with self._path.open("w") as file, self._sampled(frame):
+        with os.fdopen(make_file(self._path), "w") as file, self._sampled(frame):
             file.write(",".join(COLUMNS) + "\n")
             self._file: TextIO = file
             # Until here, empty batches have proven the link.

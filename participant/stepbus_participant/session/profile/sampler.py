@@ -8,6 +8,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Self
 
+from stepbus_participant.files import write_file
+
 _PERIOD_S = 0.001
 _JOIN_S = 1.0
 _MOST_SAMPLES = 200_000
@@ -41,7 +43,7 @@ class Sampler:
         self._over.set()
         self._worker.join(_JOIN_S)
         del self._frame
-        self._path.write_text(json.dumps(self._profile()))
+        write_file(self._path, json.dumps(self._profile()).encode())
 
     def _work(self) -> None:
         sampled_at = time.perf_counter()

@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
+from stepbus_participant import make_new_folder
 from stepbus_schemas import Description
 
 from .feeds import Feed, Ports
@@ -89,7 +90,7 @@ class Kit:
         """Create and return the folder for the log of the next start."""
         self._count += 1
         folder = self.logs / f"{self._count:03d}-{self.check}"
-        folder.mkdir(parents=True)
+        make_new_folder(folder)
         return folder
 
     @contextlib.contextmanager
