@@ -2,6 +2,8 @@
 
 import ast
 import inspect
+import sys
+import textwrap
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -14,6 +16,9 @@ from stepbus_schemas.protocol import ENVELOPE_TYPES, Envelope
 from stepbus_schemas.types import SHIPPED, Types
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+_NO_DOCSTRINGS = 2
+"""Level of optimisation (`-OO`) from which Python keeps no docstrings."""
 
 ANY_VALUE = {"description": "any MessagePack value"}
 """Schema of what is passed on without being read; it is empty but for this sentence."""
@@ -62,13 +67,31 @@ def _nest_outputs(types: dict[str, Any], name: str) -> None:
 
 def _describe(cls: type, name: str, schema: dict[str, Any]) -> None:
     """Add the docstrings of a class's fields to those that have no description of their own."""
-    schema["description"] = inspect.cleandoc(schema.get("description", ""))
     part = getattr(protocol, name, None) or getattr(messages, name, None)
     if name == cls.__name__:
         part = cls
+    text = schema.get("description") or ("" if part is None else _docstring(part))
+    schema["description"] = inspect.cleandoc(text)
     texts = {} if part is None or issubclass(part, messages.Message) else _field_docstrings(part)
     for field, properties in schema["properties"].items():
         properties.setdefault("description", texts.get(field, ""))
+
+
+def _docstring(cls: type) -> str:
+    """Return the docstring of a class, also where `python -OO` has left it out.
+
+    It is in each recording, whose bytes must not depend on that.
+    """
+    if cls.__doc__ or sys.flags.optimize < _NO_DOCSTRINGS:
+        return cls.__doc__ or ""
+    try:
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    except (OSError, TypeError, SyntaxError, ValueError):
+        # Of a class without source, such as a declared one, there is none to be found.
+        return ""
+    if not isinstance(definition, ast.ClassDef):
+        return ""
+    return ast.get_docstring(definition, clean=False) or ""
 
 
 @cache
