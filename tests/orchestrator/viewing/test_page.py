@@ -129,13 +129,27 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
     assert "<td>controller</td><td>338 µs</td><td>≤ 316 µs</td><td>9 ms</td>" in text
-    assert "p50 80 µs, p99 900 µs, max 1200 µs" in text
+    assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text
     assert "silent for 1 s &amp; more (controller, step 120, exit code 4)" in head
-    marks = content(tmp_path / "report.html")["marks"]
+    found = content(tmp_path / "report.html")
+    marks = found["marks"]
+    assert found["end"] == pytest.approx(3.99)
     assert [(mark["level"], mark["t"]) for mark in marks[1:]] == [
         ("fault", pytest.approx(1.1)), ("failure", pytest.approx(1.2)),
     ]  # fmt: skip
     assert "stepbus run arm.yaml --set &#x27;a.b=1 2&#x27;" in text
+
+
+def test_the_charts_reach_to_what_ended_the_run(tmp_path):
+    path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state(0)] * 20))
+    Result(
+        scenario="arm", outcome="failed", exit_code=4, reason="it raised", participant="plant",
+        at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
+        wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
+    ).save()  # fmt: skip
+    write_page([path])
+    found = content(tmp_path / "report.html")
+    assert found["marks"][-1]["t"] == found["end"] == pytest.approx(0.2)
 
 
 def test_half_a_recording_is_shown_and_its_page_says_so(recording, tmp_path):
@@ -221,3 +235,22 @@ def test_without_its_extra_it_says_how_to_install_it(recording, monkeypatch):
     monkeypatch.setattr(page, "find_spec", lambda _name: None)
     with pytest.raises(ExtraMissing, match=r"needs uplot, which is not installed; pip install"):
         write_page([recording])
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_on_paper_all_charts_are_drawn_and_dots_are_dots(recording):
+    with opened(write_page([recording]).as_uri(), width=1000, height=600) as watched:
+        page = watched.page
+        page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = false })")
+        page.pdf()
+        charts, drawn = (
+            page.locator(f"#charts {what}").count() for what in (".chart", ".chart canvas")
+        )
+        assert charts == drawn > 5
+        assert page.locator("#charts details[open]").count() == 0
+        effects = page.locator("svg.path circle").evaluate_all(
+            "all => all.map(one => getComputedStyle(one).vectorEffect)"
+        )
+        assert effects == ["non-scaling-stroke"] * 2
+        assert not watched.errors

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import msgspec
 
+_UNITS = (("s", 1e6), ("ms", 1e3), ("µs", 1.0))
 _KEPT = 0.95
 """A share of the asked speed below it is worth a word."""
 
@@ -41,7 +42,5 @@ class Lateness(msgspec.Struct, frozen=True, kw_only=True):
 
 def in_units(us: float) -> str:
     """Return a duration as people read it: µs, ms or s, with three digits. us: [µs]."""
-    for unit, size in (("s", 1e6), ("ms", 1e3)):
-        if us >= size:
-            return f"{float(f'{us / size:.3g}'):g} {unit}"
-    return f"{us:.0f} µs"
+    unit, size = next((row for row in _UNITS if us >= row[1]), _UNITS[-1])
+    return f"{float(f'{us / size:.3g}'):g} {unit}"

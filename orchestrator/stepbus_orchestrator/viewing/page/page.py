@@ -14,6 +14,7 @@ from typing import Any
 from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.reports.lateness import in_units
 from stepbus_orchestrator.viewing.render import pixels_of
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import Image, StepbusError
@@ -131,7 +132,8 @@ def _data(runs: Sequence[RunPage], labels: Sequence[str], arrays: Arrays) -> Map
             for one in run.happenings
             if one.level != "info" or len(run.happenings) <= 30
         ],
-        "end": max(run.end_s for run in runs),
+        # What ended a run comes a step behind its last message.
+        "end": max(t for run in runs for t in (run.end_s, *(one.t for one in run.happenings))),
         "runs": labels,
         "arrays": arrays.encoded(),
     }
@@ -277,13 +279,13 @@ def _times(run: RunPage) -> str:
         one = run.times[name]
         compute, wait = (x / max(1, one.steps) for x in (one.compute, one.wait))
         rows.append(
-            f"<tr><td>{escape(name)}</td><td>{_duration(compute * 1e-3)}</td>"
-            f"<td>≤ {_duration(one.quantile_us(0.99))}</td>"
-            f"<td>{_duration(one.longest * 1e-3)}</td><td>{_duration(wait * 1e-3)}</td>"
+            f"<tr><td>{escape(name)}</td><td>{in_units(compute * 1e-3)}</td>"
+            f"<td>≤ {in_units(one.quantile_us(0.99))}</td>"
+            f"<td>{in_units(one.longest * 1e-3)}</td><td>{in_units(wait * 1e-3)}</td>"
             f"<td class=bar>{_share('c0', compute / most)}{_share('wait', wait / most)}</td></tr>"
         )
     counts = {name: run.times[name].counts.tolist() for name in names}
-    edges = [_duration(edge) for edge in EDGES_US]
+    edges = [in_units(edge) for edge in EDGES_US]
     return (
         "<div class=scroll><table><tr><th>participant</th><th>compute</th><th>p99</th>"
         "<th>longest</th><th>wait</th><th>mean step: compute, wait</th></tr>"
@@ -295,20 +297,13 @@ def _share(name: str, share: float) -> str:
     return f'<i class={name} style="width:{100 * share:.1f}%"></i>'
 
 
-def _duration(us: float) -> str:
-    for scale, unit in ((1e6, "s"), (1e3, "ms")):
-        if us >= scale:
-            return f"{us / scale:.3g} {unit}"
-    return f"{us:.3g} µs"
-
-
 def _lateness(run: RunPage) -> str:
     late = run.result.real_time if run.result else None
     if late is None:
         return ""
     labels = [f"{bound} µs" if bound.isdecimal() else bound for bound in late.histogram]
     text = (
-        f"p50 {late.p50_us:.0f} µs, p99 {late.p99_us:.0f} µs, max {late.max_us:.0f} µs, "
+        f"p50 {in_units(late.p50_us)}, p99 {in_units(late.p99_us)}, max {in_units(late.max_us)}, "
         f"at {late.factor:g} × real time"
     )
     chart = bars({"steps": list(late.histogram.values())}, labels)

@@ -73,10 +73,11 @@ def path_from_above(paths: Mapping[str, Array]) -> str:
         start, end = points[0], points[-1]
         parts.append(
             f'<polyline class="c{number % 8}" points="{dots}"/>'
-            f'<circle class="start" cx="{start[0]:.4g}" cy="{-start[1]:.4g}" r="{span / 60:.4g}">'
-            "<title>start</title></circle>"
             f'<circle class="c{number % 8}" cx="{end[0]:.4g}" cy="{-end[1]:.4g}" '
             f'r="{span / 60:.4g}"><title>end</title></circle>'
+            # Wider, so that it is seen around the end of a base that has come back.
+            f'<circle class="start" cx="{start[0]:.4g}" cy="{-start[1]:.4g}" r="{span / 40:.4g}">'
+            "<title>start</title></circle>"
         )
     box = f"{x:.4g} {y:.4g} {width:.4g} {height:.4g}"
     size = f"{high[0] - low[0]:.2f} m × {high[1] - low[1]:.2f} m"

@@ -186,6 +186,17 @@ if (report.groups.length) {
     redraw();
   });
 }
+// On paper, nobody can open or scroll to a chart.
+let opened = [];
+addEventListener("beforeprint", () => {
+  opened = [...room.querySelectorAll("details:not([open])")];
+  for (const details of opened) details.open = true;
+  for (const element of room.querySelectorAll(".chart"))
+    if (!charts.has(element)) draw(element, element.chart);
+});
+addEventListener("afterprint", () => {
+  for (const details of opened) details.open = false;
+});
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 let width = innerWidth;
 addEventListener("resize", () => {
