@@ -1,17 +1,28 @@
 """Who may read what a server of a view sends: this machine, and who knows the address."""
 
+import atexit
 import errno
 import hmac
+import html
 import secrets
+import shutil
 import socket
+import tempfile
+import webbrowser
 from collections.abc import Callable
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
 
+from stepbus_participant import write_file
 from stepbus_schemas import WiringError
 
 LOOPBACK = "127.0.0.1"
 _TOKEN_BYTES = 16
+_REDIRECT = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>stepbus</title><a href="{address}">the page of the run</a>
+"""
 _ALL = ("0.0.0.0", "::")  # noqa: S104  (compared with, not bound)
 
 Process = Callable[[Any, Any], Any]
@@ -42,6 +53,18 @@ def listening(host: str, port: int) -> socket.socket:
 def shown_host(host: str) -> str:
     """Return a host as an address has it."""
     return "localhost" if host in _ALL else f"[{host}]" if ":" in host else host
+
+
+def open_in_browser(address: str) -> None:
+    """Open an address with a token in the browser, whose command line every user can read.
+
+    So it gets the path of a file that leads there, which only this user can read.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="stepbus-view-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    file = folder / "open.html"
+    write_file(file, _REDIRECT.format(address=html.escape(address)).encode(), 0o600)
+    webbrowser.open(file.as_uri())
 
 
 def only_with(token: str, process: Process) -> Process:

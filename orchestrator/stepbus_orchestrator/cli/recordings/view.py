@@ -3,7 +3,6 @@
 import argparse
 import os
 import threading
-import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.control.live_file import LIVE_FILE
+from stepbus_orchestrator.viewing.access import open_in_browser
 from stepbus_schemas import WiringError
 
 _NICE = 15
@@ -145,7 +145,7 @@ def _open_foxglove(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
 def _announce(args: argparse.Namespace, shown: _Shown) -> None:
     say(f"{shown.name}: {shown.address}\nCtrl-C closes it")
     if not args.no_open and shown.name == "view":
-        threading.Thread(target=webbrowser.open, args=(shown.address,), daemon=True).start()
+        threading.Thread(target=open_in_browser, args=(shown.address,), daemon=True).start()
 
 
 COMMAND = Command(
