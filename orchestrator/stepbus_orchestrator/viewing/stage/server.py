@@ -3,8 +3,9 @@
 import contextlib
 import io
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from stepbus_orchestrator.viewing.access import (
@@ -18,6 +19,7 @@ from stepbus_orchestrator.viewing.access import (
 from stepbus_participant import need
 from stepbus_schemas import WiringError
 
+_START_S = 60.0
 _starting = threading.Lock()
 
 
@@ -47,7 +49,7 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     listening(host, port).close()
     with _starting, _guarded(token), contextlib.redirect_stdout(io.StringIO()):
         # It prints a box.
-        server = viser.ViserServer(host=host, port=port, verbose=False)
+        server = _started(lambda: viser.ViserServer(host=host, port=port, verbose=False))
     if port and server.get_port() != port:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
@@ -56,6 +58,36 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.set_panel_label(label)
     return Page(server=server, address=f"http://{shown_host(host)}:{server.get_port()}/{token}/")
+
+
+def _started(make: Callable[[], Any]) -> Any:
+    """Return the server that is made; raises WiringError where it cannot start.
+
+    viser waits for a thread of its own, without end where that thread has failed.
+    """
+    inbox: SimpleQueue[Any] = SimpleQueue()
+
+    def work() -> None:
+        inbox.put(make())
+
+    def take(failed: threading.ExceptHookArgs) -> None:
+        if failed.thread in others:
+            before(failed)
+        else:
+            inbox.put(failed.exc_value)
+
+    others, before = set(threading.enumerate()), threading.excepthook
+    threading.excepthook = take
+    try:
+        threading.Thread(target=work, name="page", daemon=True).start()
+        server = inbox.get(timeout=_START_S)
+    except Empty:
+        server = TimeoutError(f"nothing for {_START_S:.0f} s")
+    finally:
+        threading.excepthook = before
+    if isinstance(server, BaseException):
+        raise WiringError(f"the page cannot be started: {server}") from server
+    return server
 
 
 @contextlib.contextmanager
