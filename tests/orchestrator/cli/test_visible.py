@@ -39,7 +39,7 @@ def test_a_text_of_a_participant_cannot_pass_for_one_of_ours(tmp_path, program, 
 
 def test_line_feeds_and_letters_of_all_languages_stay():
     assert visible("größer\n  日本語 ✓ 🤖") == "größer\n  日本語 ✓ 🤖"
-    assert visible("a\tb\x7f\x85\u2028") == "a\\x09b\\x7f\\x85\\u2028"
+    assert visible("a\tb\x08\x7f\x85\u2028") == "a\tb\\x08\\x7f\\x85\\u2028"
 
 
 def test_json_stays_json(capsys):

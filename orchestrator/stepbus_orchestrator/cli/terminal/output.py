@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-_CONTROLS = (*range(10), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
+_CONTROLS = (*range(9), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
 _DIRECTIONS = (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 _ESCAPES = {
     code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
@@ -17,7 +17,7 @@ _ESCAPES = {
 def visible(text: str) -> str:
     """Return a text with what would move the cursor, or turn what is read, as escapes.
 
-    Participants and recordings bring texts of others: no terminal obeys them. Line feeds stay.
+    Participants and recordings bring texts of others: no terminal obeys them. Line feeds and tabs stay.
     """
     return text.translate(_ESCAPES)
 
