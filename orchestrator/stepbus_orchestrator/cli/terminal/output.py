@@ -17,7 +17,8 @@ _ESCAPES = {
 def visible(text: str) -> str:
     """Return a text with what would move the cursor, or turn what is read, as escapes.
 
-    Participants and recordings bring texts of others: no terminal obeys them. Line feeds and tabs stay.
+    Participants and recordings bring texts of others: no terminal obeys them. Line feeds and tabs
+    stay.
     """
     return text.translate(_ESCAPES)
 
