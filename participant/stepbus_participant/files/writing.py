@@ -6,6 +6,7 @@ with a umask of 0, what a run makes would be theirs to change.
 
 import contextlib
 import errno
+import itertools
 import os
 import stat
 from collections.abc import Callable, Mapping
@@ -18,11 +19,9 @@ _FILE_MODE = 0o644
 def make_folder(path: Path) -> None:
     """Make a folder and those above it, which only their owner may write to.
 
-    Harmless where it is there. Raises OSError, also where a link or a file has its name.
+    Harmless where it is there. Raises OSError, also where something else has its name.
     """
-    missing = [path, *path.parents]
-    while missing and not missing[-1].exists():
-        missing.pop()
+    missing = list(itertools.takewhile(lambda each: not each.exists(), (path, *path.parents)))
     for folder in reversed(missing):
         with contextlib.suppress(FileExistsError):
             folder.mkdir(_FOLDER_MODE)

@@ -35,13 +35,9 @@ def _execute(args: argparse.Namespace) -> int:
 def _lines(recovery: Recovery) -> list[str]:
     """Return what was kept and what was lost, in sentences."""
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
-    found = recovery.damage or (
-        "it has holes"
-        if recovery.holes
-        else "it ends in the midst of a step"
-        if recovery.cut_step is not None
-        else "undamaged"
-    )
+    found = recovery.damage or ("it has holes" if recovery.holes else "undamaged")
+    if recovery.cut_step is not None:
+        found = recovery.damage or "it ends in the midst of a step"
     lines = [
         f"{recovery.source}: {found}",
         (
