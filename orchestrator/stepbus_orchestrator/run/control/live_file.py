@@ -1,7 +1,6 @@
 """How to reach a live run, and calls to it from outside."""
 
 import contextlib
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
@@ -10,7 +9,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import BusFailed, indented
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
-from stepbus_participant import BusError, Endpoint, ZenohBus, read_file
+from stepbus_participant import BusError, Endpoint, ZenohBus, read_file, write_file
 from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
 
 from .calls import CALL_KEY
@@ -30,13 +29,7 @@ class Live(msgspec.Struct, frozen=True, kw_only=True):
     def save(self, folder: Path) -> None:
         """Write it into a run's folder, readable by its owner only."""
         with contextlib.suppress(OSError):
-            path = folder / LIVE_FILE
-            # Whoever can write to the folder may have put a file or a link of their own there.
-            path.unlink(missing_ok=True)
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-            file = os.open(path, flags, 0o600)
-            with os.fdopen(file, "wb") as stream:
-                stream.write(msgspec.json.encode(self))
+            write_file(folder / LIVE_FILE, msgspec.json.encode(self), 0o600)
 
 
 def forget(folder: Path) -> None:

@@ -21,7 +21,7 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.environment import PYTHON
 from stepbus_orchestrator.sweep.space import Point
-from stepbus_participant import need
+from stepbus_participant import need, write_file
 
 from .content import Content
 from .trial import Row, Trials, failed_row
@@ -163,10 +163,7 @@ class Pool:
         """
         path = self._terms.home / _MARK
         try:
-            path.unlink(missing_ok=True)
-            file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(file, "w", encoding="utf-8") as mark:
-                mark.write(f"{self._mark}\n{self._temporary}\n")
+            write_file(path, f"{self._mark}\n{self._temporary}\n".encode(), 0o600)
         except OSError as exc:
             shutil.rmtree(self._temporary or "/nonexistent", ignore_errors=True)
             raise RecordingFailed(f"{path} cannot be written: {exc.strerror}") from exc
