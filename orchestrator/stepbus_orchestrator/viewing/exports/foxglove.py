@@ -16,7 +16,7 @@ from stepbus_orchestrator.viewing.foxglove.layout import layout_of
 from stepbus_participant import need
 
 from .files import Exported
-from .moments import NS, Moving, Rate, moments, readable
+from .moments import NS, Moving, Rate, instants, readable
 from .progress import Reached
 
 
@@ -42,13 +42,14 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
             conversion = Conversion(moving.scene, _Channels(channels, context).log)
             conversion.place(moving.still(), 0)
             conversion.bodies()
-            for moment in moments(recording, wanted, lost, reached):
-                placed = moving.take(moment)
+            for t_ns, found in instants(recording, wanted, lost, reached):
+                placed = moving.take(t_ns, found)
                 if placed:
-                    conversion.place(placed, moment.t_ns)
-                is_event = moment.port.type == "Event/1"
-                if is_event or rate.passes(topic_of(moment.port), moment.t_ns):
-                    conversion.take(moment.port, moment.message, moment.t_ns)
+                    conversion.place(placed, t_ns)
+                for moment in found:
+                    is_event = moment.port.type == "Event/1"
+                    if is_event or rate.passes(topic_of(moment.port), t_ns):
+                        conversion.take(moment.port, moment.message, t_ns)
     with replaced(layout) as path:
         text = json.dumps(layout_of(moving.scene, moving.latest, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")

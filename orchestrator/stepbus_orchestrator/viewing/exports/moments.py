@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.viewing.scene import Latest, Pose, Scene, build_scene
@@ -23,13 +24,21 @@ class Moment:
     message: Message
 
 
-def moments(
+def instants(
     recording: Recording, ports: Collection[Port], lost: dict[str, str], reached: Reached
-) -> Iterator[Moment]:
-    """Yield the messages of some ports in the order of time, in memory that does not grow.
+) -> Iterator[tuple[int, list[Moment]]]:
+    """Yield each time [ns] and the messages of some ports at it, in memory that does not grow.
 
     lost: topic → why it is; gets a port that cannot be read to its end.
     """
+    in_order = _moments(recording, ports, lost, reached)
+    for t_ns, found in groupby(in_order, key=lambda moment: moment.t_ns):
+        yield t_ns, list(found)
+
+
+def _moments(
+    recording: Recording, ports: Collection[Port], lost: dict[str, str], reached: Reached
+) -> Iterator[Moment]:
     for piece in recording.batches(ports):
         rows: list[tuple[int, int, Moment]] = []
         for number, port in enumerate(ports):
@@ -72,7 +81,7 @@ def readable(recording: Recording, lost: dict[str, str]) -> list[Port]:
 
 
 class Moving:
-    """The scene of a recording; give it all its moments. period_ns: between two poses.
+    """The scene of a recording; give it all its instants. period_ns: between two poses.
 
     latest: the newest messages that it was given.
     """
@@ -82,20 +91,19 @@ class Moving:
         self.latest: dict[str, Latest] = {}
         self._period_ns = period_ns
         self._due_ns = 0
-        self._known: dict[str, Pose] = {}
 
     def still(self) -> dict[str, Pose]:
         """Return frame → its pose in its parent at the start, of all frames."""
         return {frame.name: frame.pose for frame in self.scene.frames if not frame.is_ghost}
 
-    def take(self, moment: Moment) -> dict[str, Pose]:
-        """Take a message; return the frames to place now, none before the next is due."""
-        if moment.port.topic not in self.scene.topics:
+    def take(self, t_ns: int, found: Collection[Moment]) -> dict[str, Pose]:
+        """Take an instant; return the frames to place now, none before the next is due."""
+        known = [moment for moment in found if moment.port.topic in self.scene.topics]
+        for moment in known:
+            self.latest[moment.port.topic] = Latest(step=moment.step, message=moment.message)
+        if not known or t_ns < self._due_ns:
             return {}
-        self.latest[moment.port.topic] = Latest(step=moment.step, message=moment.message)
-        if moment.t_ns < self._due_ns:
-            return {}
-        self._due_ns = moment.t_ns + self._period_ns
+        self._due_ns = t_ns + self._period_ns
         shown = self.still()
         return {n: pose for n, pose in self.scene.poses(self.latest).items() if n in shown}
 

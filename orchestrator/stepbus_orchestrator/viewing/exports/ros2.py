@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,12 @@ from mcap.writer import CompressionType, Writer
 
 from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.viewing.scene import Pose
+from stepbus_orchestrator.viewing.scene import Latest, Pose, about, build_scene, measured
 from stepbus_participant import need
 from stepbus_schemas import (
     BaseState,
     Event,
+    GripperState,
     Image,
     Imu,
     JointReference,
@@ -27,11 +28,13 @@ from stepbus_schemas import (
 )
 
 from .files import Exported
-from .moments import NS, Moment, Moving, moments, readable
+from .frames import FrameTree, Transform
+from .moments import NS, Moment, Rate, instants, readable
 from .progress import Reached
 
-_TF_PERIOD_NS = NS // 50
-_WORLD = "world"
+_TF_HZ = 50
+_UNKNOWN = 1e12
+"""Variance where a recording does not say how good a value is: 0 would say that it is exact."""
 _KEPT = """- history: keep_last
   depth: 1
   reliability: reliable
@@ -49,36 +52,44 @@ def export_ros2(recording: Recording, target: Path, reached: Reached) -> Exporte
     """Write the messages that ROS 2 has a type for.
 
     Joints, odometry, images with their camera info, inertial units, wrenches, laser scans and
-    texts; the poses of all frames as /tf, fifty times a second; the robot's description.
+    texts; the frames as /tf, fifty times a second, and /tf_static; the robots' descriptions.
 
     Raises RecordingFailed when nothing can be exported or the file cannot be written, ExtraMissing
     without the library.
     """
     lost: dict[str, str] = {}
     ports = readable(recording, lost)
-    moving = Moving(recording, _TF_PERIOD_NS)
-    problems = list(moving.scene.notes)
-    ros = _Ros()
-    wanted = [p for p in ports if p.type in _CONVERTERS or p.topic in moving.scene.topics]
+    scene = build_scene(recording.path, recording.ports, recording.attachments)
+    tree = FrameTree(scene, ports)
+    ros = _Ros(tree)
+    wanted = [p for p in ports if p.type in _CONVERTERS or p.topic in scene.topics]
     left = [f"{p.topic} ({p.type})" for p in ports if p not in wanted]
-    if left:
-        problems.append(f"ROS 2 has no type for {', '.join(left)}: left out")
+    rate, latest = Rate(_TF_HZ), dict[str, Latest]()
     with replaced(target) as path, path.open("wb") as stream:
         bag = _Bag(stream, ros)
-        for number, (name, text) in enumerate(moving.scene.robots.items()):
-            topic = "/robot_description" if number == 0 else f"/{name}/robot_description"
+        for topic, text in _descriptions(tree):
             bag.add(topic, "std_msgs/msg/String", ros.make("std_msgs/msg/String", data=text), 0)
-        bag.add("/tf_static", _TF, ros.transforms(moving, moving.still(), 0), 0)
-        for moment in moments(recording, wanted, lost, reached):
-            placed = moving.take(moment)
-            if placed:
-                bag.add("/tf", _TF, ros.transforms(moving, placed, moment.t_ns), moment.t_ns)
-            convert = _CONVERTERS.get(moment.port.type)
-            for suffix, type_name, message in convert(ros, moment) if convert else ():
-                bag.add(_topic(moment.port, suffix), type_name, message, moment.t_ns)
+        bag.add("/tf_static", _TF, ros.transforms(tree.still(), 0), 0)
+        for t_ns, found in instants(recording, wanted, lost, reached):
+            topics = [moment.port.topic for moment in found]
+            latest |= {m.port.topic: Latest(step=m.step, message=m.message) for m in found}
+            due = frozenset(topic for topic in topics if rate.passes(topic, t_ns))
+            if moved := list(tree.moved(due, latest)):
+                bag.add("/tf", _TF, ros.transforms(moved, t_ns), t_ns)
+            for moment in found:
+                convert = _CONVERTERS.get(moment.port.type)
+                for suffix, type_name, message in convert(ros, moment) if convert else ():
+                    bag.add(_topic(moment.port, suffix), type_name, message, t_ns)
         bag.close()
-    problems += lost.values()
+    unknown = [f"ROS 2 has no type for {', '.join(left)}: left out"] if left else []
+    problems = [*scene.notes, *unknown, *lost.values()]
     return Exported(paths=[target], problems=problems, lost=list(lost))
+
+
+def _descriptions(tree: FrameTree) -> Iterator[tuple[str, str]]:
+    """Yield topic and URDF of each robot; the only one has the usual topic."""
+    for robot in tree.robots:
+        yield f"/{robot.prefix}robot_description", robot.robot.model.text
 
 
 def _topic(port: Port, suffix: str) -> str:
@@ -93,7 +104,8 @@ Converted = Iterator[tuple[str, str, Any]]
 class _Ros:
     """The message types of ROS 2, and what makes their parts."""
 
-    def __init__(self) -> None:
+    def __init__(self, tree: FrameTree) -> None:
+        self.tree = tree
         (typesys,) = need("the export for ROS 2", "rosbags.typesys")
         self._store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
@@ -123,26 +135,29 @@ class _Ros:
         x, y, z, w = map(float, xyzw)
         return self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
-    def transforms(self, moving: Moving, placed: Mapping[str, Pose], t_ns: int) -> Any:
-        """Return frames and their poses in their parents."""
-        parents = {frame.name: frame.parent for frame in moving.scene.frames}
-        rows = []
-        for name, pose in placed.items():
-            w, x, y, z = pose.wxyz
-            transform = self.make(
+    def pose(self, pose: Pose) -> Any:
+        w, x, y, z = pose.wxyz
+        return self.make(
+            "geometry_msgs/msg/Pose",
+            position=self.vector(pose.position, "Point"),
+            orientation=self.quaternion((x, y, z, w)),
+        )
+
+    def transforms(self, placed: Iterable[Transform], t_ns: int) -> Any:
+        return self.make(_TF, transforms=[self._transform(row, t_ns) for row in placed])
+
+    def _transform(self, row: Transform, t_ns: int) -> Any:
+        w, x, y, z = row.pose.wxyz
+        return self.make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self.header(t_ns, row.parent),
+            child_frame_id=row.child,
+            transform=self.make(
                 "geometry_msgs/msg/Transform",
-                translation=self.vector(pose.position),
+                translation=self.vector(row.pose.position),
                 rotation=self.quaternion((x, y, z, w)),
-            )
-            rows.append(
-                self.make(
-                    "geometry_msgs/msg/TransformStamped",
-                    header=self.header(t_ns, parents[name] or _WORLD),
-                    child_frame_id=name,
-                    transform=transform,
-                )
-            )
-        return self.make(_TF, transforms=rows)
+            ),
+        )
 
 
 class _Bag:
@@ -195,30 +210,36 @@ def _joint_state(ros: _Ros, moment: Moment) -> Converted:
             velocity=_array(state.velocity),
             effort=_array(state.effort if isinstance(state, JointState) else None),
         )
+    elif isinstance(state, GripperState):
+        yield ros.row(
+            "sensor_msgs/msg/JointState",
+            header=ros.header(moment.t_ns, ""),
+            name=list(moment.port.names),
+            position=_array(measured(state)),
+            velocity=_array(None),
+            effort=_array(None),
+        )
 
 
 def _odometry(ros: _Ros, moment: Moment) -> Converted:
     state = moment.message
     if not isinstance(state, BaseState):
         return
-    turn = (0.0, 0.0, np.sin(state.yaw / 2), np.cos(state.yaw / 2))
-    pose = ros.make(
-        "geometry_msgs/msg/Pose",
-        position=ros.vector((state.x, state.y, 0.0), "Point"),
-        orientation=ros.quaternion(turn),
-    )
+    parent, child = ros.tree.base_of(moment.port)
+    turn = about((0.0, 0.0, 1.0), state.yaw)
+    pose = ros.pose(Pose((state.x, state.y, 0.0), turn))
     twist = ros.make(
         "geometry_msgs/msg/Twist",
         linear=ros.vector((state.vx, 0.0, 0.0)),
         angular=ros.vector((0.0, 0.0, state.wz)),
     )
-    unknown = np.zeros(36)
+    covariance = _UNKNOWN * np.eye(6).ravel()
     yield ros.row(
         "nav_msgs/msg/Odometry",
-        header=ros.header(moment.t_ns, "odom"),
-        child_frame_id="base_link",
-        pose=ros.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
-        twist=ros.make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+        header=ros.header(moment.t_ns, parent),
+        child_frame_id=child,
+        pose=ros.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance),
+        twist=ros.make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=covariance),
     )
 
 
@@ -226,7 +247,7 @@ def _image(ros: _Ros, moment: Moment) -> Converted:
     image = moment.message
     if not isinstance(image, Image):
         return
-    header = ros.header(moment.t_ns, f"{moment.port.participant}/{moment.port.name}")
+    header = ros.header(moment.t_ns, ros.tree.sensor_frame(moment.port))
     depth = 3 if image.encoding == "rgb8" else 4
     yield ros.row(
         "sensor_msgs/msg/Image",
@@ -259,21 +280,16 @@ def _image(ros: _Ros, moment: Moment) -> Converted:
     )  # fmt: skip
 
 
-def _frame(port: Port) -> str:
-    """Return the link that a sensor is on, as far as its port says."""
-    return str(next(iter(port.names), "")) or f"{port.participant}/{port.name}"
-
-
 def _imu(ros: _Ros, moment: Moment) -> Converted:
     imu = moment.message
     if not isinstance(imu, Imu):
         return
-    # A covariance of -1 at its start says that there is no orientation.
+    # In this type, zeros say that a covariance is unknown, and -1 that there is no orientation.
     unknown = np.zeros(9)
     absent = np.array((-1.0, *unknown[1:]))
     yield ros.row(
         "sensor_msgs/msg/Imu",
-        header=ros.header(moment.t_ns, _frame(moment.port)),
+        header=ros.header(moment.t_ns, ros.tree.sensor_frame(moment.port)),
         orientation=ros.quaternion(imu.orientation or (0, 0, 0, 1)),
         orientation_covariance=unknown if imu.orientation else absent,
         angular_velocity=ros.vector(imu.angular_velocity),
@@ -291,7 +307,7 @@ def _wrench(ros: _Ros, moment: Moment) -> Converted:
             force=ros.vector(found.force),
             torque=ros.vector(found.torque),
         )
-        header = ros.header(moment.t_ns, _frame(moment.port))
+        header = ros.header(moment.t_ns, ros.tree.sensor_frame(moment.port))
         yield ros.row("geometry_msgs/msg/WrenchStamped", header=header, wrench=wrench)
 
 
@@ -302,7 +318,7 @@ def _scan(ros: _Ros, moment: Moment) -> Converted:
     count = len(scan.ranges)
     yield ros.row(
         "sensor_msgs/msg/LaserScan",
-        header=ros.header(moment.t_ns, _frame(moment.port)),
+        header=ros.header(moment.t_ns, ros.tree.sensor_frame(moment.port)),
         angle_min=scan.angle_min,
         angle_max=scan.angle_min + max(0, count - 1) * scan.angle_increment,
         angle_increment=scan.angle_increment,
@@ -327,6 +343,7 @@ def _text(ros: _Ros, moment: Moment) -> Converted:
 _CONVERTERS: Mapping[str, Callable[[_Ros, Moment], Converted]] = {
     "BaseState/1": _odometry,
     "Event/1": _text,
+    "GripperState/1": _joint_state,
     "Image/1": _image,
     "Imu/1": _imu,
     "JointReference/1": _joint_state,

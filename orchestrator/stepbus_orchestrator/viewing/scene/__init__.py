@@ -2,7 +2,9 @@
 
 from .build import DescribedPort, Ports, build_scene, recorded_topics
 from .meshes import GREY, Color, Mesh, Visual
-from .pose import Pose
+from .model import Joint
+from .motions import Robot, all_positions, measured
+from .pose import Pose, about
 from .scene import GHOST, Chain, Frame, Latest, Messages, Motion, Scene
 
 __all__ = [
@@ -12,14 +14,19 @@ __all__ = [
     "Color",
     "DescribedPort",
     "Frame",
+    "Joint",
     "Latest",
     "Mesh",
     "Messages",
     "Motion",
     "Ports",
     "Pose",
+    "Robot",
     "Scene",
     "Visual",
+    "about",
+    "all_positions",
     "build_scene",
+    "measured",
     "recorded_topics",
 ]

@@ -14,11 +14,21 @@ from stepbus_schemas import Description, parse_shapes
 
 from .meshes import GREY, Color, Visual, primitive
 from .model import Joint, Model
-from .motions import JointMotion, JointSource, LinkMotion, Reader, RootMotion, measured, wanted
+from .motions import (
+    JointMotion,
+    JointSource,
+    LinkMotion,
+    Reader,
+    Robot,
+    RootMotion,
+    measured,
+    wanted,
+)
 from .origin import Body, Origin, has_scenario, read_origin
 from .pose import Pose
 from .scene import GHOST, Chain, Frame, Motion, Scene
 
+_IDENTITY = Pose()
 _TRUTH = "body"
 """Detail that only the plant's poses have."""
 
@@ -63,13 +73,7 @@ def build_scene(path: Path, ports: Ports, attachments: Mapping[str, bytes]) -> S
                 notes.append(str(exc))
     else:
         notes.append(f"{path.name} holds no scenario: only what its messages say is shown")
-    robots = {
-        body.name: body.model.text
-        for body in origin.bodies
-        if any(joint.moves for joint in body.model.joints)
-    }
-    built = _Builder(origin, ports, [*notes, *origin.notes]).build()
-    return replace(built, robots=robots)
+    return _Builder(origin, ports, [*notes, *origin.notes]).build()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +114,7 @@ class _Builder:
             motions=self._motions,
             chains=list(self._chains()),
             notes=list(dict.fromkeys(self._notes)),
+            robots=[self._robot(body) for body in bodies if _has_joints(body.model)],
         )
 
     # --- links with recorded poses --------------------------------------------------------
@@ -127,8 +132,23 @@ class _Builder:
                 link.ports[port.topic] = number
         return found
 
-    def _add_link(self, link: _Link, visuals: tuple[Visual, ...]) -> None:
-        self._frames.append(Frame(name=link.name, visuals=visuals, label=link.type, body=link.body))
+    def _add_link(
+        self,
+        link: _Link,
+        visuals: tuple[Visual, ...],
+        *,
+        pose: Pose = _IDENTITY,
+        is_fixed: bool = False,
+    ) -> None:
+        frame = Frame(
+            name=link.name,
+            pose=pose,
+            visuals=visuals,
+            label=link.type,
+            body=link.body,
+            is_fixed=is_fixed,
+        )
+        self._frames.append(frame)
         self._placed[link.name] = link.name
 
     def _look(self, link: _Link) -> tuple[Visual, ...]:
@@ -169,11 +189,14 @@ class _Builder:
         links = self._links_of(body)
         seen = [name for name, visuals in body.model.links.items() if visuals]
         if links and all(name in links for name in seen):
+            is_fixed = body.is_fixed and not _has_joints(body.model)
             for name in seen:
-                self._add_link(links[name], body.model.links[name])
+                pose = body.pose @ body.model.pose(name, {})
+                visuals = body.model.links[name]
+                self._add_link(links[name], visuals, pose=pose, is_fixed=is_fixed)
         else:
-            self._add_tree(body, f"{body.name}/", self._sources(body, measured), links)
-        self._add_ghost(body, links)
+            self._add_tree(body, f"{body.name}/", self._sources(body, measured))
+        self._add_ghost(body)
 
     def _links_of(self, body: Body) -> dict[str, _Link]:
         """Return link of the model → its row in descriptions of poses."""
@@ -189,7 +212,6 @@ class _Builder:
         body: Body,
         prefix: str,
         sources: Sequence[JointSource],
-        links: Mapping[str, _Link],
         *,
         is_ghost: bool = False,
     ) -> None:
@@ -212,38 +234,37 @@ class _Builder:
         if moving:
             motion = JointMotion(model=model, prefix=prefix, sources=sources, joints=moving)
             self._motions.append(motion)
-        anchor = next((links[name] for name in model.links if name in links), None)
-        odometry = self._odometry(model)
-        if anchor is not None or odometry:
-            self._motions.append(
-                RootMotion(
-                    frame=prefix + model.root,
-                    model=model,
-                    start=body.pose,
-                    link="" if anchor is None else anchor.name.removeprefix(f"{body.name}/"),
-                    ports={} if anchor is None else anchor.ports,
-                    odometry=odometry,
-                    sources=self._sources(body, measured),
-                )
-            )
+        robot = self._robot(body)
+        if robot.anchor or robot.odometry:
+            self._motions.append(RootMotion(frame=prefix + model.root, robot=robot))
 
-    def _add_ghost(self, body: Body, links: Mapping[str, _Link]) -> None:
+    def _robot(self, body: Body) -> Robot:
+        return Robot(
+            name=body.name,
+            model=body.model,
+            start=body.pose,
+            is_fixed=body.is_fixed,
+            sources=self._sources(body, measured),
+            links={name: link.ports for name, link in self._links_of(body).items()},
+            odometry=self._odometry(body),
+        )
+
+    def _add_ghost(self, body: Body) -> None:
         """Add the body once more, where its joints should be."""
         targets = self._sources(body, wanted)
         if targets:
             sources = [*targets, *self._sources(body, measured)]
             prefix = f"{GHOST}/{body.name}/"
-            self._add_tree(body, prefix, sources, links, is_ghost=True)
+            self._add_tree(body, prefix, sources, is_ghost=True)
 
     def _sources(self, body: Body, read: Reader) -> list[JointSource]:
         """Return the ports that know joints of a body, by what reads them."""
         types = _MEASURED if read is measured else _WANTED
-        joints = {joint.name for joint in body.model.joints if joint.moves}
         return [
-            JointSource(topic=port.topic, names=port.names, read=read)
+            JointSource(topic=port.topic, names=names, read=read)
             for type_name in types
             for port in self._of_type(type_name)
-            if port.names and joints.issuperset(port.names) and self._places(port)
+            if (names := _joint_names(body, port)) and self._places(port)
         ]
 
     def _places(self, port: DescribedPort) -> bool:
@@ -268,12 +289,9 @@ class _Builder:
                         topic=port.topic, names=port.names, model=body.model, root=name, tip=tip
                     )
 
-    def _odometry(self, model: Model) -> str:
-        joints = {joint.name for joint in model.joints}
-        for port in self._of_type("BaseState/1"):
-            if port.names and joints.issuperset(port.names):
-                return port.topic
-        return ""
+    def _odometry(self, body: Body) -> str:
+        ports = self._of_type("BaseState/1")
+        return next((port.topic for port in ports if _joint_names(body, port)), "")
 
     def _of_type(self, name: str) -> list[DescribedPort]:
         return [port for port in self._ports.values() if port.type == name]
@@ -282,6 +300,20 @@ class _Builder:
 _KEYS = (_TRUTH, "type", "shape", "color")
 _MEASURED = ("JointState/1", "GripperState/1")
 _WANTED = ("JointReference/1", "JointCommand/1")
+
+
+def _joint_names(body: Body, port: DescribedPort) -> list[str]:
+    """Return a port's names as the body's model has them; none where it has none of them.
+
+    The plant names a joint `body/joint` where bodies share its name.
+    """
+    joints = {joint.name for joint in body.model.joints if joint.moves}
+    names = [name.removeprefix(f"{body.name}/") for name in port.names]
+    return names if joints.intersection(names) else []
+
+
+def _has_joints(model: Model) -> bool:
+    return any(joint.moves for joint in model.joints)
 
 
 def _is_moved(joint: Joint, known: set[str]) -> bool:

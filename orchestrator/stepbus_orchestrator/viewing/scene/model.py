@@ -69,6 +69,11 @@ class Model:
     above: Mapping[str, Joint] = field(default_factory=dict)
     text: str = ""
 
+    @property
+    def below_root(self) -> tuple[str, ...]:
+        """Return all links, each behind the one that it hangs on."""
+        return (self.root, *(joint.child for joint in self.joints))
+
     def position(self, joint: Joint, positions: Mapping[str, float]) -> float:
         """Return where a joint is; one that nobody measures is where it rests or what it mimics."""
         if joint.name in positions:

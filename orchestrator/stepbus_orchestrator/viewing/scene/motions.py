@@ -125,49 +125,75 @@ class JointMotion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RootMotion:
-    """Places the root of a model: by the pose of one of its links, or by odometry.
+class Robot:
+    """A body with joints.
 
-    frame: of its root. start: where it is without. link: and the ports that have its pose, each
-    with the number of the link there. odometry: topic of a BaseState. sources: of its joints.
+    start: pose of its root in the world. is_fixed: whether the root stays there. sources: ports
+    that measure its joints, the best one first. links: link of the model → topics with its true
+    pose in the world, and its number there. odometry: topic of its BaseState; empty: none.
     """
 
-    frame: str
+    name: str
     model: Model
     start: Pose
-    link: str = ""
-    ports: Mapping[str, int] = field(default_factory=dict)
+    is_fixed: bool
+    sources: Sequence[JointSource]
+    links: Mapping[str, Mapping[str, int]]
     odometry: str = ""
-    sources: Sequence[JointSource] = ()
-    topics: frozenset[str] = field(init=False)
 
-    def __post_init__(self) -> None:
-        own = {*self.ports, *([self.odometry] if self.odometry else [])}
-        topics = frozenset(own | {source.topic for source in self.sources})
-        object.__setattr__(self, "topics", topics)
+    @property
+    def anchor(self) -> str:
+        """Return the link nearest to the root whose true pose is known; empty without any."""
+        return next((name for name in self.model.below_root if name in self.links), "")
 
-    def poses(self, messages: Messages) -> Mapping[str, Pose]:
-        """Return the pose of the root."""
-        pose = self._by_link(messages) or self._by_odometry(messages)
-        return {} if pose is None else {self.frame: pose}
-
-    def _by_link(self, messages: Messages) -> Pose | None:
-        known = [topic for topic in self.ports if topic in messages]
+    def in_world(self, link: str, messages: Messages) -> Pose | None:
+        """Return the true pose of a link; None where no message has it."""
+        known = [topic for topic in self.links.get(link, ()) if topic in messages]
         if not known:
             return None
         newest = max(known, key=lambda name: messages[name].step)
-        message, number = messages[newest].message, self.ports[newest]
+        message, number = messages[newest].message, self.links[link][newest]
         if not isinstance(message, Poses) or number >= len(message.position):
             return None
-        pose = from_xyzw(message.position[number], message.orientation[number])
-        positions = all_positions(self.sources, messages)
-        return pose @ self.model.pose(self.link, positions).inverse()
+        return from_xyzw(message.position[number], message.orientation[number])
 
-    def _by_odometry(self, messages: Messages) -> Pose | None:
+    def root_in_world(self, messages: Messages) -> Pose | None:
+        """Return the true pose of the root; None where no message has that of a link."""
+        pose = self.in_world(self.anchor, messages)
+        if pose is None:
+            return None
+        positions = all_positions(self.sources, messages)
+        return pose @ self.model.pose(self.anchor, positions).inverse()
+
+    def root_in_odom(self, messages: Messages) -> Pose | None:
+        """Return where odometry says the root is, seen from its start; None where it does not."""
         latest = messages.get(self.odometry)
         if latest is None or not isinstance(latest.message, BaseState):
             return None
         state = latest.message
         if not all(map(math.isfinite, (state.x, state.y, state.yaw))):
             return None
-        return self.start @ Pose((state.x, state.y, 0.0), about((0.0, 0.0, 1.0), state.yaw))
+        return Pose((state.x, state.y, 0.0), about((0.0, 0.0, 1.0), state.yaw))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RootMotion:
+    """Places the root of a robot by its true pose, or by odometry. frame: of the root."""
+
+    frame: str
+    robot: Robot
+    topics: frozenset[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        robot = self.robot
+        truth = robot.links.get(robot.anchor, {})
+        measured_by = {source.topic for source in robot.sources}
+        odometry = {robot.odometry} - {""}
+        object.__setattr__(self, "topics", frozenset({*truth, *measured_by, *odometry}))
+
+    def poses(self, messages: Messages) -> Mapping[str, Pose]:
+        """Return the pose of the root."""
+        pose = self.robot.root_in_world(messages)
+        if pose is None and (moved := self.robot.root_in_odom(messages)) is not None:
+            pose = self.robot.start @ moved
+        return {} if pose is None else {self.frame: pose}

@@ -18,11 +18,15 @@ _MODELS = (".urdf", ".xacro", ".sdf")
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A body of a world. name: as in descriptions of poses. pose: of its root at the start."""
+    """A body of a world.
+
+    name: as in descriptions of poses. pose: of its root at the start. is_fixed: it stays there.
+    """
 
     name: str
     model: Model
     pose: Pose = field(default_factory=Pose)
+    is_fixed: bool = False
 
 
 @dataclass(kw_only=True)
@@ -97,7 +101,9 @@ def _add_world(origin: Origin, folder: Path, name: str) -> None:
         if isinstance(given, dict) and isinstance(given.get("urdf"), str):
             model = _model(origin, given["urdf"], path.parent, _rest(given))
             if model is not None:
-                origin.bodies.append(Body(name=body, model=model, pose=_pose(given)))
+                is_fixed = given.get("fixed_base") is True
+                found = Body(name=body, model=model, pose=_pose(given), is_fixed=is_fixed)
+                origin.bodies.append(found)
     types = stock.get("types") if isinstance(stock, dict) else None
     for kind, given in types.items() if isinstance(types, dict) else ():
         if isinstance(given, dict) and isinstance(given.get("urdf"), str):

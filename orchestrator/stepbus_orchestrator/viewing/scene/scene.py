@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from stepbus_schemas import Message
 
 from .meshes import Visual
 from .model import Model
 from .pose import Pose
+
+if TYPE_CHECKING:
+    from .motions import Robot
 
 GHOST = "target"
 """Prefix of the frames that show where joints should be."""
@@ -31,8 +34,8 @@ class Frame:
     """A frame: its parent, where it is at the start, and what it looks like.
 
     name: unique. parent: name of a frame that precedes it; empty: the world. label: for the
-    reader. is_ghost: shows where something should be, not where it is. item: type, of something
-    in stock.
+    reader. is_ghost: shows where something should be, not where it is. is_fixed: never moves in
+    its parent.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Frame:
     label: str = ""
     body: str = ""
     is_ghost: bool = False
+    is_fixed: bool = False
 
 
 class Motion(Protocol):
@@ -73,14 +77,14 @@ class Scene:
     frames: parents first. chains: of the ports that carry planned paths. notes: what cannot be
     shown as it is, a sentence each.
 
-    robots: body → its description as XML, of those with joints.
+    robots: the bodies with joints.
     """
 
     frames: Sequence[Frame]
     motions: Sequence[Motion]
     chains: Sequence[Chain] = ()
     notes: Sequence[str] = ()
-    robots: Mapping[str, str] = field(default_factory=dict)
+    robots: "Sequence[Robot]" = ()
 
     @property
     def topics(self) -> frozenset[str]:

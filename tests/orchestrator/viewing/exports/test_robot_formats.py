@@ -94,7 +94,7 @@ def test_frames_move_fifty_times_a_second(bag):
     frames = bag["/tf", "tf2_msgs/msg/TFMessage"]
     assert 45 <= len(frames) <= 51
     (transform,) = frames[-1][1].transforms
-    assert transform.header.frame_id == "world"
+    assert transform.header.frame_id == "map"
     t_ns, x = frames[-1][0], transform.transform.translation.x
     assert x == pytest.approx(t_ns / 5_000_000 * 0.01)
 
@@ -177,7 +177,7 @@ def test_a_run_of_a_robot_brings_its_description(tmp_path):
             kept[connection.topic] = reader.deserialize(data, connection.msgtype)
     assert kept["/robot_description"].data.lstrip().startswith("<")
     assert 'name="joint1"' in kept["/robot_description"].data
-    assert len(kept["/tf_static"].transforms) > len(kept["/tf"].transforms) > 0
+    assert [row.child_frame_id for row in kept["/tf"].transforms] == ["link1", "link2"]
 
 
 @pytest.mark.parametrize("form", ["ros2", "foxglove"])
