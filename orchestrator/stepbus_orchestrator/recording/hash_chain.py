@@ -1,4 +1,4 @@
-"""The hash chain of one participant (P13.2)."""
+"""The hash chain of one participant (P13.2), and the hash of all messages (P13.3)."""
 
 import hashlib
 from collections.abc import Iterable
@@ -20,3 +20,12 @@ class HashChain:
             parts += (port.encode(), data)
         # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
         self.value = hashlib.sha256(b"".join(parts)).digest()
+
+
+def messages_sha256(last_chain: bytes) -> str:
+    """Return the SHA-256 of all messages of a recording in hexadecimal (P13.3).
+
+    last_chain: the last message of `stepbus/chain`. Files, versions and the processor, which are in
+    the recording too, do not change it.
+    """
+    return hashlib.sha256(last_chain).hexdigest()

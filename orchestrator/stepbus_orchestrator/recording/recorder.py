@@ -25,7 +25,7 @@ from stepbus_schemas import (
 )
 
 from . import layout
-from .hash_chain import HashChain
+from .hash_chain import HashChain, messages_sha256
 from .mcap.file import McapFile
 from .sink import Descriptions
 from .step_order import Published, StepOrder
@@ -68,6 +68,7 @@ class Recorder:
         self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
         self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
         self._chain_channel: int | None = None
+        self._last_chain = b""
         self._calls_channel: int | None = None
 
     def open_channels(
@@ -104,6 +105,11 @@ class Recorder:
         if self._calls_channel is None:
             self._calls_channel = self._file.add_channel(layout.CALLS_TOPIC, layout.CALLS_TYPE, {})
         self._add([(self._calls_channel, encode(call))], call.step * self._step_ns, call.step)
+
+    @property
+    def messages_sha256(self) -> str:
+        """Return the SHA-256 of all messages (P13.3); empty where no chain closes the last step."""
+        return messages_sha256(self._last_chain) if self._last_chain else ""
 
     @property
     def silent(self) -> frozenset[tuple[str, str]]:
@@ -169,6 +175,7 @@ class Recorder:
 
     def _write_outputs(self, step: int) -> None:
         """Write the outputs of one step, up to the first broken one; the chains have the same."""
+        self._last_chain = b""
         messages: list[tuple[int, bytes]] = []
         try:
             for published in self._order.take(step):
@@ -202,8 +209,8 @@ class Recorder:
     def _write_chain(self, step: int, *, is_last: bool) -> None:
         if self._chain_channel is not None and (is_last or layout.has_chain(step)):
             hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
-            content = encode(Chain(step=step, hashes=hashes))
-            self._add([(self._chain_channel, content)], step * self._step_ns, step)
+            self._last_chain = encode(Chain(step=step, hashes=hashes))
+            self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)
 
     def _broken(self, name: str, port: str, step: int, exc: Exception) -> ParticipantFault:
         error = Decoder(self._types[self._specs[name].outputs[port].type]).error(exc)

@@ -368,6 +368,7 @@ class _Run:
             wall_s=wall_s,
             real_time_factor=simulated_s / wall_s if wall_s else 0.0,
             sha256=file_sha256(self._options.out / layout.RUN_FILE),
+            messages_sha256=self._recorder.messages_sha256,
             folder=str(self._options.out),
             unauthenticated=loop.state.unauthenticated if loop else 0,
             drops=loop.progress().drops if loop else {},

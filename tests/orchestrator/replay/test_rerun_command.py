@@ -45,7 +45,7 @@ def test_an_equal_run_says_so_and_exits_with_0(recorded, tmp_path, capsys):
     code = cli.main(["rerun", str(recorded), "--out", str(tmp_path / "again")])
     said = capsys.readouterr().out
     assert code == 0
-    assert "10 steps, byte for byte as recorded\nsha256" in said
+    assert "10 steps, byte for byte as recorded\nmessages  " in said
     assert "note:" not in said
 
 

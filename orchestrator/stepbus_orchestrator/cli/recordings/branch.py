@@ -175,7 +175,7 @@ def _conclude(branch: Branch, found: Diff | None, *, has_plots: bool) -> None:
             lines = write_report(result.recording, has_plots=True)
             for line in [*lines, page_line(result.recording, lines)]:
                 say(line)
-    say(f"recording {result.recording}\nsha256    {result.sha256}")
+    say(f"recording {result.recording}\n{result.hashes()}")
 
 
 def _differences(found: Diff) -> Iterator[str]:

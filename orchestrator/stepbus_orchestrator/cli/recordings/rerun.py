@@ -69,7 +69,7 @@ def _execute_row(args: argparse.Namespace) -> int:
     if args.json:
         say_json({"equal": again.equal, "row": again.row, "result": result})
     elif again.equal and result.steps:
-        say(f"{result.steps} steps, byte for byte as in the sweep\nsha256    {result.sha256}")
+        say(f"{result.steps} steps, byte for byte as in the sweep\n{result.hashes()}")
     else:
         say(f"sha256    {result.sha256}, in the sweep {again.row.sha256 or 'none'}")
     if not args.json:
@@ -98,7 +98,7 @@ def _conclude(rerun: Rerun, found: Diff | None) -> None:
         empty = "this run made" if rerun.recorded_steps else "the recording has"
         say(f"{empty} no complete step: nothing was compared")
     elif rerun.equal or found is None:
-        say(f"{result.steps} steps, byte for byte as recorded\nsha256    {result.sha256}")
+        say(f"{result.steps} steps, byte for byte as recorded\n{result.hashes()}")
     elif found.equal and rerun.is_part:
         say(
             f"every message of the recording is as recorded: {rerun.recorded_steps} steps, after "
@@ -106,6 +106,7 @@ def _conclude(rerun: Rerun, found: Diff | None) -> None:
         )
     elif found.equal:
         say(f"{result.steps} steps, every message as recorded; only the notes above differ")
+        say(f"messages  {result.messages_sha256}")
     else:
         say(f"{rerun.recording} and {result.recording} differ:\n{found.text()}")
     say(f"recording {result.recording}")

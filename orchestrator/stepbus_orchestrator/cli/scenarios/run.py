@@ -276,7 +276,7 @@ def _summarise(result: Result, lines: list[str]) -> None:
     if result.faults:
         say(f"faults injected: {', '.join(result.faults)}")
     if result.sha256:
-        say(f"recording {result.recording}\nsha256    {result.sha256}")
+        say(f"recording {result.recording}\n{result.hashes()}")
 
 
 def _lateness(found: Lateness) -> str:

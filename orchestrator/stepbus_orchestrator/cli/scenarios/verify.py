@@ -108,7 +108,7 @@ def _conclude(found: Verification) -> None:
         )
         say(diff(one.result.recording, other.result.recording).text())
     else:
-        say(f"{len(found.results)} runs of {first.steps} steps, one result\nsha256 {first.sha256}")
+        say(f"{len(found.results)} runs of {first.steps} steps, one result\n{first.hashes()}")
 
 
 def _code(found: Verification) -> int:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.hash_chain import messages_sha256
 from stepbus_orchestrator.recording.holes import Holes
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
@@ -70,6 +71,15 @@ class Recording:
     def last_step(self) -> int:
         """Return the newest step with a message; −1 without any."""
         return max((port.last_step for port in self.ports.values()), default=-1)
+
+    @property
+    def messages_sha256(self) -> str:
+        """Return the SHA-256 of all messages (P13.3); empty where no chain closes the last step."""
+        chain = self.ports.get(layout.CHAIN_TOPIC)
+        last = None if chain is None else chain.last
+        if last is None or last.step < self.last_step:
+            return ""
+        return messages_sha256(last.data)
 
     def __getitem__(self, topic: str) -> Port:
         """Return a port by `participant/port` or `participant.port`.

@@ -26,6 +26,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     it ended, in one sentence. participant, at_step: who is to blame and when, where it failed.
     steps: complete ones. wall_s: from the first trigger to the end [s]. start_s: from the call
     to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
+    messages_sha256: of its messages alone, which no version, file or processor name changes.
     unauthenticated: messages without the run's token; they changed nothing. drops: messages each
     participant dropped. faults: those that were injected on purpose. warning_count: warnings and
     errors that participants reported. warnings: the first fifty of each output. file, overrides:
@@ -48,6 +49,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     real_time_factor: float
     sha256: str
     folder: str
+    messages_sha256: str = ""
     unauthenticated: int = 0
     drops: Mapping[str, int] = {}
     faults: Sequence[str] = ()
@@ -77,6 +79,11 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         from stepbus_orchestrator.viewing.notebook import result_html  # noqa: PLC0415  (draws)
 
         return result_html(self)
+
+    def hashes(self) -> str:
+        """Return the hash of the messages, if there is one, and that of the file, a line each."""
+        messages = f"messages  {self.messages_sha256}\n" if self.messages_sha256 else ""
+        return f"{messages}sha256    {self.sha256}"
 
     def save(self) -> None:
         """Write result.json; nobody sees half of it. Raises OSError when it cannot be written."""

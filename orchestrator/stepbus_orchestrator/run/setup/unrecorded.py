@@ -16,6 +16,7 @@ class NoRecorder:
     order: the participants. on_event: gets every Event.
     """
 
+    messages_sha256 = ""
     silent: Collection[tuple[str, str]] = frozenset()
 
     def __init__(
