@@ -1,5 +1,6 @@
 """Sweeps as a user makes them: by the command line, with Ray."""
 
+import contextlib
 import json
 import os
 import signal
@@ -335,6 +336,7 @@ def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> No
     words = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:200"]
     mark, journal = tmp_path / "sweep/.reach", tmp_path / "sweep/rows.jsonl"
     environment = {**os.environ, "HOME": str(tmp_path)}
+    answer = "refused: nobody but root can try"
     # Planted by somebody who may write there: neither followed nor believed.
     planted, kept = tmp_path / "planted", tmp_path / "stepbus-ray-kept"
     planted.write_text(f"mine\n{kept}\n")
@@ -362,16 +364,50 @@ def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> No
             if os.getuid() == 0:  # only root can become another user
                 for attempt in (["cat", mark], ["ls", private], ["ls", private / "r"]):
                     assert subprocess.run(attempt, user=65534, check=False).returncode != 0
+                (address,) = {
+                    word.partition("=")[2] for word in said.split() if "--gcs-address=" in word
+                }
+                # Ray replaces 127.0.0.1 by the machine's own address, where nothing listens.
+                answer = as_another_user(
+                    tmp_path, f"[::ffff:127.0.0.1]:{address.rpartition(':')[2]}"
+                )
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(60)
     assert listening == {"127.0.0.1"}
+    assert answer.startswith("refused"), answer
     assert modes == (0o600, 0o700)
     (secret,) = secrets
     assert secret not in content
     assert secret not in said
     assert not private.exists()
     assert (planted.read_text(), kept.is_dir()) == (f"mine\n{kept}\n", True)
+
+
+CLIENT = """
+import sys, ray
+try:
+    ray.init(address=sys.argv[1], log_to_driver=False)
+    print("ran as", ray.get(ray.remote(__import__("os").getuid).remote(), timeout=60))
+except Exception as exc:
+    print("refused", exc)
+"""
+
+
+def as_another_user(folder: Path, address: str) -> str:
+    """Return what a Ray client of another user gets, with a token that it has guessed."""
+    minor = f"python3.{sys.version_info.minor}"
+    packages = str(Path(psutil.__file__).parents[1])
+    guessed = {"HOME": str(folder), "PYTHONPATH": packages, "RAY_AUTH_MODE": "token",
+               "RAY_AUTH_TOKEN": "a" * 32}  # fmt: skip
+    for python in (sys.executable, f"/usr/bin/{minor}"):
+        with contextlib.suppress(PermissionError, FileNotFoundError):
+            done = subprocess.run(
+                [python, "-c", CLIENT, address], user=65534, group=65534, extra_groups=[],
+                env=guessed, capture_output=True, text=True, timeout=200, check=False, cwd="/",
+            )  # fmt: skip
+            return done.stdout.strip() or done.stderr
+    return "refused: it has no Python that it may start"
 
 
 def wait_for(holds: object) -> None:
