@@ -89,7 +89,7 @@ def export_ros2(recording: Recording, target: Path, reached: Reached) -> Exporte
 def _descriptions(tree: FrameTree) -> Iterator[tuple[str, str]]:
     """Yield topic and URDF of each robot; the only one has the usual topic."""
     for robot in tree.robots:
-        yield f"/{robot.prefix}robot_description", robot.robot.model.text
+        yield f"/{robot.prefix}robot_description", robot.body.model.text
 
 
 def _topic(port: Port, suffix: str) -> str:

@@ -3,7 +3,7 @@
 from .build import DescribedPort, Ports, build_scene, recorded_topics
 from .meshes import GREY, Color, Mesh, Visual
 from .model import Joint
-from .motions import Robot, all_positions, measured
+from .motions import Modelled, all_positions, measured
 from .pose import Pose, about
 from .scene import GHOST, Chain, Frame, Latest, Messages, Motion, Scene
 
@@ -18,10 +18,10 @@ __all__ = [
     "Latest",
     "Mesh",
     "Messages",
+    "Modelled",
     "Motion",
     "Ports",
     "Pose",
-    "Robot",
     "Scene",
     "Visual",
     "about",

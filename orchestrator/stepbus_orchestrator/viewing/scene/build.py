@@ -18,8 +18,8 @@ from .motions import (
     JointMotion,
     JointSource,
     LinkMotion,
+    Modelled,
     Reader,
-    Robot,
     RootMotion,
     measured,
     wanted,
@@ -114,7 +114,7 @@ class _Builder:
             motions=self._motions,
             chains=list(self._chains()),
             notes=list(dict.fromkeys(self._notes)),
-            robots=[self._robot(body) for body in bodies if _has_joints(body.model)],
+            bodies=[self._modelled(body) for body in bodies],
         )
 
     # --- links with recorded poses --------------------------------------------------------
@@ -132,22 +132,8 @@ class _Builder:
                 link.ports[port.topic] = number
         return found
 
-    def _add_link(
-        self,
-        link: _Link,
-        visuals: tuple[Visual, ...],
-        *,
-        pose: Pose = _IDENTITY,
-        is_fixed: bool = False,
-    ) -> None:
-        frame = Frame(
-            name=link.name,
-            pose=pose,
-            visuals=visuals,
-            label=link.type,
-            body=link.body,
-            is_fixed=is_fixed,
-        )
+    def _add_link(self, link: _Link, visuals: tuple[Visual, ...], pose: Pose = _IDENTITY) -> None:
+        frame = Frame(name=link.name, pose=pose, visuals=visuals, label=link.type, body=link.body)
         self._frames.append(frame)
         self._placed[link.name] = link.name
 
@@ -189,11 +175,10 @@ class _Builder:
         links = self._links_of(body)
         seen = [name for name, visuals in body.model.links.items() if visuals]
         if links and all(name in links for name in seen):
-            is_fixed = body.is_fixed and not _has_joints(body.model)
             for name in seen:
                 pose = body.pose @ body.model.pose(name, {})
                 visuals = body.model.links[name]
-                self._add_link(links[name], visuals, pose=pose, is_fixed=is_fixed)
+                self._add_link(links[name], visuals, pose)
         else:
             self._add_tree(body, f"{body.name}/", self._sources(body, measured))
         self._add_ghost(body)
@@ -234,12 +219,12 @@ class _Builder:
         if moving:
             motion = JointMotion(model=model, prefix=prefix, sources=sources, joints=moving)
             self._motions.append(motion)
-        robot = self._robot(body)
-        if robot.anchor or robot.odometry:
-            self._motions.append(RootMotion(frame=prefix + model.root, robot=robot))
+        modelled = self._modelled(body)
+        if modelled.anchor or modelled.odometry:
+            self._motions.append(RootMotion(frame=prefix + model.root, body=modelled))
 
-    def _robot(self, body: Body) -> Robot:
-        return Robot(
+    def _modelled(self, body: Body) -> Modelled:
+        return Modelled(
             name=body.name,
             model=body.model,
             start=body.pose,
@@ -310,10 +295,6 @@ def _joint_names(body: Body, port: DescribedPort) -> list[str]:
     joints = {joint.name for joint in body.model.joints if joint.moves}
     names = [name.removeprefix(f"{body.name}/") for name in port.names]
     return names if joints.intersection(names) else []
-
-
-def _has_joints(model: Model) -> bool:
-    return any(joint.moves for joint in model.joints)
 
 
 def _is_moved(joint: Joint, known: set[str]) -> bool:

@@ -74,6 +74,11 @@ class Model:
         """Return all links, each behind the one that it hangs on."""
         return (self.root, *(joint.child for joint in self.joints))
 
+    @property
+    def has_joints(self) -> bool:
+        """Return whether any of its joints has a position."""
+        return any(joint.moves for joint in self.joints)
+
     def position(self, joint: Joint, positions: Mapping[str, float]) -> float:
         """Return where a joint is; one that nobody measures is where it rests or what it mimics."""
         if joint.name in positions:

@@ -125,8 +125,8 @@ class JointMotion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robot:
-    """A body with joints.
+class Modelled:
+    """A body with a model, and the ports that know where it is.
 
     start: pose of its root in the world. is_fixed: whether the root stays there. sources: ports
     that measure its joints, the best one first. links: link of the model → topics with its true
@@ -178,22 +178,22 @@ class Robot:
 
 @dataclass(frozen=True, kw_only=True)
 class RootMotion:
-    """Places the root of a robot by its true pose, or by odometry. frame: of the root."""
+    """Places the root of a body by its true pose, or by odometry. frame: of the root."""
 
     frame: str
-    robot: Robot
+    body: Modelled
     topics: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:
-        robot = self.robot
-        truth = robot.links.get(robot.anchor, {})
-        measured_by = {source.topic for source in robot.sources}
-        odometry = {robot.odometry} - {""}
+        body = self.body
+        truth = body.links.get(body.anchor, {})
+        measured_by = {source.topic for source in body.sources}
+        odometry = {body.odometry} - {""}
         object.__setattr__(self, "topics", frozenset({*truth, *measured_by, *odometry}))
 
     def poses(self, messages: Messages) -> Mapping[str, Pose]:
         """Return the pose of the root."""
-        pose = self.robot.root_in_world(messages)
-        if pose is None and (moved := self.robot.root_in_odom(messages)) is not None:
-            pose = self.robot.start @ moved
+        pose = self.body.root_in_world(messages)
+        if pose is None and (moved := self.body.root_in_odom(messages)) is not None:
+            pose = self.body.start @ moved
         return {} if pose is None else {self.frame: pose}

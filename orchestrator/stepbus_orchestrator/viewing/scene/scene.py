@@ -11,7 +11,7 @@ from .model import Model
 from .pose import Pose
 
 if TYPE_CHECKING:
-    from .motions import Robot
+    from .motions import Modelled
 
 GHOST = "target"
 """Prefix of the frames that show where joints should be."""
@@ -34,8 +34,7 @@ class Frame:
     """A frame: its parent, where it is at the start, and what it looks like.
 
     name: unique. parent: name of a frame that precedes it; empty: the world. label: for the
-    reader. is_ghost: shows where something should be, not where it is. is_fixed: never moves in
-    its parent.
+    reader. is_ghost: shows where something should be, not where it is.
     """
 
     name: str
@@ -45,7 +44,6 @@ class Frame:
     label: str = ""
     body: str = ""
     is_ghost: bool = False
-    is_fixed: bool = False
 
 
 class Motion(Protocol):
@@ -77,14 +75,14 @@ class Scene:
     frames: parents first. chains: of the ports that carry planned paths. notes: what cannot be
     shown as it is, a sentence each.
 
-    robots: the bodies with joints.
+    bodies: those with a model.
     """
 
     frames: Sequence[Frame]
     motions: Sequence[Motion]
     chains: Sequence[Chain] = ()
     notes: Sequence[str] = ()
-    robots: "Sequence[Robot]" = ()
+    bodies: "Sequence[Modelled]" = ()
 
     @property
     def topics(self) -> frozenset[str]:

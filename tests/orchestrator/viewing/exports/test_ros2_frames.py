@@ -33,7 +33,11 @@ bodies:
     position: [0, -1, 0]
     joint_defaults: {mode: torque}
     joints: {joint2: {position: 1.0}}
+  table: {urdf: table.urdf, fixed_base: true, position: [2, 0, 0]}
 """
+TABLE = """<robot name="table"><link name="top"/><link name="corner"/>
+<joint name="edge" type="fixed"><parent link="top"/><child link="corner"/>
+<origin xyz="0.5 0.5 0.1"/></joint></robot>"""
 
 
 @dataclass
@@ -119,6 +123,7 @@ def two_arms(tmp_path_factory):
     arm = files("stepbus_scenarios") / "two_link" / "two_link.urdf"
     (folder / "arm.urdf").write_bytes(arm.read_bytes())
     (folder / "world.yaml").write_text(WORLD)
+    (folder / "table.urdf").write_text(TABLE)
     (folder / "scenario.yaml").write_text(TWO_ARMS)
     result = stepbus.run(folder / "scenario.yaml", out=folder / "run", in_process=True)
     return result.recording, export(result.recording, folder / "ros2.mcap")
@@ -139,6 +144,14 @@ def test_every_link_is_where_the_plant_has_it(two_arms):
     for t_ns, poses in bag.in_map():
         for name, position in zip(port.names, true[t_ns].position, strict=True):
             assert np.allclose(poses[name].translation, position, atol=1e-6), (t_ns, name)
+
+
+def test_links_that_never_move_are_static_and_have_their_place(two_arms):
+    _, bag = two_arms
+    assert not bag.still.keys() & {name for placed in bag.tf.values() for name in placed}
+    _, poses = next(bag.in_map())
+    corner = next(pose for name, pose in poses.items() if name.endswith("corner"))
+    assert np.allclose(corner.translation, [2.5, 0.5, 0.1])
 
 
 def test_a_robot_alone_has_the_names_of_its_model(tmp_path):
