@@ -23,7 +23,7 @@ from stepbus.overrides import Overrides, overrides
 from stepbus.runs import AnyScenario
 from stepbus_orchestrator import Episode, Result, RunFailure, Scenario
 from stepbus_participant import Config, Step, suggest
-from stepbus_schemas import RunError, WiringError
+from stepbus_schemas import RunError, WiringError, error_text
 
 from .episodes import Folders
 from .fields import Field
@@ -288,8 +288,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         try:
             return function(moment)
         except Exception as exc:
-            text = f"{type(exc).__name__}: {exc}" if str(exc) else type(exc).__name__
-            raise RunError(f"step {moment.step}: `{what}` raised {text}") from exc
+            raise RunError(f"step {moment.step}: `{what}` raised {error_text(exc)}") from exc
 
 
 def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:

@@ -41,7 +41,7 @@ from .files import (
 from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .hints.installed import installed_version
 from .hints.suggestions import suggest
-from .parameters.durations import LONGEST_NS, format_duration, parse_duration
+from .parameters.durations import LONGEST_NS, format_duration, parse_duration, whole_steps
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
 from .participant import Participant, PortType
@@ -153,6 +153,7 @@ __all__ = [
     "take_part",
     "urdf_warnings",
     "when",
+    "whole_steps",
     "write_file",
 ]
 

@@ -14,7 +14,8 @@ from .protocol import *
 from .schedule import due_step
 from .shapes import Shape, parse_shapes
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
-from .types.wrong_words import explained
+from .types.decode_errors import explained
+from .words import error_text, text_of, valid_unicode
 
 if TYPE_CHECKING:
     from .bridge.formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
@@ -111,6 +112,7 @@ __all__ = [
     "due_step",
     "encode",
     "encoding_of",
+    "error_text",
     "explained",
     "json_schema",
     "message_class",
@@ -120,10 +122,12 @@ __all__ = [
     "raw_fields",
     "raw_problem",
     "raw_table",
+    "text_of",
     "type_name",
     "type_problems",
     "types_page",
     "types_vectors",
+    "valid_unicode",
 ]
 
 

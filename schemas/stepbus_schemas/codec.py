@@ -9,7 +9,7 @@ from .errors import MessageError
 from .messages import Message
 from .protocol import ENVELOPE_TYPES, Envelope
 from .types import SHIPPED, Types, name_of
-from .types.wrong_words import explained
+from .types.decode_errors import explained
 
 T = TypeVar("T", bound=Message | Envelope)
 

@@ -1,7 +1,7 @@
 """The root of every error stepbus raises.
 
 StepbusError
-├─ MessageError (ValueError)       bytes that are not the message they should be
+├─ MessageError (ValueError)       a message, or its bytes, that is not what it should be
 ├─ WiringError (ValueError)        a scenario, port or type that cannot work; known before the run
 └─ RunError (RuntimeError)         something that went wrong during a run
 """
@@ -12,7 +12,7 @@ class StepbusError(Exception):
 
 
 class MessageError(StepbusError, ValueError):
-    """Bytes on the wire are not the message their encoding names."""
+    """A message, or its bytes on the wire, is not of its type."""
 
 
 class WiringError(StepbusError, ValueError):

@@ -66,10 +66,13 @@ def test_nesting_without_end_is_refused() -> None:
     [
         (
             {"mode": "torqe", "values": [1.0]},
-            "brake, position, teleport, torque, velocity; did you mean 'torque'?",
+            (
+                "mode must be brake, position, teleport, torque or velocity, not 'torqe'; "
+                "did you mean 'torque'?"
+            ),
         ),
-        ({"mode": "fly", "values": [1.0]}, "brake, position, teleport, torque, velocity"),
-        ({"mode": 7, "values": [1.0]}, "Expected `str`, got `int` - at `$.mode`"),
+        ({"mode": "fly", "values": [1.0]}, "position, teleport, torque or velocity, not 'fly'"),
+        ({"mode": 7, "values": [1.0]}, ": mode must be text, not an integer"),
     ],
 )
 def test_a_wrong_word_lists_the_right_ones(message: object, sentence: str) -> None:
@@ -79,18 +82,18 @@ def test_a_wrong_word_lists_the_right_ones(message: object, sentence: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("value", "words"),
+    ("value", "sentence"),
     [
-        ({"listed": ["a", "z"]}, "a, b"),
-        ({"mapped": {"key": "z"}}, "c, d"),
-        ({"pair": ["z", 1]}, "e, f"),
-        ({"inner": [{"mode": "z"}]}, "a, b"),
+        ({"listed": ["a", "z"]}, "listed[1] must be a or b, not 'z'"),
+        ({"mapped": {"key": "z"}}, "mapped[...] must be c or d, not 'z'"),
+        ({"pair": ["z", 1]}, "pair[0] must be e or f, not 'z'"),
+        ({"inner": [{"mode": "z"}]}, "inner[0].mode must be a or b, not 'z'"),
     ],
 )
-def test_a_wrong_word_is_explained_wherever_it_stands(value: object, words: str) -> None:
+def test_a_wrong_word_is_explained_wherever_it_stands(value: object, sentence: str) -> None:
     with pytest.raises(msgspec.ValidationError) as caught:
         msgspec.convert(value, Nested)
-    assert explained(caught.value, Nested).endswith(f"; it is one of {words}")
+    assert explained(caught.value, Nested) == sentence
 
 
 @pytest.mark.parametrize("name", TYPES)

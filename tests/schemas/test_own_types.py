@@ -100,7 +100,7 @@ def test_the_byte_vectors_of_a_type_are_read_written_and_refused(declaration):
     for row in vectors["refused"]:
         with pytest.raises(MessageError) as caught:
             decode(bytes.fromhex(row["hex"]))
-        assert row["error"] in str(caught.value)
+        assert row["error"] in str(caught.value.__cause__)
 
 
 @given(declarations, st.integers(1, 3), st.integers(1, 3))
@@ -138,7 +138,9 @@ def test_the_same_declaration_gives_the_same_class():
 
 def test_a_wrong_message_is_refused_with_type_and_path():
     data = msgspec.msgpack.encode({"thrust": [1.0, "x"], "mode": "auto"})
-    with pytest.raises(MessageError, match=r"not a Thruster/1: .*\$\.thrust\[1\]"):
+    with pytest.raises(
+        MessageError, match=r"not a Thruster/1: thrust\[1\] must be a number, not text"
+    ):
         Decoder(Thruster)(data)
 
 
@@ -223,7 +225,7 @@ PROBLEMS = [
     (
         "T/1",
         {"a": {"type": ["off", "on"], "default": "of"}},
-        "it is one of off, on; did you mean 'off'?",
+        "does not fit the type: must be off or on, not 'of'; did you mean 'off'?",
     ),
     ("T/1", {"a": {"type": "int", "default": "x"}}, "does not fit the type"),
     ("T/1", {"a": {"type": "int", "min": 2, "default": 1}}, "does not fit the type"),

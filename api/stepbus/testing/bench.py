@@ -16,6 +16,7 @@ from stepbus_schemas import (
     Types,
     WiringError,
     encode,
+    explained,
     type_name,
 )
 
@@ -123,7 +124,7 @@ class Bench:
         try:
             self._decoders[port](encode(message))
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
-            raise OutputError(f"{where} cannot be sent: {exc}") from exc
+            raise OutputError(f"{where} cannot be sent: {explained(exc)}") from exc
 
     def call(self, verb: str, *args: Any) -> Any:
         """Return the answer to a call, which is made between two steps."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_gym.interface import Vector
-from stepbus_schemas import RunError, WiringError
+from stepbus_schemas import RunError, WiringError, error_text, text_of
 
 Policy = Callable[[Vector], Any]
 
@@ -33,7 +33,7 @@ def load_policy(name: str, folders: list[Path]) -> Policy:
             f"policy {name}: no module {exc.name!r} in {where}, or installed"
         ) from exc
     except Exception as exc:
-        raise WiringError(f"policy {name} cannot be imported: {type(exc).__name__}: {exc}") from exc
+        raise WiringError(f"policy {name} cannot be imported: {error_text(exc)}") from exc
     finally:
         sys.path[:] = path
     found = getattr(module, attribute, None)
@@ -49,7 +49,7 @@ def checked_action(action: Any, size: int, step: int) -> Vector:
     try:
         vector = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError) as exc:
-        raise RunError(f"step {step}: the action is no vector of numbers: {exc}") from exc
+        raise RunError(f"step {step}: the action is no vector of numbers: {text_of(exc)}") from exc
     if vector.shape != (size,):
         raise RunError(f"step {step}: the action has the shape {vector.shape}, not ({size},)")
     # Of a few numbers, this takes a tenth of what NumPy takes.

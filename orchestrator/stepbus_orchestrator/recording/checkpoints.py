@@ -14,6 +14,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import make_new_folder, read_file, write_file
+from stepbus_schemas import UNDECODABLE, explained
 
 from . import layout
 
@@ -79,9 +80,8 @@ class Checkpoints:
             return {}
         try:
             index = msgspec.json.decode(read_file(path), type=_Index)
-        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as exc:
-            reason = exc.strerror if isinstance(exc, OSError) else str(exc)
-            self.problems.append(f"no checkpoints: {path}: {reason}")
+        except (OSError, *UNDECODABLE) as exc:
+            self.problems.append(f"no checkpoints: {path}: {explained(exc)}")
             return {}
         if index.recording != sha256:
             self.problems.append(f"no checkpoints: those in {path.parent} are of another recording")

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import WiringError
+from stepbus_schemas import UNDECODABLE, WiringError, explained
 
 TICKET_VARIABLE = "STEPBUS_TICKET"
 _UNIX = "unixsock-stream/"
@@ -123,5 +123,5 @@ def load_ticket(environment: Mapping[str, str] = os.environ) -> Ticket:
         )
     try:
         return msgspec.json.decode(Path(path).read_bytes(), type=Ticket)
-    except (OSError, msgspec.MsgspecError) as exc:
-        raise WiringError(f"{path}: not a ticket: {exc}") from exc
+    except (OSError, *UNDECODABLE) as exc:
+        raise WiringError(f"{path}: not a ticket: {explained(exc)}") from exc

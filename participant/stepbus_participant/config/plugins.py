@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_participant.parameters import read
-from stepbus_schemas import WiringError
+from stepbus_schemas import WiringError, error_text
 
 from .config import Config
 
@@ -40,7 +40,7 @@ def _make(wanted: Any, *args: Any) -> Any:
     except WiringError:
         raise
     except Exception as exc:
-        raise WiringError(f"{wanted.__name__} cannot be made: {type(exc).__name__}: {exc}") from exc
+        raise WiringError(f"{wanted.__name__} cannot be made: {error_text(exc)}") from exc
 
 
 def load_class(name: str, folder: Path) -> type[Any]:
@@ -69,9 +69,7 @@ def _import(module_name: str, folder: Path) -> Any:
         text = f"no module {exc.name!r} in {folder} or installed"
         raise WiringError(text if exc.name == module_name else f"{module_name}: {text}") from exc
     except Exception as exc:
-        raise WiringError(
-            f"module {module_name!r} cannot be imported: {type(exc).__name__}: {exc}"
-        ) from exc
+        raise WiringError(f"module {module_name!r} cannot be imported: {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(folder))
 

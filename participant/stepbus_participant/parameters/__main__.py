@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_schemas import WiringError
+from stepbus_schemas import WiringError, error_text
 
 from .problems import Keys
 from .read import find_problems
@@ -38,7 +38,7 @@ def _check(request: Mapping[str, Any]) -> list[tuple[Keys, str]]:
         is_declared = isinstance(declared, type) and issubclass(declared, Settings)
         return find_problems(declared, request["params"], Path.cwd()) if is_declared else []
     except (Exception, SystemExit) as exc:  # noqa: BLE001  code of the user's
-        text = f"{request['file']} cannot be imported to check them: {type(exc).__name__}: {exc}"
+        text = f"{request['file']} cannot be imported to check them: {error_text(exc)}"
         return [((), text)]
 
 

@@ -50,6 +50,23 @@ def parse_duration(text: str) -> int:
     return int(exact)
 
 
+def whole_steps(text: str, step_ns: int) -> int:
+    """Return how many steps a duration such as `5ms` is; step_ns: their length [ns].
+
+    Raises WiringError when it is no duration, or no whole number of steps: with the nearest.
+    """
+    time_ns = parse_duration(text)
+    steps, rest = divmod(time_ns, step_ns)
+    if rest:
+        near = [n * step_ns for n in (steps, steps + 1) if 0 < n * step_ns <= LONGEST_NS]
+        raise WiringError(
+            f"{text} is {time_ns / step_ns:.6g} steps of "
+            f"{format_duration(step_ns)}, not a whole number; the nearest is "
+            f"{' or '.join(map(format_duration, near))}"
+        )
+    return steps
+
+
 def format_duration(duration_ns: int) -> str:
     """Return a duration in the largest of s, ms, us and ns that makes it a whole number."""
     unit = next(unit for unit in _WRITTEN if duration_ns % UNITS_NS[unit] == 0)

@@ -122,6 +122,6 @@ def words_of(options: Sequence[inspect.Type]) -> list[Any]:
 
 
 def listed(words: Sequence[object]) -> str:
-    """Return `a, b or c`."""
-    *most, last = (str(word) for word in words)
+    """Return `a, b or c`, as YAML has them."""
+    *most, last = (str(word).lower() if isinstance(word, bool) else str(word) for word in words)
     return f"{', '.join(most)} or {last}" if most else last

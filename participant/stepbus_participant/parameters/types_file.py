@@ -6,7 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_participant.hints.extras import extra_hint
-from stepbus_schemas import Message, Types, WiringError, class_declaration, type_name, type_problems
+from stepbus_schemas import (
+    Message,
+    Types,
+    WiringError,
+    class_declaration,
+    error_text,
+    type_name,
+    type_problems,
+)
 
 from .problems import Keys
 
@@ -69,7 +77,7 @@ def module_types(name: str) -> Found:
         module = importlib.import_module(name)
     except (Exception, SystemExit) as exc:  # noqa: BLE001  (importing executes the user's module)
         hint = extra_hint(exc.name or "") if isinstance(exc, ImportError) else ""
-        reason = str(exc) if isinstance(exc, ImportError) else f"{type(exc).__name__}: {exc}"
+        reason = str(exc) if isinstance(exc, ImportError) else error_text(exc)
         text = f"the module {name!r} of message types cannot be imported: {reason}{hint}"
         return {}, [((), text)]
     data, wrong = {}, []

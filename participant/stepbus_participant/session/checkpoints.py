@@ -9,7 +9,7 @@ import msgspec
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import CheckpointOrder
 from stepbus_participant.participant import Participant
-from stepbus_schemas import RunError, Welcome
+from stepbus_schemas import UNDECODABLE, RunError, Welcome, error_text, explained
 
 from .bulk import stamp
 from .inputs import Input
@@ -117,8 +117,8 @@ class Checkpoints:
         where = f"the checkpoint of {self._name} before step {self._order.step}"
         try:
             saved = _decode(Path(self._order.state).read_bytes())
-        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as exc:
-            raise RunError(f"{where} cannot be read: {exc}") from exc
+        except (OSError, *UNDECODABLE) as exc:
+            raise RunError(f"{where} cannot be read: {explained(exc)}") from exc
         if saved.inputs.keys() != self._inputs.keys() or saved.sources.keys() != set(self._sources):
             raise RunError(f"{where} is of a participant with other inputs")
         for name, item in saved.inputs.items():
@@ -129,6 +129,6 @@ class Checkpoints:
             self._participant.restore(saved.own)
         except Exception as exc:
             raise RunError(
-                f"{where} does not fit: {type(exc).__name__}: {exc}; branch without checkpoints"
+                f"{where} does not fit: {error_text(exc)}; branch without checkpoints"
             ) from exc
         return self._order.step

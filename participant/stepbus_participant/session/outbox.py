@@ -18,6 +18,7 @@ from stepbus_schemas import (
     Welcome,
     encode,
     encoding_of,
+    explained,
     message_class,
 )
 
@@ -156,7 +157,9 @@ class Outbox:
         try:
             return encode(message)
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
-            raise OutputError(f"step {step}: port {port!r} cannot be encoded: {exc}") from exc
+            raise OutputError(
+                f"step {step}: port {port!r} cannot be encoded: it {explained(exc)}"
+            ) from exc
 
     def _pack(
         self, step: int, ports: dict[str, msgspec.Raw], bulk: dict[str, int], end: str | None

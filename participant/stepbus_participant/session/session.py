@@ -21,6 +21,9 @@ from stepbus_schemas import (
     WiringError,
     encode,
     encoding_of,
+    error_text,
+    text_of,
+    valid_unicode,
 )
 
 from .admission import await_delivery
@@ -106,7 +109,7 @@ class Session:
             raise
         except Exception as exc:
             self._report(exc)
-            raise RunError(f"step {self._step}: {exc}") from exc
+            raise RunError(f"step {self._step}: {text_of(exc)}") from exc
         finally:
             if participant is not None:
                 participant.close()
@@ -196,7 +199,7 @@ class Session:
             step=self._step,
             type=_fault_type(exc),
             message=_sentence(exc)[:2000],
-            traceback=traceback.format_exc()[-20_000:],
+            traceback=valid_unicode(traceback.format_exc()[-20_000:]),
             blames=exc.blames if isinstance(exc, PeerFault) else None,
         )
         sys.stderr.write(fault.traceback)
@@ -204,7 +207,7 @@ class Session:
 
 
 def _sentence(exc: Exception) -> str:
-    return f"{type(exc).__name__}: {exc}" if _fault_type(exc) == "raised" else str(exc)
+    return error_text(exc) if _fault_type(exc) == "raised" else text_of(exc)
 
 
 def _fault_type(exc: Exception) -> str:

@@ -18,8 +18,8 @@ _pack = msgspec.msgpack.Encoder().encode
 class Refusal(NamedTuple):
     """Bytes that are not the message they should be.
 
-    path: what is wrong; `$` is the whole message, `[...]` any key of a map. error: a part of the
-    sentence our decoder says.
+    path: what is wrong; `$` is the whole message, `[...]` any key of a map. error: a part of
+    what msgspec says of it.
     """
 
     name: str

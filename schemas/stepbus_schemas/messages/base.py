@@ -1,8 +1,13 @@
 """What every port message is made of."""
 
-from typing import Any, ClassVar
+import contextlib
+from types import NoneType
+from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
+
+from stepbus_schemas.errors import MessageError
+from stepbus_schemas.words import wrong_word
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -22,6 +27,36 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=
     """Base of every port message: an immutable, typed MessagePack map.
 
     TYPE: name of a type of your own, `Name/major`; default: version 1 of the class's name.
+    Raises MessageError where a field that holds one of some words is given another one.
     """
 
     TYPE: ClassVar[str] = ""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        words = _words(cls)
+        if words:
+            # msgspec checks no type when a message is made; a wrong word would be met at its
+            # readers only, and nowhere without any.
+            def check(message: Message) -> None:
+                for name, allowed in words:
+                    if (value := getattr(message, name)) not in allowed:
+                        text = wrong_word(value, [word for word in allowed if word is not None])
+                        raise MessageError(f"{cls.__name__}: {name} {text}")
+
+            cls.__post_init__ = check  # type: ignore[attr-defined]
+
+
+def _words(cls: type) -> list[tuple[str, tuple[Any, ...]]]:
+    """Return the fields of a class that hold one of some words, with these."""
+    hints: dict[str, Any] = {}
+    # A name that only a type checker knows.
+    with contextlib.suppress(NameError):
+        hints = get_type_hints(cls)
+    found = []
+    for name, hint in hints.items():
+        options = [hint] if get_origin(hint) is Literal else get_args(hint)
+        if options and all(get_origin(o) is Literal or o is NoneType for o in options):
+            none = (None,) if NoneType in options else ()
+            found.append((name, tuple(w for o in options for w in get_args(o)) + none))
+    return found

@@ -10,7 +10,7 @@ import msgspec
 
 from stepbus_schemas.messages.base import meta
 
-from .wrong_words import explained
+from .decode_errors import explained
 
 Keys = tuple[str | int, ...]
 Row = Mapping[str, Any]

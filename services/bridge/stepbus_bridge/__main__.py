@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from stepbus_participant import Config, Participant, main
-from stepbus_schemas import BRIDGE_FORMATS
+from stepbus_schemas import BRIDGE_FORMATS, UNDECODABLE, explained
 
 from .bridge import BridgedProgram
 from .map_bridge import MapBridge
@@ -26,8 +26,10 @@ def _arguments() -> argparse.Namespace:
 def _describe(text: str) -> Mapping[str, Mapping[str, Any]]:
     try:
         return msgspec.json.decode(text, type=dict[str, dict[str, Any]])
-    except msgspec.DecodeError as exc:
-        raise argparse.ArgumentTypeError(f"{text!r} is no map of descriptions: {exc}") from exc
+    except UNDECODABLE as exc:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no map of descriptions: {explained(exc)}"
+        ) from exc
 
 
 def _main() -> int:

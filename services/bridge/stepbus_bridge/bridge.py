@@ -13,6 +13,7 @@ from stepbus_schemas import (
     RunError,
     Types,
     WiringError,
+    explained,
     json_schema,
     not_null,
 )
@@ -68,7 +69,7 @@ def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dic
             found[name] = msgspec.convert(row, Description)
         except msgspec.ValidationError as exc:
             where = f"participants.{config.name}.bridge.describe.{name}"
-            raise WiringError(f"{where}: {exc}") from exc
+            raise WiringError(f"{where}: {explained(exc, Description)}") from exc
     return found
 
 

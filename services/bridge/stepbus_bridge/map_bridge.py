@@ -171,7 +171,7 @@ class MapBridge(Bridge):
         if isinstance(exc, msgspec.ValidationError):
             text = explained(exc, self._answer)
             return self.link.wrong(f"answered wrongly: {text}; its outputs are {known or 'none'}")
-        return self.link.wrong(f"wrote what is no {self._codec.name}: {exc}: {show(data)}")
+        return self.link.wrong(f"wrote what {explained(exc)}: {show(data)}")
 
 
 def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:

@@ -33,7 +33,7 @@ class Params(Settings):
     landmark: Text = "landmark"
     """Type of the detections of landmarks, and how the names of their links begin."""
     period_ns: Duration = 48_000_000
-    """Between two outputs of the poses."""
+    """Between two outputs of the poses; rounded to whole steps of the participant."""
     start: Positive = 0.01
     """Standard deviation of the pose at the start [m, rad]."""
     drift: Drift = Drift()

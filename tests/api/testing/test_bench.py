@@ -102,14 +102,16 @@ def test_inputs_and_outputs_must_be_those_of_the_configuration(bench):
         wrong.step(joint_state=JointState(position=[0.5]))
 
 
-class Misspelt(Spring):
+class Mistyped(Spring):
     def update(self, step):
-        return {"command": JointCommand(values=[0.0], mode="effort")}
+        return {"command": JointCommand(values="many", mode="torque")}
 
 
 def test_a_message_that_no_reader_could_decode_is_refused():
-    bench = Bench(Misspelt, make_config(**PORTS))
-    with pytest.raises(OutputError, match=r"output 'command' cannot be sent: .* `\$\.mode`"):
+    bench = Bench(Mistyped, make_config(**PORTS))
+    with pytest.raises(
+        OutputError, match=r"output 'command' cannot be sent: .* values must be a list"
+    ):
         bench.step(joint_state=JointState(position=[0.5]))
 
 

@@ -44,7 +44,7 @@ def failure_of(recording, *overrides, **options):
         ("controller", "hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 0\.5 s"),
         ("controller", "deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("controller", "port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
-        ("nonsense", "message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: .*\$\.values"),
+        ("nonsense", "message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),
         ("nonsense", "skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
         ("nonsense", "time", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),
     ],

@@ -73,6 +73,40 @@ MISTAKES = [
         "10s\nbus: {transport: tcp, port: 65533}",
         ":4: bus.port: must be at most 65532, not 65533",
     ),
+    (
+        "10s",
+        "10s\ncheckpoint: 3ms",
+        ":4: checkpoint: 3ms is 0.6 steps of 5ms, not a whole number; the nearest is 5ms",
+    ),
+    (
+        "10s",
+        "10s\nbus: {transport: tcp, low_latency: true}",
+        (
+            ":4: bus.low_latency: is for transport unix; TCP never uses the low-latency transport; "
+            "leave it out"
+        ),
+    ),
+    (
+        "every: 4",
+        "on_late: fail",
+        ":17: participants.mission.on_late: belongs to real_time true; real_time is false",
+    ),
+    (
+        "every: 4",
+        "on_fault: {hold: 1s, keep: 12ms}",
+        (
+            ":17: participants.mission.on_fault.keep: 12ms is 2.4 steps of 5ms, not a whole number; "
+            "the nearest is 10ms or 15ms"
+        ),
+    ),
+    (
+        "every: 4",
+        "on_fault: {hold: 1ms}",
+        (
+            ":17: participants.mission.on_fault.hold: 1ms is 0.2 steps of 5ms, not a whole number; "
+            "the nearest is 5ms"
+        ),
+    ),
     ("10s", "10s\nbus: {low_latency: 1}", ":4: bus.low_latency: must be true or false, not 1"),
     ("10s", "10s\nstep: 1s", ":4: step: is there twice, first in line 2"),
     ("10s", "10s\n<<: {seed: 3}", ":4: '<<' is not YAML 1.2; write the keys out, or use extends"),

@@ -81,7 +81,7 @@ participants:
   perception:
     exec: [python, -m, stepbus_perception]
     params: {source: truth, period: 0.1, joints: [a]}
-bus: {transport: tcp, port: 7447, low_latency: true}
+bus: {transport: tcp, port: 7447, low_latency: false}
 faults: [kill plant at 3]
 """
 

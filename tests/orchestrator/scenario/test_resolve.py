@@ -48,7 +48,7 @@ def test_it_loads_as_an_equal_scenario(tmp_path):
 
 
 def test_what_changes_no_result_is_left_out(tmp_path):
-    settings_ = ("window=2", "bus.transport=tcp", "plant.step_timeout=9s", "bus.low_latency=true")
+    settings_ = ("window=2", "bus.transport=tcp", "plant.step_timeout=9s", "bus.low_latency=false")
     assert resolved(load_text(tmp_path, TWO_LINK, *settings_)) == RESOLVED
 
 

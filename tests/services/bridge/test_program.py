@@ -76,11 +76,11 @@ def test_the_answer_to_a_step_is_its_outputs(bridge, form):
 
 
 WRONG = {
-    "garbage": r"wrote what is no (JSON|MessagePack): ",
-    "mistyped": r"answered wrongly: Expected `array`, got `str` - at `\$\.outputs\.command\.values`; its outputs are command \(JointCommand/1\)",
-    "word": r"`\$\.outputs\.command\.mode`; it is one of brake, position, teleport, torque, velocity; did you mean 'torque'\?; its outputs are",
-    "lacking": r"answered wrongly: .*missing required field `values` - at `\$\.outputs\.command`",
-    "port": r"answered wrongly: .*unknown field `komand`.*its outputs are command",
+    "garbage": r"wrote what is no (JSON|MessagePack) from byte 0 on: invalid",
+    "mistyped": r"answered wrongly: outputs\.command\.values must be a list, not text; its outputs are command \(JointCommand/1\)",
+    "word": r"outputs\.command\.mode must be brake, position, teleport, torque or velocity, not \'torqe\'; did you mean 'torque'\?; its outputs are",
+    "lacking": r"answered wrongly: outputs\.command: the field 'values' is missing",
+    "port": r"answered wrongly: .*unknown field 'komand'.*its outputs are command",
     "twice": r"wrote .* behind its answer",
     "oversize": r"wrote a message of \d+ bytes; at most 16777216 are taken",
     "raise": r"exited with code 3; its last error|exited with code 3$",

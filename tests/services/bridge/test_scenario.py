@@ -42,7 +42,7 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
         ("{describe: {}}", "bridge: the key 'format' is missing"),
         ("{format: json, describe: {komand: {}}}", "no output 'komand'; did you mean 'command'?"),
         ("{format: json, describe: {command: {name: [a]}}}", "unknown key 'name'"),
-        ("{format: json, describe: {command: {names: a}}}", "Expected `array`, got `str`"),
+        ("{format: json, describe: {command: {names: a}}}", "names must be a list, not text"),
         ("raw", "raw carries types of numbers alone, not status"),
     ],
 )

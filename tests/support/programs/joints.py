@@ -29,10 +29,21 @@ FAULT = sys.argv[2] if len(sys.argv) > 2 else ""
 AT = int(sys.argv[3]) if len(sys.argv) > 3 else 0
 
 
+class Mute(Exception):
+    """Cannot say what it is."""
+
+    def __str__(self) -> str:
+        raise RuntimeError("no words")
+
+
 def go_wrong() -> None:
     """Do what the command line says."""
     if FAULT == "raise":
         raise ValueError("the knee is bent the wrong way")
+    if FAULT == "mute":
+        raise Mute
+    if FAULT == "surrogate":
+        raise ValueError("the knee \ud800")
     if FAULT == "exit":
         os._exit(3)
     if FAULT == "kill":

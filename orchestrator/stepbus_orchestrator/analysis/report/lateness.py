@@ -9,6 +9,7 @@ import msgspec
 from stepbus_orchestrator.run.reports.lateness import Lateness, in_units
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
 from stepbus_participant import read_file
+from stepbus_schemas import UNDECODABLE
 
 from .panels.devices import Panel
 from .panels.style import colour
@@ -25,7 +26,7 @@ def read_lateness(folder: Path) -> Lateness | None:
     """
     try:
         return msgspec.json.decode(read_file(folder / RESULT_FILE), type=_Result).real_time
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
+    except (OSError, *UNDECODABLE):
         return None
 
 

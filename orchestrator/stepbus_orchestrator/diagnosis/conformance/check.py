@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from stepbus_orchestrator.errors import Interrupted
+from stepbus_schemas import error_text
 
 from .harness.kit import Kit
 from .outcome import CheckResult, Failed, Outcome, Skipped
@@ -77,4 +78,4 @@ def _outcome(kit: Kit, each: Check) -> tuple[Outcome, str]:
     except Interrupted:
         raise
     except Exception as exc:  # noqa: BLE001  (the other checks still run)
-        return "fail", f"the check itself failed: {type(exc).__name__}: {exc}"
+        return "fail", f"the check itself failed: {error_text(exc)}"

@@ -18,7 +18,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_participant import Ticket
-from stepbus_schemas import WiringError
+from stepbus_schemas import UNDECODABLE, WiringError, explained
 
 _POLL_S = 0.1
 _MOST_BYTES = 1 << 20
@@ -160,8 +160,8 @@ def _read(path: Path) -> tuple[JoinTicket, bool]:
         content = os.read(file, _MOST_BYTES)
         try:
             return msgspec.json.decode(content, type=JoinTicket), _lasts(file)
-        except msgspec.MsgspecError as exc:
-            raise WiringError(f"{path}: not a ticket: {exc}") from exc
+        except UNDECODABLE as exc:
+            raise WiringError(f"{path}: not a ticket: it {explained(exc)}") from exc
     finally:
         os.close(file)
 

@@ -18,7 +18,7 @@ from stepbus_orchestrator.replay.rerun import (
 )
 from stepbus_orchestrator.run.reports.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, format_fault, load
-from stepbus_participant import parse_duration, suggest
+from stepbus_participant import suggest, whole_steps
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import CallRecord, WiringError
 
@@ -97,10 +97,13 @@ def plan(
 
 
 def _step(at: int | str, step_ns: int) -> int:
-    """Return the step of a number, or of a time such as `6s`."""
+    """Return the step of a number, or of a time such as `6s`; raises WiringError for neither."""
     if isinstance(at, int) or at.strip().isdecimal():
         return int(at)
-    return parse_duration(at) // step_ns
+    try:
+        return whole_steps(at, step_ns)
+    except WiringError as exc:
+        raise WiringError(f"at: {exc}; or give the number of a step") from exc
 
 
 def _check_step(recording: Recording, origin: Origin, scenario: Scenario, at: int) -> None:

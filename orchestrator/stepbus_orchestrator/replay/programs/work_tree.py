@@ -23,7 +23,7 @@ from stepbus_orchestrator.scenario import read_data as read_scenario
 from stepbus_orchestrator.scenario.files.paths import BUILT, is_scenario
 from stepbus_participant import SettingsError, read_file
 from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import WiringError
+from stepbus_schemas import UNDECODABLE, WiringError
 
 _MOST_FOLDERS = 2000
 _DEEPEST = 5
@@ -162,7 +162,7 @@ def _origin(recording: Path, trusted: frozenset[int]) -> _Origin:
         if not path.is_file() or _owner(path) not in trusted:
             return _Origin()
         return msgspec.json.decode(read_file(path), type=_Origin)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+    except (OSError, *UNDECODABLE):
         return _Origin()
 
 

@@ -10,7 +10,16 @@ import msgspec
 from stepbus_orchestrator.errors import BusFailed, indented
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
 from stepbus_participant import BusError, Endpoint, ZenohBus, read_file, write_file
-from stepbus_schemas import CallReply, CallRequest, Decoder, WiringError, encode, encoding_of
+from stepbus_schemas import (
+    UNDECODABLE,
+    CallReply,
+    CallRequest,
+    Decoder,
+    WiringError,
+    encode,
+    encoding_of,
+    explained,
+)
 
 from .calls import CALL_KEY
 
@@ -120,5 +129,5 @@ def _read(folder: Path) -> Live:
         raise WiringError(
             f"no live run in {folder}; give the folder of one, e.g. runs/two_link-20260101-120000"
         ) from exc
-    except (OSError, msgspec.MsgspecError) as exc:
-        raise WiringError(f"{folder / LIVE_FILE} cannot be read: {exc}") from exc
+    except (OSError, *UNDECODABLE) as exc:
+        raise WiringError(f"{folder / LIVE_FILE} cannot be read: {explained(exc)}") from exc

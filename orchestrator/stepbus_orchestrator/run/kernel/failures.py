@@ -30,7 +30,11 @@ def seconds(spec: ParticipantSpec, phase: str) -> float:
 
 def deadline(spec: ParticipantSpec, phase: str) -> str:
     """Return a deadline as error messages give it: `deadline 3 s (participants.a.step_timeout)`."""
-    return f"deadline {seconds(spec, phase):g} s (participants.{spec.name}.{phase}_timeout)"
+    return f"deadline {_limit(spec, phase)}"
+
+
+def _limit(spec: ParticipantSpec, phase: str) -> str:
+    return f"{seconds(spec, phase):g} s (participants.{spec.name}.{phase}_timeout)"
 
 
 def owed_step(name: str, participants: Participants, barrier: Barrier) -> int:
@@ -65,7 +69,7 @@ def late_to_start(participant: ParticipantState) -> RunFailure:
         )
     return StartFailed(
         f"before the first step: {participant.who()} {what}; {cause or why} "
-        f"It had a {deadline(participant.spec, phase)}; {participant.where_it_prints()}",
+        f"It had {_limit(participant.spec, phase)}; {participant.where_it_prints()}",
         participant=participant.name,
     )
 

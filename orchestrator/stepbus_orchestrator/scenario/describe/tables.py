@@ -12,7 +12,15 @@ from typing import Any
 from msgspec import inspect as types
 
 from stepbus_participant import PerName, Settings, format_duration
-from stepbus_participant.parameters import conditions, default, is_own, mark, options_of, plain
+from stepbus_participant.parameters import (
+    conditions,
+    default,
+    is_own,
+    listed,
+    mark,
+    options_of,
+    plain,
+)
 
 _HEAD = "| Key | Value | Default | Meaning |\n|---|---|---|---|\n"
 _DEFAULT = re.compile(r"\s*Default: (.+?)\.?$", re.DOTALL)
@@ -115,9 +123,7 @@ def _row(field: types.Field, text: str) -> Row:
 
 
 def _with_condition(field: types.Field, meaning: str) -> str:
-    wanted = " and ".join(
-        f"`{key}: {' or '.join(map(str, values))}`" for key, values in conditions(field).items()
-    )
+    wanted = " and ".join(f"`{key}: {listed(values)}`" for key, values in conditions(field).items())
     return f"With {wanted}. {meaning}" if wanted else meaning
 
 

@@ -1,10 +1,12 @@
 """From a scenario's plain data to frozen types; every problem is collected."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import LONGEST_NS, Problems, format_duration
+from stepbus_participant import LONGEST_NS, Problems, whole_steps
 from stepbus_participant.parameters import Keys, read
 from stepbus_schemas import WiringError
 
@@ -44,7 +46,12 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")
     for name, item in row.participants.items():
         own.check(name, item, data["participants"][name], problems)
-    steps = None if row.duration_ns is None else _steps(row.duration_ns, step_ns, data, problems)
+    clock = _Clock(row.step_ns, data, problems)
+    steps = clock.steps(row.duration_ns, ("duration",))
+    for name, item in row.participants.items():
+        if isinstance(item.on_fault, HoldSpec):
+            for key, time_ns in (("keep", item.on_fault.keep_ns), ("hold", item.on_fault.hold_ns)):
+                clock.steps(time_ns, ("participants", name, "on_fault", key))
     return Scenario(
         name=row.name,
         step_ns=step_ns,
@@ -54,7 +61,7 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         bus=_bus(row, problems),
         window=row.window,
         batch=_batch(row, problems),
-        checkpoint_steps=-(-(row.checkpoint_ns or 0) // step_ns),
+        checkpoint_steps=clock.steps(row.checkpoint_ns, ("checkpoint",)) or 0,
         faults=_faults(row.faults, FaultContext(participants, steps, row.seed), problems),
         types=own.used(row.participants),
         type_files=own.files,
@@ -63,21 +70,32 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
     )
 
 
-def _steps(
-    duration_ns: int, step_ns: int, data: Mapping[str, Any], problems: Problems
-) -> int | None:
-    if problems.has(("step",)) or problems.has(("duration",)):
-        return None
-    steps, rest = divmod(duration_ns, step_ns)
-    if rest:
-        near = [n * step_ns for n in (steps, steps + 1) if 0 < n * step_ns <= LONGEST_NS]
-        problems.add(
-            ("duration",),
-            f"{data['duration']} is {duration_ns / step_ns:.6g} steps of "
-            f"{format_duration(step_ns)}, not a whole number; the nearest is "
-            f"{' or '.join(map(format_duration, near))}",
-        )
-    return steps
+@dataclass(frozen=True)
+class _Clock:
+    """Durations of a scenario, as whole numbers of its steps. step_ns: 0 where it is wrong."""
+
+    step_ns: int
+    data: Mapping[str, Any]
+    problems: Problems
+
+    def steps(self, time_ns: int | None, keys: Keys) -> int | None:
+        """Return how many steps a duration is; None where it is wrong or absent.
+
+        A default, which nobody has written for this step, is rounded up.
+        """
+        if time_ns is None or not self.step_ns or self.problems.has(keys):
+            return None
+        text = _at(self.data, keys)
+        if not time_ns or text is None:
+            return -(-time_ns // self.step_ns)
+        return self.problems.attempt(keys, partial(whole_steps, text, self.step_ns))
+
+
+def _at(data: Any, keys: Keys) -> Any:
+    """Return the value at some keys, None where there is none."""
+    for key in keys:
+        data = data.get(key) if isinstance(data, Mapping) else None
+    return data
 
 
 def _batch(row: ScenarioFile, problems: Problems) -> int:
@@ -95,6 +113,9 @@ def _bus(row: ScenarioFile, problems: Problems) -> BusSpec:
             problems.add(("bus", "port"), "is for transport tcp; a Unix socket has none")
         elif bus.port > last:
             problems.add(("bus", "port"), f"must be at most {last}, not {bus.port}")
+    if bus.transport == "tcp" and bus.low_latency:
+        text = "is for transport unix; TCP never uses the low-latency transport; leave it out"
+        problems.add(("bus", "low_latency"), text)
     return bus
 
 

@@ -5,13 +5,13 @@ Defaults, and what is read as it is, are in `model.py`.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
-from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
+from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest, when
 from stepbus_participant.parameters import Keys
-from stepbus_schemas import Description
+from stepbus_schemas import Description, explained
 
 from ..model import (
     BridgeSpec,
@@ -74,8 +74,8 @@ class ParticipantRow(Settings):
     real_time: bool = ParticipantSpec.real_time
     """Whether it has to keep time in a run in real time
     ([real_time.md](../guide/running/real_time.md)). Changes no result."""
-    on_late: OnLate = ParticipantSpec.on_late
-    """With `real_time`, whether the run counts its late steps, or fails at the first."""
+    on_late: Annotated[OnLate, when(real_time=True)] = ParticipantSpec.on_late
+    """Whether the run counts its late steps, or fails at the first."""
     spawn_timeout_ns: Duration | None = None
     """Until its process is on the bus. Default: 20s, with `start: external` 2min."""
     join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
@@ -119,7 +119,7 @@ class ParticipantRow(Settings):
             try:
                 msgspec.convert(description, Description)
             except msgspec.ValidationError as exc:
-                yield keys, str(exc)
+                yield keys, explained(exc, Description)
 
 
 class ScenarioFile(Settings):
@@ -142,11 +142,12 @@ class ScenarioFile(Settings):
     """Steps in flight; 1: nobody starts a step before all have finished the one before. Changes no
     result."""
     batch: Count | None = None
-    """Outputs of a participant per message to the recording; at most half the window, which is the
-    default. Changes no result."""
+    """Outputs of a participant per message to the recording; at most half the window. Changes no
+    result. Default: half the window."""
     checkpoint_ns: Duration | None = None
-    """How often participants save their state, so that a branch need not start at step 0
-    ([branch.md](../guide/testing/branch.md#checkpoints)). Default: never. Changes no result."""
+    """How often participants save their state, in whole steps, so that a branch need not start at
+    step 0 ([branch.md](../guide/testing/branch.md#checkpoints)). Changes no result. Default:
+    never."""
     bus: BusSpec = BusSpec()
     """How participants reach each other. Changes no result."""
     types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}

@@ -16,6 +16,7 @@ import msgspec
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.sweep.work import Row
 from stepbus_participant import append_to
+from stepbus_schemas import UNDECODABLE, explained
 
 ROWS_FILE = "rows.jsonl"
 _decode = msgspec.json.Decoder(Row).decode
@@ -64,8 +65,10 @@ class Journal:
                     if not line.endswith(b"\n"):
                         break
                     row = _decode(line)
-                except msgspec.MsgspecError as exc:
-                    raise RecordingFailed(f"{self._path}: byte {end} begins no row: {exc}") from exc
+                except UNDECODABLE as exc:
+                    raise RecordingFailed(
+                        f"{self._path}: byte {end} begins no row: it {explained(exc)}"
+                    ) from exc
                 self._places[row.run] = end, len(line)
                 end += len(line)
         return end

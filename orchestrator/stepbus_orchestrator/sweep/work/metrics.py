@@ -18,7 +18,7 @@ from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_trackin
 from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.reports.result import Result
-from stepbus_schemas import RunError
+from stepbus_schemas import RunError, error_text
 
 Array = NDArray[np.float64]
 Metric = Callable[[Recording], Any]
@@ -141,7 +141,7 @@ def _load(path: Path, function: str, text: str) -> Metric:
     try:
         spec.loader.exec_module(module)
     except Exception as exc:  # whatever a user's file raises is its own
-        raise MetricFailed(f"--metric {text}: {path.name} raises {_words(exc)}") from exc
+        raise MetricFailed(f"--metric {text}: {path.name} raises {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(path.parent))
     found = getattr(module, function, None)
@@ -155,7 +155,7 @@ def _measured(text: str, function: Metric, recording: Recording) -> dict[str, Va
     try:
         given = function(recording)
     except Exception as exc:
-        raise MetricFailed(f"{text} raised {_words(exc)}") from exc
+        raise MetricFailed(f"{text} raised {error_text(exc)}") from exc
     rows = given if isinstance(given, Mapping) else {text.rpartition(":")[2]: given}
     return {str(name): _plain(text, name, value) for name, value in rows.items()}
 
@@ -166,8 +166,3 @@ def _plain(text: str, name: object, value: Any) -> Value:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     raise MetricFailed(f"{text}: {name} is {type(value).__name__}, no number, text or truth value")
-
-
-def _words(exc: BaseException) -> str:
-    text = str(exc)
-    return f"{type(exc).__name__}: {text}" if text else type(exc).__name__

@@ -17,7 +17,7 @@ from stepbus_orchestrator.viewing.render import Pixels
 from stepbus_orchestrator.viewing.still import scene_still
 from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import StepbusError
+from stepbus_schemas import UNDECODABLE, StepbusError
 
 from .arrays import Arrays
 from .happenings import Happening, happenings
@@ -135,7 +135,7 @@ def _result(folder: Path, recording: Path) -> Result | None:
         return None
     try:
         return msgspec.json.decode(read_file(folder / RESULT_FILE), type=Result)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, *UNDECODABLE):
         return None
 
 

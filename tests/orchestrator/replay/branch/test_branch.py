@@ -235,6 +235,11 @@ def test_a_time_stands_for_its_step(recorded, tmp_path):
     assert branch(recorded, "215ms", tmp_path / "b", in_process=True).at == 43
 
 
+def test_a_time_between_two_steps_is_refused(recorded, tmp_path):
+    with pytest.raises(WiringError, match=r"at: 216ms is 43\.2 steps of 5ms, .* 215ms or 220ms"):
+        branch(recorded, "216ms", tmp_path / "b")
+
+
 def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
     failed = run_joints(tmp_path, fault("plant", "plant", "raise", 70), in_process=True)
     repaired = "plant.exec=[python, joints.py, plant]"
