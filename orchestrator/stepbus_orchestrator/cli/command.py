@@ -45,6 +45,17 @@ def number(what: str, least: int) -> Callable[[str], int]:
     return parse
 
 
+def seconds(text: str) -> float:
+    """Return a time on the command line [s]."""
+    try:
+        found = float(text)
+    except ValueError:
+        found = 0.0
+    if not 0 < found < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds above 0, e.g. 60")
+    return found
+
+
 def add_recording(parser: argparse.ArgumentParser, more: str = "") -> None:
     """Declare the recording that a command reads; more: in its help, behind what it is."""
     text = f"the run.mcap of a run, or its folder{more}"

@@ -1,9 +1,10 @@
 """Sweeps: many runs of one scenario, on all cores or a cluster, and one table of them."""
 
 from .again import Again, rerun_row
+from .check import find_spec
 from .execute import SweepProgress, SweepResult, sweep
 from .results import PAGE_FILE, TABLE_FILE
-from .spec import SPEC_FILE, Spec, default_name, find_spec, load_spec
+from .spec import SPEC_FILE, Spec, default_name, load_spec
 from .work import KEEP, Terms
 
 __all__ = [

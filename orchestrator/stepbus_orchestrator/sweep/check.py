@@ -1,16 +1,17 @@
 """What is wrong with a sweep, all of it, before anything starts."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
-from stepbus_participant import suggest
-from stepbus_participant.parameters import Problem
+from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
 
-from .space import FAULTS, Axis, Design, Point
-from .spec import Spec
-from .work import BUILTIN, overrides_of
+from .space import FAULTS, Axis, Design, Point, parse_axis
+from .spec import Spec, draft
+from .work import BUILTIN, metric_file, overrides_of
 
 _MOST_CHECKED = 200
 
@@ -24,47 +25,102 @@ class Checked:
     variants: Sequence[Scenario]
 
 
+def find_spec(scenario: str, options: Mapping[str, Any]) -> Spec:
+    """Return the sweep of a scenario, or that of a sweep's file, some of it replaced.
+
+    Raises SettingsError with every problem, those of `check` included.
+    """
+    spec, problems = draft(scenario, options)
+    if len(problems):
+        _survey(spec, problems)
+        problems.refuse()
+    return spec
+
+
 def check(spec: Spec) -> Checked:
     """Load the scenario with the values of each axis; nothing starts.
 
-    Raises ScenarioError with every problem, WiringError for axes that do not go together.
+    Raises ScenarioError with every problem.
     """
-    _check_metric(spec)
-    base = load(spec.scenario, spec.set)
-    problems: dict[str, Problem] = {}
-    variants = [base]
-    for point in _probes(spec.axes()):
-        texts, faults = overrides_of(point)
-        try:
-            variant = load(spec.scenario, [*spec.set, *texts], faults)
-        except ScenarioError as exc:
-            problems |= {problem.message: problem for problem in exc.problems}
-            continue
-        if any(isinstance(value, str) for value in point.values.values()):
-            variants.append(variant)
-    if problems:
-        raise ScenarioError(problems.values())
-    design = spec.design(base.seed) if spec.optimize is None else Design([])
+    problems = Problems()
+    found = _survey(spec, problems)
+    if found is None:
+        raise ScenarioError(problems.error().problems)
+    return found
+
+
+def _survey(spec: Spec, problems: Problems) -> Checked | None:
+    """Return a sweep that can run; None where something is wrong, which is added."""
+    before = len(problems)
+    _check_metric(spec, problems)
+    for index, text in enumerate(spec.metrics):
+        problems.attempt(("metrics", index), partial(metric_file, text))
+    axes = [(n, axis) for n, text in enumerate(spec.vary) if (axis := _axis(text)) is not None]
+    design = Design([])
+    if spec.optimize is None and len(axes) == len(spec.vary):
+        design = problems.attempt((), spec.design) or design
+    base = problems.attempt((), lambda: load(spec.scenario, spec.set))
+    # With a wrong `set`, the axes are still tried on the scenario as it is.
+    overrides = () if base is None else spec.set
+    variants = [] if base is None else [base]
+    if base is not None or (spec.set and _loads(spec.scenario)):
+        for number, axis in axes:
+            variants += _variants(spec.scenario, overrides, number, axis, problems)
+    if base is None or len(problems) > before:
+        return None
+    if spec.optimize is None:
+        design = spec.design(base.seed)
     return Checked(design, base, variants)
 
 
-def _check_metric(spec: Spec) -> None:
-    """Raise WiringError for a metric that no run can have; those of your own are known later."""
+def _axis(text: str) -> Axis | None:
+    try:
+        return parse_axis(text)
+    except WiringError:
+        # Who drafts the sweep tells it.
+        return None
+
+
+def _loads(scenario: str) -> bool:
+    try:
+        load(scenario)
+    except ScenarioError:
+        return False
+    return True
+
+
+def _variants(
+    scenario: str, overrides: Sequence[str], number: int, axis: Axis, problems: Problems
+) -> Iterator[Scenario]:
+    """Yield the scenario with values of an axis that name files; add what is wrong with others."""
+    told: dict[str, None] = {}
+    for point in _probes(axis):
+        texts, faults = overrides_of(point)
+        try:
+            variant = load(scenario, [*overrides, *texts], faults)
+        except ScenarioError as exc:
+            told |= dict.fromkeys(f"{p.path}: {p.message}".removeprefix(": ") for p in exc.problems)
+            continue
+        if any(isinstance(value, str) for value in point.values.values()):
+            yield variant
+    for text in told:
+        problems.add(("vary", number), f"{axis.text}: {text}")
+
+
+def _check_metric(spec: Spec, problems: Problems) -> None:
+    """Add a metric that no run can have; those of your own are known later."""
     name = spec.optimize
     if name is None or spec.metrics or name in BUILTIN or name.startswith("rmse."):
         return
     known = ", ".join([*BUILTIN, "rmse.JOINT"])
-    raise WiringError(
-        f"--optimize {name}: there is no such metric{suggest(name, BUILTIN)}; there are {known}, "
-        "and your own with --metric FILE:FUNCTION"
-    )
+    text = f"{name}: there is no such metric{suggest(name, BUILTIN)}; there are {known}, "
+    problems.add(("optimize",), f"{text}and your own with --metric FILE:FUNCTION")
 
 
-def _probes(axes: Iterable[Axis]) -> Iterator[Point]:
-    """Yield points in which one axis has one of its values: all of them where they are few."""
-    for axis in axes:
-        for values in _some(axis):
-            yield Point(0, dict(zip(axis.paths, values, strict=True)))
+def _probes(axis: Axis) -> Iterator[Point]:
+    """Yield points in which an axis has one of its values: all of them where they are few."""
+    for values in _some(axis):
+        yield Point(0, dict(zip(axis.paths, values, strict=True)))
 
 
 def _some(axis: Axis) -> Sequence[tuple[object, ...]]:

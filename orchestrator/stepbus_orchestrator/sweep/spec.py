@@ -7,6 +7,7 @@ vary:
 samples: 500
 """
 
+import dataclasses
 import hashlib
 import json
 import re
@@ -17,8 +18,8 @@ from typing import Any, Literal
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_participant import Count, Settings, Whole, read_text, write_file
-from stepbus_participant.parameters import Keys, read, read_yaml
+from stepbus_participant import Count, Problems, Settings, Whole, read_text, write_file
+from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
 
 from .space import Axis, Design, parse_axis
@@ -56,29 +57,6 @@ class Spec(Settings):
     batch: Count = 4
     """How many of them it asks for at once, however many cores there are."""
 
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what does not go together."""
-        if not self.vary:
-            yield ("vary",), "needs at least one axis, e.g. controller.params.kp=50:200:7"
-        if self.optimize is not None and not self.trials:
-            yield ("trials",), "an optimizer needs a number of runs, e.g. --trials 100"
-        if self.optimize is None and (self.trials or self.maximize):
-            yield ("optimize",), "names the metric that trials are for"
-        for index, text in enumerate(self.vary):
-            try:
-                axis = parse_axis(text)
-            except WiringError as exc:
-                yield ("vary", index), str(exc)
-            else:
-                yield from self._axis_problems(axis, ("vary", index))
-
-    def _axis_problems(self, axis: Axis, keys: Keys) -> Iterator[tuple[Keys, str]]:
-        if self.optimize is None and axis.span is not None:
-            text = f"{axis.text}: a range needs a count, e.g. {axis.text}:7; only an optimizer"
-            yield keys, f"{text} takes all of it"
-        if self.optimize is not None and (axis.distribution or len(axis.paths) > 1):
-            yield keys, f"{axis.text}: an optimizer takes ranges and lists, such as PATH=50:200"
-
     def axes(self) -> list[Axis]:
         """Return its axes; raises WiringError for one that is none."""
         return [parse_axis(text) for text in self.vary]
@@ -100,20 +78,71 @@ class Spec(Settings):
         return found
 
 
-def read_spec(path: Path, options: Mapping[str, Any]) -> Spec:
-    """Return the sweep of a file, some of it replaced; file names are relative to the file.
+def draft(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
+    """Return the sweep of a scenario, or of a sweep's file, and what is wrong with it by itself.
 
-    Raises SettingsError with every problem.
+    options: take the place of what the file has. What is wrong is replaced by its default.
     """
-    file = read_yaml(path, _LIKE)
-    data = {**file.data, **options}
-    for key in ("scenario", "metrics"):
-        if key in file.data and key not in options:
-            data[key] = _beside(path.parent, data[key])
-    problems = file.problems()
+    path = Path(scenario)
+    if not (path.is_file() and _is_sweep(path)):
+        problems = Problems()
+        data = {"scenario": scenario, **options}
+    else:
+        file = read_yaml(path, _LIKE)
+        data = {**file.data, **options}
+        places = {at: place for at, place in file.places.items() if at[0] not in options}
+        places |= {(key,): Place(file="", line=0) for key in options}
+        problems = dataclasses.replace(file, places=places).problems()
+        for key in ("scenario", "metrics"):
+            if key in file.data and key not in options:
+                data[key] = _beside(path.parent, data[key])
     spec = read(Spec, data, problems)
-    problems.refuse()
-    return spec
+    for keys, text in _contradictions(spec):
+        if not problems.has(keys):
+            problems.add(keys, text)
+    return spec, problems
+
+
+def _contradictions(spec: Spec) -> Iterator[tuple[Keys, str]]:
+    """Yield what does not go together in a sweep."""
+    usual = Spec(scenario="")
+    yield from _optimizer_problems(spec, usual)
+    if not spec.vary:
+        yield ("vary",), "needs at least one axis, e.g. controller.params.kp=50:200:7"
+    axes = []
+    for index, text in enumerate(spec.vary):
+        try:
+            axes.append(parse_axis(text))
+        except WiringError as exc:
+            yield ("vary", index), str(exc)
+        else:
+            is_optimized = spec.optimize is not None
+            yield from _axis_problems(axes[-1], ("vary", index), is_optimized=is_optimized)
+    is_drawn = len(axes) < len(spec.vary) or any(axis.distribution for axis in axes)
+    if spec.optimize is None and spec.sampling != usual.sampling and not is_drawn:
+        yield ("sampling",), "no axis has a distribution to draw from"
+
+
+def _optimizer_problems(spec: Spec, usual: Spec) -> Iterator[tuple[Keys, str]]:
+    if spec.optimize is None:
+        if spec.trials or spec.maximize:
+            yield ("optimize",), "names the metric that trials are for"
+        if spec.batch != usual.batch:
+            yield ("batch",), "belongs to an optimizer; without one, all runs are asked for at once"
+    else:
+        if not spec.trials:
+            yield ("trials",), "an optimizer needs a number of runs, e.g. --trials 100"
+        for key in ("samples", "repeats", "sampling"):
+            if getattr(spec, key) != getattr(usual, key):
+                yield (key,), "an optimizer chooses each run by itself; leave it out"
+
+
+def _axis_problems(axis: Axis, keys: Keys, *, is_optimized: bool) -> Iterator[tuple[Keys, str]]:
+    if not is_optimized and axis.span is not None:
+        text = f"{axis.text}: a range needs a count, e.g. {axis.text}:7; only an optimizer"
+        yield keys, f"{text} takes all of it"
+    if is_optimized and (axis.distribution or len(axis.paths) > 1):
+        yield keys, f"{axis.text}: an optimizer takes ranges and lists, such as PATH=50:200"
 
 
 def _beside(folder: Path, value: Any) -> Any:
@@ -124,17 +153,6 @@ def _beside(folder: Path, value: Any) -> Any:
     return str(folder / str(value)) if (folder / name).exists() else value
 
 
-def find_spec(scenario: str, options: Mapping[str, Any]) -> Spec:
-    """Return the sweep of a scenario, or that of a sweep's file, some of it replaced.
-
-    Raises SettingsError with every problem.
-    """
-    path = Path(scenario)
-    if path.is_file() and _is_sweep(path):
-        return read_spec(path, options)
-    return make_spec({"scenario": scenario, **options})
-
-
 def _is_sweep(path: Path) -> bool:
     """Return whether a file is that of a sweep: it names a scenario."""
     try:
@@ -143,16 +161,6 @@ def _is_sweep(path: Path) -> bool:
         # Who reads it as a scenario says what is wrong with it.
         return False
     return any(line.startswith(("scenario:", "vary:")) for line in text.splitlines())
-
-
-def make_spec(options: Mapping[str, Any]) -> Spec:
-    """Return a sweep from its settings alone; raises SettingsError with every problem."""
-    from stepbus_participant import Problems  # noqa: PLC0415
-
-    problems = Problems()
-    spec = read(Spec, dict(options), problems)
-    problems.refuse()
-    return spec
 
 
 def save_spec(folder: Path, spec: Spec, fingerprint: str) -> None:
@@ -173,7 +181,7 @@ def load_spec(folder: Path) -> tuple[Spec, str]:
     path = folder / SPEC_FILE
     try:
         content = json.loads(read_text(path))
-        return make_spec(content["sweep"]), str(content["fingerprint"])
+        return Spec.of(content["sweep"]), str(content["fingerprint"])
     except FileNotFoundError as exc:
         raise WiringError(f"{folder} holds no sweep: there is no {SPEC_FILE} in it") from exc
     except (OSError, ValueError, KeyError, TypeError) as exc:

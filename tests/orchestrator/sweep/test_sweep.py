@@ -121,6 +121,33 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ["--vary", "controller.params.kp=1:5", "--optimize", "rmsee", "--trials", "4"],
             ["there is no such metric; did you mean 'rmse'?", "your own with --metric"],
         ),
+        (
+            [
+                *("--vary", "controller.params.kp=1:5", "--vary", "controler.params.kd=1,2"),
+                *("--vary", "plant.params.world~nrmal(1, 2)", "--set", "durtion=1s"),
+                *("--metric", "no.py:f", "--repeats", "many", "--sampling", "latn"),
+            ],
+            [
+                "vary[0]: controller.params.kp=1:5: a range needs a count",
+                "vary[1]: controler.params.kd=1,2: no participant and no key 'controler'; did you",
+                "SciPy has no distribution 'nrmal'; did you mean 'normal'?",
+                "--set durtion=1s: no participant and no key 'durtion'; did you mean 'duration'?",
+                "metrics[0]: no.py:f: there is no file no.py",
+                "repeats: must be an integer, not 'many'",
+                "sampling: must be halton, latin, random or sobol, not 'latn'; did you mean",
+            ],
+        ),
+        (
+            ["--vary", "seed=1,2", "--batch", "3", "--sampling", "sobol", "--maximize"],
+            ["batch: belongs to an optimizer", "sampling: no axis has", "optimize: names the"],
+        ),
+        (
+            [
+                *("--vary", "controller.params.kp=1:5", "--optimize", "rmsee"),
+                *("--trials", "3", "--repeats", "2", "--samples", "5"),
+            ],
+            ["optimize: rmsee: there is no", "repeats: an optimizer", "samples: an optimizer"],
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence_before_anything_starts(
@@ -136,6 +163,32 @@ def test_a_mistake_is_one_sentence_before_anything_starts(
     assert "Traceback" not in errors
     assert all(sentence in errors for sentence in sentences), errors
     assert not (tmp_path / "sweep/rows.jsonl").exists()
+
+
+def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text("def measure(recording):\n    return 1.0\n")
+    Path("sweep.yaml").write_text(
+        "scenario: two_lnk\nvary: [controller.params.kp=50:200]\nsampels: 3\nrepeats: x\n"
+        "metrics: ['mine.py:mesure', 'mine.py:measure']\n"
+    )
+    assert main(["sweep", "sweep.yaml", "--trials", "3"]) == ExitCode.SCENARIO
+    errors = capsys.readouterr().err
+    for sentence in (
+        "optimize: names the metric that trials are for",
+        "sweep.yaml:2: vary[0]: controller.params.kp=50:200: a range needs a count",
+        "sweep.yaml:3: sampels: unknown key 'sampels'; did you mean 'samples'?",
+        "sweep.yaml:4: repeats: must be an integer, not 'x'",
+        (
+            "sweep.yaml:5: metrics[0]: mine.py:mesure: mine.py has no function 'mesure'; "
+            "did you mean 'measure'?"
+        ),
+        "two_lnk: no file, no folder and no built-in scenario of that name",
+    ):
+        assert sentence in errors
+    assert "metrics[1]" not in errors
 
 
 @pytest.mark.slow

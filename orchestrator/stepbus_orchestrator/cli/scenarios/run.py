@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
-from stepbus_orchestrator.cli.command import Command, add_foxglove, add_scenario_arguments
+from stepbus_orchestrator.cli.command import Command, add_foxglove, add_scenario_arguments, number
 from stepbus_orchestrator.cli.signals import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
@@ -37,7 +37,11 @@ _NO_REPORT = "no plots  the report was interrupted; the recording and result.jso
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument("--out", type=Path, help="folder of this run (default: runs/<name>-<time>)")
-    parser.add_argument("--window", type=int, help="steps in flight; 1: synchronous mode")
+    parser.add_argument(
+        "--window",
+        type=number("a number of steps, from 1 on", 1),
+        help="steps in flight; 1: synchronous mode",
+    )
     parser.add_argument("--transport", choices=("unix", "tcp"), help="how the processes are linked")
     parser.add_argument(
         "--fault",
@@ -84,7 +88,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "count who is late (docs/guide/running/real_time.md)",
     )
     parser.add_argument(
-        "--pause-at", type=int, metavar="STEP", help="pause before a step; 0: before the first"
+        "--pause-at",
+        type=number("a step, from 0 on", 0),
+        metavar="STEP",
+        help="pause before a step; 0: before the first",
     )
     parser.add_argument(
         "--in-process",

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from stepbus_orchestrator.cli.command import Command, add_overrides, number
+from stepbus_orchestrator.cli.command import Command, add_overrides, number, seconds
 from stepbus_orchestrator.cli.signals import settle
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
@@ -50,14 +50,10 @@ def _add_design(parser: argparse.ArgumentParser) -> None:
         help="PATH=50:200:7, PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', "
         "'PATH=1,2 & PATH=3,4' (together), 'faults=none,kill plant at 100'; may be repeated",
     )
-    parser.add_argument("--samples", type=number("a number of draws", 1), help="draws of each ~")
-    parser.add_argument(
-        "--sampling", choices=("random", "latin", "sobol", "halton"), help="how they are drawn"
-    )
-    parser.add_argument("--seed", type=number("a seed, from 0 on", 0), help="of the draws")
-    parser.add_argument(
-        "--repeats", type=number("a number of runs", 1), help="runs of each point, other seeds"
-    )
+    parser.add_argument("--samples", type=_value, help="draws of each ~")
+    parser.add_argument("--sampling", help="how they are drawn: random, latin, sobol or halton")
+    parser.add_argument("--seed", type=_value, help="of the draws")
+    parser.add_argument("--repeats", type=_value, help="runs of each point, other seeds")
     parser.add_argument(
         "--metric",
         action="append",
@@ -71,10 +67,8 @@ def _add_optimizer(parser: argparse.ArgumentParser) -> None:
         "--optimize", metavar="METRIC", help="let Optuna choose the points; axes: PATH=50:200[:log]"
     )
     parser.add_argument("--maximize", action="store_true", default=None, help="make it large")
-    parser.add_argument("--trials", type=number("a number of runs", 1), help="runs of --optimize")
-    parser.add_argument(
-        "--batch", type=number("a number of runs", 1), help="runs asked for at once (default: 4)"
-    )
+    parser.add_argument("--trials", type=_value, help="runs of --optimize")
+    parser.add_argument("--batch", type=_value, help="runs asked for at once (default: 4)")
 
 
 def _add_terms(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +77,7 @@ def _add_terms(parser: argparse.ArgumentParser) -> None:
         "--jobs", type=number("a number of processes", 1), default=0, help="default: all cores"
     )
     parser.add_argument("--keep", choices=KEEP, default="failed", help="recordings that stay")
-    parser.add_argument("--timeout", type=float, default=0.0, metavar="S", help="limit of a run")
+    parser.add_argument("--timeout", type=seconds, default=0.0, metavar="S", help="limit of a run")
     parser.add_argument(
         "--retry",
         type=number("a number of times", 0),
@@ -129,10 +123,17 @@ def _spec(args: argparse.Namespace) -> Spec:
         "trials": args.trials,
         "batch": args.batch,
     }
-    options: dict[str, Any] = {key: value for key, value in given.items() if value}
-    if args.seed == 0:
-        options["seed"] = 0
+    # `--set` is an empty list where it is not given.
+    options: dict[str, Any] = {k: v for k, v in given.items() if v not in (None, [])}
     return find_spec(args.scenario, options)
+
+
+def _value(text: str) -> int | str:
+    """Return an integer; what is none is told with all that is wrong with the sweep."""
+    try:
+        return int(text)
+    except ValueError:
+        return text
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """What makes the runs of a sweep: its content, one run, workers on Ray."""
 
-from .content import Content, collect
+from .content import Content, collect, metric_file
 from .metrics import BUILTIN, Value
 from .pool import Pool, Terms
 from .trial import KEEP, Row, overrides_of, write_run
@@ -14,6 +14,7 @@ __all__ = [
     "Terms",
     "Value",
     "collect",
+    "metric_file",
     "overrides_of",
     "write_run",
 ]

@@ -1,5 +1,6 @@
 """What a sweep's runs need, by content, so that it can go to another machine."""
 
+import ast
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from stepbus_orchestrator.analysis.replaced import replaced
 from stepbus_orchestrator.replay.rerun import unpack_files
 from stepbus_orchestrator.run.setup.folder import read_files
 from stepbus_orchestrator.scenario import Scenario, files, resolved
+from stepbus_participant import read_file, suggest
 from stepbus_schemas import WiringError
 
 _METRICS = "metrics"
@@ -66,7 +68,7 @@ def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
     modules: dict[str, bytes] = {}
     places: dict[str, str] = {}
     for number, text in enumerate(metrics):
-        path = _metric_file(text)
+        path = metric_file(text)
         modules |= {f"{number}/{name}": data for name, data in _modules_beside(path).items()}
         places[text] = f"{number}/{path.name}"
     return Content(
@@ -78,13 +80,27 @@ def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
     )
 
 
-def _metric_file(text: str) -> Path:
+def metric_file(text: str) -> Path:
+    """Return the file of a metric such as `my.py:tracking`.
+
+    Raises WiringError where there is no such file, or no such function in it.
+    """
     name, colon, function = text.rpartition(":")
     path = Path(name)
     if not colon or not function.isidentifier() or path.suffix != ".py":
-        raise WiringError(f"--metric {text}: write FILE.py:FUNCTION, e.g. my_metrics.py:tracking")
+        raise WiringError(f"{text}: write FILE.py:FUNCTION, e.g. my_metrics.py:tracking")
     if not path.is_file():
-        raise WiringError(f"--metric {text}: there is no file {path}")
+        raise WiringError(f"{text}: there is no file {path}")
+    try:
+        tree = ast.parse(read_file(path))
+    except (OSError, SyntaxError, ValueError) as exc:
+        raise WiringError(f"{text}: {path} cannot be read: {exc}") from exc
+    functions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
+    # What is not in the text as a function may be one all the same: imported, or made.
+    if function not in functions and function not in path.read_text(encoding="utf-8"):
+        raise WiringError(
+            f"{text}: {path} has no function {function!r}{suggest(function, functions)}"
+        )
     return path
 
 

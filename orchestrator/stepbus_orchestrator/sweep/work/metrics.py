@@ -134,19 +134,19 @@ def _load(path: Path, function: str, text: str) -> Metric:
     name = f"stepbus_metric_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise MetricFailed(f"--metric {text}: no Python file {path.name}")
+        raise MetricFailed(f"metric {text}: no Python file {path.name}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     sys.path.insert(0, str(path.parent))
     try:
         spec.loader.exec_module(module)
     except Exception as exc:  # whatever a user's file raises is its own
-        raise MetricFailed(f"--metric {text}: {path.name} raises {error_text(exc)}") from exc
+        raise MetricFailed(f"metric {text}: {path.name} raises {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(path.parent))
     found = getattr(module, function, None)
     if not callable(found):
-        raise MetricFailed(f"--metric {text}: {path.name} has no function {function!r}")
+        raise MetricFailed(f"metric {text}: {path.name} has no function {function!r}")
     metric: Metric = found
     return metric
 
