@@ -2,7 +2,7 @@
 
 from .again import Again, rerun_row
 from .check import find_spec
-from .execute import SweepProgress, SweepResult, sweep
+from .execute import RUNNING, SweepProgress, SweepResult, sweep
 from .results import PAGE_FILE, TABLE_FILE
 from .spec import SPEC_FILE, Spec, default_name, load_spec
 from .work import KEEP, Terms
@@ -10,6 +10,7 @@ from .work import KEEP, Terms
 __all__ = [
     "KEEP",
     "PAGE_FILE",
+    "RUNNING",
     "SPEC_FILE",
     "TABLE_FILE",
     "Again",

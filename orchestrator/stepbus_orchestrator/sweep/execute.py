@@ -27,21 +27,26 @@ from .work import Content, Pool, Row, Terms, collect, write_run
 SOURCE_FOLDER = "source"
 _TABLE_EVERY_S = 30.0
 _LOCK = ".lock"
+RUNNING = "runs"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepProgress:
-    """How far a sweep is: rows of all, of which failed; rate of this time [runs/s]."""
+    """How far a sweep is: rows of all, of which failed; rate of all workers [runs/s].
+
+    rate: None until a worker has done its second run. phase: what happens now.
+    """
 
     done: int
     total: int
     failed: int
-    rate: float
+    rate: float | None = None
+    phase: str = RUNNING
 
     @property
-    def remaining_s(self) -> float:
-        """Return how long the rest takes [s]."""
-        return (self.total - self.done) / self.rate if self.rate else 0.0
+    def remaining_s(self) -> float | None:
+        """Return how long the rest takes [s]; None: not yet known."""
+        return None if self.rate is None else (self.total - self.done) / self.rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +144,9 @@ class _Sweep:
         self._design = checked.design
         self._optimizer = None if spec.optimize is None else Optimizer(spec)
         self._terms = terms
-        self._pool = Pool(content, terms)
+        self._content = content
+        # An optimizer asks for a batch, and waits for all of it.
+        self._at_once = None if self._optimizer is None else spec.batch
         self._on_progress = on_progress
         self._total = len(self._optimizer or self._design)
         self._paths: Sequence[str] = (self._optimizer or self._design).paths
@@ -154,7 +161,7 @@ class _Sweep:
             for row in journal.rows():
                 self._count(row)
             if resumed < self._total:
-                self._run_missing(journal, resumed, interrupt)
+                self._run_missing(journal, interrupt)
             self._conclude(journal)
             if interrupt.is_set():
                 raise Interrupted(
@@ -163,16 +170,18 @@ class _Sweep:
                 )
             return self._result(len(journal), resumed)
 
-    def _run_missing(self, journal: Journal, resumed: int, interrupt: threading.Event) -> None:
-        with self._pool:
+    def _run_missing(self, journal: Journal, interrupt: threading.Event) -> None:
+        self._tell(journal, "Ray starts, which takes some seconds, on a busy machine a minute")
+        with Pool(self._content, self._terms) as self._pool:
+            self._tell(journal, "the workers start")
             if self._optimizer is None:
                 missing = (p for p in self._design if p.number not in journal)
-                self._run_points(missing, journal, resumed, interrupt)
+                self._run_points(missing, journal, interrupt)
                 self._draw_extremes(journal, interrupt)
                 return
             for batch in self._optimizer.batches():
                 missing = (p for p in batch if p.number not in journal)
-                self._run_points(missing, journal, resumed, interrupt)
+                self._run_points(missing, journal, interrupt)
                 if interrupt.is_set():
                     return
                 rows = [_checked(journal.row(p.number), p) for p in batch]
@@ -185,6 +194,7 @@ class _Sweep:
         chosen = extremes(journal, self._spec)
         if interrupt.is_set() or not chosen:
             return
+        self._tell(journal, f"the plots of the {' and the '.join(chosen)} run are made")
         points = [Point(row.run, row.values) for row in chosen.values()]
         for name, content in zip(chosen, self._pool.pictures(points), strict=True):
             if content:
@@ -202,7 +212,7 @@ class _Sweep:
         write_page(journal, self._spec, self._paths, self._terms.home, pictures)
 
     def _run_points(
-        self, points: Iterator[Point], journal: Journal, resumed: int, interrupt: threading.Event
+        self, points: Iterator[Point], journal: Journal, interrupt: threading.Event
     ) -> None:
         for row, files in self._pool.run(points, interrupt.is_set):
             if row.exit_code == ExitCode.RECORDING:
@@ -215,7 +225,7 @@ class _Sweep:
                 write_run(files, self._terms.home, row.run)
             journal.add(row)
             self._count(row)
-            self._report(len(journal), resumed)
+            self._tell(journal)
             if time.monotonic() - self._tabled > _TABLE_EVERY_S:
                 write_table(journal, self._paths, self._terms.home)
                 self._tabled = time.monotonic()
@@ -225,11 +235,17 @@ class _Sweep:
             self._causes[_cause(row)] = self._causes.get(_cause(row), 0) + 1
         self._metric_errors += bool(row.metric_error)
 
-    def _report(self, done: int, resumed: int) -> None:
-        elapsed = time.monotonic() - self._began
-        rate = (done - resumed) / elapsed if elapsed else 0.0
-        failed = sum(self._causes.values())
-        self._on_progress(SweepProgress(done=done, total=self._total, failed=failed, rate=rate))
+    def _tell(self, journal: Journal, phase: str = RUNNING) -> None:
+        """Say how far the sweep is, and what happens now."""
+        self._on_progress(
+            SweepProgress(
+                done=len(journal),
+                total=self._total,
+                failed=sum(self._causes.values()),
+                rate=self._pool.rate(self._at_once) if phase == RUNNING else None,
+                phase=phase,
+            )
+        )
 
     def _result(self, done: int, resumed: int) -> SweepResult:
         return SweepResult(

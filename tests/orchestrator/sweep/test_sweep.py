@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -73,6 +74,11 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     metrics = ["--metric", "my.py:worst", "--metric", "my.py:broken"]
     done = sweep(tmp_path, *words, *metrics, "--vary", "faults=none,kill controller at 5")
     assert "6 of 12 failed" in done.stdout
+    assert done.stdout.startswith("Ray starts, which takes some seconds")
+    told = re.findall(r"^\d+ of 12 runs, \d failed(.*)$", done.stdout, re.MULTILINE)
+    assert all(re.fullmatch(r", [0-9.]+ (runs/s|s/run), \d+ s left", line) for line in told[:-1])
+    assert re.fullmatch(r", [0-9.]+ (runs/s|s/run)", told[-1])
+    assert "0.0 runs/s" not in done.stdout
     table = rows(tmp_path)
     assert table["run"] == list(range(12))
     assert table["controller.params.kp"] == [50] * 4 + [125] * 4 + [200] * 4

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from stepbus_orchestrator.cli.command import Command, add_overrides, number, seconds
 from stepbus_orchestrator.cli.signals import settle
@@ -16,6 +16,7 @@ from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.sweep import (
     KEEP,
     PAGE_FILE,
+    RUNNING,
     TABLE_FILE,
     Spec,
     SweepProgress,
@@ -150,19 +151,18 @@ def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]:.1f} runs/s"),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[pace]}"),
         TextColumn("{task.fields[failed]} failed"),
     )
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task("sweep", total=None, rate=0.0, failed=0)
+        task = bar.add_task("sweep", total=None, pace="", failed=0)
 
         def show(progress: SweepProgress) -> None:
             bar.update(
                 task,
                 total=progress.total,
                 completed=progress.done,
-                rate=progress.rate,
+                pace=_pace(progress),
                 failed=progress.failed,
             )
 
@@ -170,20 +170,31 @@ def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
 
 
 class _Lines:
-    """Prints a line for each tenth of a sweep."""
+    """Prints a line for each tenth of a sweep, and one for each thing that takes its time."""
 
     def __init__(self) -> None:
         self._shown = 0.0
 
     def show(self, progress: SweepProgress) -> None:
+        if progress.phase != RUNNING:
+            say(progress.phase)
+            return
         share = progress.done / progress.total
         if share - self._shown < _PLAIN_EVERY and progress.done < progress.total:
             return
         self._shown = share
-        say(
-            f"{progress.done} of {progress.total} runs, {progress.failed} failed, "
-            f"{progress.rate:.1f} runs/s, {progress.remaining_s:.0f} s left"
-        )
+        pace = f", {_pace(progress)}" if progress.rate is not None else ""
+        say(f"{progress.done} of {progress.total} runs, {progress.failed} failed{pace}")
+
+
+def _pace(progress: SweepProgress) -> str:
+    """Return what happens, or how fast runs come and how long the rest takes, where known."""
+    if progress.phase != RUNNING or progress.rate is None or progress.remaining_s is None:
+        return "" if progress.phase == RUNNING else progress.phase
+    rate = progress.rate
+    shown = f"{rate:.1f} runs/s" if rate >= 1 else f"{1 / rate:.1f} s/run"
+    left = f", {progress.remaining_s:.0f} s left" if progress.done < progress.total else ""
+    return f"{shown}{left}"
 
 
 def _summarise(result: SweepResult) -> None:

@@ -2,13 +2,14 @@
 
 from .content import Content, collect, metric_file
 from .metrics import BUILTIN, Value
-from .pool import Pool, Terms
+from .pool import Pace, Pool, Terms
 from .trial import KEEP, Row, overrides_of, write_run
 
 __all__ = [
     "BUILTIN",
     "KEEP",
     "Content",
+    "Pace",
     "Pool",
     "Row",
     "Terms",

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Any, Self
 
 import msgspec
@@ -35,6 +36,7 @@ _LONGEST_FOLDER = 22
 _START_S = 60.0
 _PICTURES_S = 120.0
 _CLOSE_S = 2.0
+_LATEST = 32
 _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
@@ -61,11 +63,33 @@ class Terms:
 
 @dataclass(eq=False)
 class _Worker:
-    """One process of the pool; task: what it does, since `since` [s]."""
+    """One process of the pool; task: what it does, since `since` [s]; runs: that it has done."""
 
     actor: Any
     task: "_Task | None" = None
     since: float = field(default_factory=time.monotonic)
+    runs: int = 0
+
+
+class Pace:
+    """How fast runs come, from how long the latest of them took.
+
+    The first run of each worker does not count: it imports what the others find.
+    """
+
+    def __init__(self) -> None:
+        self._latest_s: deque[float] = deque(maxlen=_LATEST)
+
+    def add(self, run: int, took_s: float) -> None:
+        """Take the time of a worker's run; run: its number there, from 1 on."""
+        if run > 1:
+            self._latest_s.append(took_s)
+
+    def rate(self, workers: int) -> float | None:
+        """Return how many runs so many workers do in a second; None: nobody knows yet."""
+        if not self._latest_s or not workers:
+            return None
+        return workers / max(median(self._latest_s), 1e-6)
 
 
 @dataclass
@@ -122,6 +146,12 @@ class Pool:
         self._starting: dict[Any, _Worker] = {}
         self._busy: dict[Any, _Worker] = {}
         self._looked = 0.0
+        self._pace = Pace()
+
+    def rate(self, most: int | None) -> float | None:
+        """Return the runs in a second; None: not yet known. most: asked for at once; None: all."""
+        workers = len(self._workers) - len(self._starting)
+        return self._pace.rate(workers if most is None else min(workers, most))
 
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
@@ -292,6 +322,9 @@ class Pool:
         errors = self._ray.exceptions
         worker = self._starting.pop(reference, None) or self._busy.pop(reference)
         task, worker.task = worker.task, None
+        if task is not None:
+            worker.runs += 1
+            self._pace.add(worker.runs, time.monotonic() - worker.since)
         try:
             answer = self._ray.get(reference)
         except (errors.RayActorError, errors.ObjectLostError, errors.RaySystemError) as exc:
