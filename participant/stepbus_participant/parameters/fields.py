@@ -42,6 +42,8 @@ class Fields:
         self._read, self._problems = read, problems
         self._data, self._keys, self._short = data, keys, short
         self._fields = {f.encode_name: f for f in node.fields if not is_own(f)}
+        settings: Any = node.cls
+        self._elsewhere = settings.elsewhere
         self._own = [field.name for field in node.fields if is_own(field)]
         # Whether the data names a class of the user's own.
         self._has_plugin = any(
@@ -56,12 +58,15 @@ class Fields:
         surplus = {key: item for key, item in self._data.items() if self._is_surplus(key)}
         if not self._has_plugin:
             for key in surplus:
-                text = f"unknown key {key!r}{suggest(key, self._fields)}"
-                text = text if isinstance(key, str) else not_text(key)
+                text = self._unknown(key) if isinstance(key, str) else not_text(key)
                 self._problems.add((*self._keys, str(key)), text)
             surplus = {}
         self._check_names(found)
         return found | dict.fromkeys(self._own, surplus)
+
+    def _unknown(self, key: str) -> str:
+        place = self._elsewhere(key)
+        return f"unknown key {key!r}{f'; {place}' if place else suggest(key, self._fields)}"
 
     def _is_surplus(self, key: Any) -> bool:
         field = self._fields.get(key)

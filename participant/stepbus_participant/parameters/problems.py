@@ -2,11 +2,12 @@
 
 WiringError
 └─ SettingsError      lists every problem, one a line
+   └─ TooManyProblems the first hundred: nobody reads more, and to find them takes its time
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -17,6 +18,7 @@ Keys = tuple[str | int, ...]
 
 T = TypeVar("T")
 _SHOWN_CHARACTERS = 60
+_MOST = 100
 
 
 @dataclass(frozen=True, kw_only=True, order=True)
@@ -50,7 +52,18 @@ class SettingsError(WiringError):
         super().__init__(self.problems)
 
     def __str__(self) -> str:
-        return "\n".join(str(problem) for problem in self.problems)
+        more = ["there may be more; mend these first"] if len(self.problems) >= _MOST else []
+        return "\n".join([*map(str, self.problems), *more])
+
+
+class TooManyProblems(SettingsError):
+    """A configuration has so many problems that no more are looked for."""
+
+
+def refuse_many(found: Sequence[Problem]) -> None:
+    """Raise TooManyProblems where that is what they are."""
+    if len(found) >= _MOST:
+        raise TooManyProblems(found[:_MOST])
 
 
 class Problems:
@@ -87,7 +100,7 @@ class Problems:
         )
 
     def add(self, keys: Keys, message: str) -> None:
-        """Add that the value at `keys` is wrong."""
+        """Add that the value at `keys` is wrong; raises TooManyProblems at the hundredth."""
         self.plain.append((keys, message))
         keys = self.path(keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
@@ -95,11 +108,13 @@ class Problems:
         self._found.append(
             Problem(file=place.file, line=place.line, path=dotted(keys), message=message)
         )
+        refuse_many(self._found)
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
         if isinstance(error, SettingsError):
             self._found += error.problems
+            refuse_many(self._found)
             return
         for line in str(error).splitlines():
             self.add(keys, line)
@@ -108,6 +123,8 @@ class Problems:
         """Return what is made, or None where that raises WiringError, which is added at `keys`."""
         try:
             return make()
+        except TooManyProblems:
+            raise
         except WiringError as exc:
             self.add_error(keys, exc)
             return None

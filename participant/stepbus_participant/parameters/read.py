@@ -4,6 +4,7 @@ One function for each type of a field. Each returns a value of that type, also f
 wrong, so that reading continues and the rest is checked too; the caller refuses in the end.
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,12 +21,13 @@ from stepbus_participant.hints.suggestions import suggest
 from .durations import parse_duration
 from .fields import Fields, not_text, without
 from .nodes import empty, is_plugin, listed, mark, noun, options_of, plain, takes, words_of
-from .problems import Keys, Problems, show
+from .problems import Keys, Problems, TooManyProblems, show
 from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings
 
 S = TypeVar("S", bound=Settings)
 T = TypeVar("T")
 _LARGEST = 1e300
+_WITH_UNIT = re.compile(r"([-+]?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?) *(\D{0,12})")
 _SCALARS = (inspect.StrType, inspect.IntType, inspect.FloatType, inspect.BoolType)
 
 
@@ -59,7 +61,10 @@ def find_problems(
 ) -> list[tuple[Keys, str]]:
     """Return what is wrong with plain data: keys and a sentence each."""
     problems = Problems()
-    found = read(settings, data, problems, folder=folder)
+    try:
+        found = read(settings, data, problems, folder=folder)
+    except TooManyProblems:
+        return problems.plain
     return problems.plain or list(found.file_problems())
 
 
@@ -109,8 +114,8 @@ class _Reader:
     def _plain(self, node: inspect.Type, data: Any, keys: Keys) -> Any:
         if not takes(node, data):
             is_bare = isinstance(node, inspect.StrType) and takes(inspect.FloatType(), data)
-            quotes = "; put it in quotes" if is_bare else ""
-            return self.wrong(keys, f"must be {noun(node)}, not {show(data)}{quotes}", empty(node))
+            hint = "; put it in quotes" if is_bare else _number_hint(node, data)
+            return self.wrong(keys, f"must be {noun(node)}, not {show(data)}{hint}", empty(node))
         if isinstance(node, inspect.DictType):
             return self._dict(node, data, keys)
         if isinstance(node, inspect.VarTupleType):
@@ -240,6 +245,24 @@ class _Reader:
         elif isinstance(data, list | tuple):
             wanted = inspect.VarTupleType(wanted)
         return PerName(self.value(wanted, data, keys), self.problems.path(keys))
+
+
+def _number_hint(node: inspect.Type, data: Any) -> str:
+    """Return what to write instead of a text that was to be a number, such as `45deg`."""
+    wanted = isinstance(node, inspect.FloatType | inspect.IntType)
+    form = _WITH_UNIT.fullmatch(data.strip()) if wanted and isinstance(data, str) else None
+    if form is None:
+        return ""
+    number, unit = form[1], form[2]
+    if unit and isinstance(node, inspect.IntType):
+        return "; it is a count, without a unit"
+    if not unit:
+        return f"; leave out the quotes: {number}"
+    if unit in {"deg", "°", "degree", "degrees"}:
+        return f"; angles are in radians: {number}° is {math.radians(float(number)):.6g}"
+    if unit == "%":
+        return f"; write the share itself: {float(number) / 100:g}"
+    return "; write the number alone, in the unit that the documentation of the key names"
 
 
 _BY_NODE: Mapping[type, Callable[[_Reader, Any, Any, Keys], Any]] = {

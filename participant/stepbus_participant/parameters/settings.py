@@ -51,6 +51,11 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
 
     short: ClassVar[str] = ""
 
+    @classmethod
+    def elsewhere(cls, key: str) -> str:  # noqa: ARG003
+        """Return where a key belongs that is none of these; nothing: nobody knows."""
+        return ""
+
     def problems(self) -> Iterable[tuple[Keys, str]]:
         """Yield what is wrong among values that are fine one by one: keys and a sentence."""
         return ()

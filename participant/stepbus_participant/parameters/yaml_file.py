@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,16 +10,39 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.scanner import Scanner
 
 from stepbus_participant.files import read_text
 
-from .problems import Keys, Place, Problem, Problems, SettingsError, dotted
+from .problems import Keys, Place, Problem, Problems, SettingsError, dotted, refuse_many
 
 _STANDARD = "tag:yaml.org,2002:"
 _MOST_VALUES = 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
+_MOST_NODES = 2 * _MOST_VALUES
+"""Keys and values as they are written: what is longer is not read to its end."""
+_DEEPEST = 100
+"""Maps and lists in each other; ruamel's time for an open bracket grows with those before it."""
+
+_HINTS = (
+    (
+        "cannot start any token",
+        "indent with spaces, no tabs; a text that begins so needs quotes",
+    ),
+    (
+        "mapping values are not allowed",
+        "look at the indentation; a text with ': ' needs quotes",
+    ),
+    ("expected <block end>", "look at the indentation of this line and of those above"),
+    ("could not find expected ':'", "a key needs ': ' behind it; look at the line above, too"),
+    ("but got '<stream end>'", "a bracket is not closed"),
+    ("unexpected end of stream", "a quote is not closed"),
+    ("another document", "a file has one document: leave out the '---'"),
+)
+"""Part of a sentence of ruamel's → what to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +112,8 @@ def texts_in(file: str, text: str) -> list[str]:
 
     Raises SettingsError where it is no YAML.
     """
-    with _translated(file):
-        roots = list(YAML(pure=True).compose_all(io.StringIO(text)))
+    with _translated(file, text):
+        roots = list(_yaml(file, most_nodes=None).compose_all(io.StringIO(text)))
         seen: set[int] = set()
         return [item for root in roots for item in _texts(root, seen)]
 
@@ -109,17 +133,59 @@ def _texts(node: Node | None, seen: set[int]) -> Iterator[str]:
             yield from _texts(item, seen)
 
 
+def _yaml(file: str, most_nodes: int | None) -> YAML:
+    """Return what composes YAML of a sensible size; it raises SettingsError for any other."""
+    yaml = YAML(typ="safe", pure=True)
+
+    class LimitedScanner(Scanner):
+        def fetch_flow_collection_start(self, token: Any, to_push: str) -> None:
+            _check_depth(file, self.flow_level, self.reader.line + 1)
+            super().fetch_flow_collection_start(token, to_push)
+
+    class LimitedComposer(Composer):
+        _count = _level = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            self._count += 1
+            line = self.parser.peek_event().start_mark.line + 1
+            if most_nodes is not None and self._count > most_nodes:
+                raise fatal(file, f"has more than {most_nodes} keys and values", line)
+            _check_depth(file, self._level, line)
+            self._level += 1
+            node = super().compose_node(parent, index)
+            self._level -= 1
+            return node
+
+    yaml.Scanner, yaml.Composer = LimitedScanner, LimitedComposer
+    return yaml
+
+
+def _check_depth(file: str, depth: int, line: int) -> None:
+    if depth >= _DEEPEST:
+        text = f"is nested too deeply: over {_DEEPEST} maps and lists in each other"
+        raise fatal(file, text, line)
+
+
 @contextmanager
-def _translated(file: str) -> Iterator[None]:
+def _translated(file: str, text: str) -> Iterator[None]:
     try:
         yield
     except MarkedYAMLError as exc:
         line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
-        raise fatal(file, f"not YAML: {exc.problem}", line) from exc
+        hint = _hint(str(exc.problem), text.splitlines()[line - 1 : line])
+        raise fatal(file, f"not YAML: {exc.problem}{hint}", line) from exc
     except YAMLError as exc:
         raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
     except RecursionError as exc:
         raise fatal(file, "is nested too deeply") from exc
+
+
+def _hint(problem: str, lines: list[str]) -> str:
+    """Return what to do about a problem of ruamel's; lines: the one that it is in, if any."""
+    bare = re.search(r"[^\s\"',:{}\[\]]+[\[{][^\]}]*[\]}]", lines[0]) if lines else None
+    if problem.startswith("expected ',' or") and bare is not None:
+        return f"; put {bare[0]} in quotes: '{bare[0]}'"
+    return next((f"; {hint}" for part, hint in _HINTS if part in problem), "")
 
 
 def fatal(file: str, message: str, line: int = 0) -> SettingsError:
@@ -137,8 +203,8 @@ class _Conversion:
         self._open: list[Node] = []
 
     def run(self, text: str) -> Any:
-        with _translated(self.file):
-            root = YAML(pure=True).compose(io.StringIO(text))
+        with _translated(self.file, text):
+            root = _yaml(self.file, most_nodes=_MOST_NODES).compose(io.StringIO(text))
             return None if root is None else self._value(root, ())
 
     def _value(self, node: Node, keys: Keys) -> Any:
@@ -188,6 +254,7 @@ class _Conversion:
     def _refuse(self, node: Node, keys: Keys, message: str) -> None:
         line = node.start_mark.line + 1
         self.problems.append(Problem(file=self.file, line=line, path=dotted(keys), message=message))
+        refuse_many(self.problems)
 
 
 def _content_type(node: ScalarNode) -> type | None:

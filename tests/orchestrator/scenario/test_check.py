@@ -38,6 +38,14 @@ def test_an_error_survives_a_way_between_processes(tmp_path):
     assert again.problems == caught.value.problems
 
 
+def test_no_more_problems_are_looked_for_than_anybody_reads(tmp_path):
+    faults = ", ".join(f"kil plant at {step}" for step in range(20_000))
+    with pytest.raises(ScenarioError) as caught:
+        load_text(tmp_path, f"{TWO_LINK}faults: [{faults}]\n")
+    assert len(caught.value.problems) == 100
+    assert str(caught.value).endswith("\nthere may be more; mend these first")
+
+
 MISTAKES = [
     ("name: arm\n", "", ": the key 'name' is missing"),
     (
@@ -106,6 +114,66 @@ MISTAKES = [
             ":17: participants.mission.on_fault.hold: 1ms is 0.2 steps of 5ms, not a whole number; "
             "the nearest is 5ms"
         ),
+    ),
+    (
+        "10s",
+        "10s\nreal_time: true",
+        (
+            ":4: real_time: unknown key 'real_time'; 'real_time' belongs to a participant: "
+            "participants.NAME.real_time"
+        ),
+    ),
+    (
+        "10s",
+        "10s\nexternal: true",
+        (
+            ":4: external: unknown key 'external'; a participant that you start yourself has "
+            "`start: external`"
+        ),
+    ),
+    (
+        "10s",
+        "10s\ntransport: tcp",
+        ":4: transport: unknown key 'transport'; 'transport' belongs to `bus`",
+    ),
+    (
+        "every: 4",
+        "external: true",
+        (
+            ":17: participants.mission.external: unknown key 'external'; a participant that you "
+            "start yourself has `start: external`"
+        ),
+    ),
+    (
+        "every: 4",
+        "window: 3",
+        (
+            ":17: participants.mission.window: unknown key 'window'; 'window' belongs to the "
+            "scenario: write it at the top, beside `participants`"
+        ),
+    ),
+    (
+        "every: 4",
+        "delay: 3",
+        ":17: participants.mission.delay: unknown key 'delay'; 'delay' belongs to `inputs`",
+    ),
+    (
+        "every: 4",
+        "hold: 3s",
+        ":17: participants.mission.hold: unknown key 'hold'; 'hold' belongs to `on_fault`",
+    ),
+    (
+        "every: 4",
+        "every: 4ms",
+        (
+            ":17: participants.mission.every: must be an integer, not '4ms'; it is a count, "
+            "without a unit"
+        ),
+    ),
+    (
+        "every: 4",
+        "every: '4'",
+        ":17: participants.mission.every: must be an integer, not '4'; leave out the quotes: 4",
     ),
     ("10s", "10s\nbus: {low_latency: 1}", ":4: bus.low_latency: must be true or false, not 1"),
     ("10s", "10s\nstep: 1s", ":4: step: is there twice, first in line 2"),

@@ -122,14 +122,63 @@ def test_an_unknown_name_is_answered_with_the_nearest():
         load("two_lnk")
 
 
+DEEP = "is nested too deeply: over 100 maps and lists in each other"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
         ("- a\n", "scenario.yaml: is no map; a scenario has at least name, step and participants"),
-        ("a: 1\nb: [1\n", "scenario.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'"),
-        ("[" * 700, "scenario.yaml: is nested too deeply"),
-        ("a: 1\n---\nb: 2\n", "scenario.yaml:2: not YAML: but found another document"),
+        (
+            "a: 1\nb: [1\n",
+            (
+                "scenario.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'; a bracket is "
+                "not closed"
+            ),
+        ),
+        ("[" * 100_000, f"scenario.yaml:1: {DEEP}"),
+        ("- " * 100_000, f"scenario.yaml:1: {DEEP}"),
+        ("\n".join(f"{' ' * n}a:" for n in range(2000)), f"scenario.yaml:100: {DEEP}"),
+        (
+            "a:\n" + "".join(f"  port{n}: Text/1\n" for n in range(100_000)),
+            "scenario.yaml:50000: has more than 100000 keys and values",
+        ),
+        (
+            "a: 1\n---\nb: 2\n",
+            (
+                "scenario.yaml:2: not YAML: but found another document; a file has one document: leave "
+                "out the '---'"
+            ),
+        ),
+        (
+            "types: {Arm/1: {force: float[3]}}\n",
+            (
+                "scenario.yaml:1: not YAML: expected ',' or '}', but got '['; put float[3] in quotes: "
+                "'float[3]'"
+            ),
+        ),
+        (
+            "params: {world: ${world}}\n",
+            (
+                "scenario.yaml:1: not YAML: expected ',' or '}', but got '{'; put ${world} in quotes: "
+                "'${world}'"
+            ),
+        ),
+        (
+            "a: b: 3\n",
+            (
+                "scenario.yaml:1: not YAML: mapping values are not allowed here; look at the "
+                "indentation; a text with ': ' needs quotes"
+            ),
+        ),
+        (
+            "a:\n\tb: 3\n",
+            (
+                "scenario.yaml:2: not YAML: found character '\\t' that cannot start any token; indent "
+                "with spaces, no tabs; a text that begins so needs quotes"
+            ),
+        ),
     ],
 )
 def test_a_file_that_is_no_scenario_is_refused(tmp_path, text, message):

@@ -97,6 +97,18 @@ class ParticipantRow(Settings):
     """What it loads from the scenario's folder and nothing names: patterns and folders, such as
     `[build/, "*.m"]`, recorded so that a run can be repeated from its recording."""
 
+    @classmethod
+    def elsewhere(cls, key: str) -> str:
+        """Return where a key belongs that is none of a participant's."""
+        if key == "external":
+            return "a participant that you start yourself has `start: external`"
+        if key == "name":
+            return "the key above is the participant's name"
+        if key in keys_of(ScenarioFile):
+            return f"{key!r} belongs to the scenario: write it at the top, beside `participants`"
+        parts = (("inputs", InputRow), ("on_fault", HoldSpec), ("bridge", BridgeSpec))
+        return next((f"{key!r} belongs to `{p}`" for p, s in parts if key in keys_of(s)), "")
+
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the command, and with descriptions of outputs."""
         if not self.exec or not self.exec[0]:
@@ -157,6 +169,22 @@ class ScenarioFile(Settings):
     """Participants to be: name → keys of a participant, with parameters `${…}`; see below."""
     extends: str | None = None
     """Scenario that this one changes: a file or folder, or one that ships; see below."""
+
+    @classmethod
+    def elsewhere(cls, key: str) -> str:
+        """Return where a key belongs that is none of a scenario's."""
+        if key == "external":
+            return "a participant that you start yourself has `start: external`"
+        if key in keys_of(BusSpec):
+            return f"{key!r} belongs to `bus`"
+        if key in keys_of(ParticipantRow):
+            return f"{key!r} belongs to a participant: participants.NAME.{key}"
+        return ""
+
+
+def keys_of(settings: type[Settings]) -> tuple[str, ...]:
+    """Return the keys of a map."""
+    return settings.__struct_encode_fields__
 
 
 def is_output(text: str) -> bool:

@@ -63,7 +63,8 @@ def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
         names = data.get("participants")
         names = list(names) if isinstance(names, dict) else []
         if head not in names:
-            known = suggest(head, (*names, *TOP_KEYS))
+            place = ScenarioFile.elsewhere(head)
+            known = f"; {place}" if place else suggest(head, (*names, *TOP_KEYS))
             raise WiringError(f"no participant and no key {head!r}{known}")
         parts = ["participants", *parts]
     return tuple(parts), parse_yaml(file, text)

@@ -110,7 +110,7 @@ def test_an_absolute_path_into_the_folder_is_to_be_written_relative(tmp_path):
 def test_a_named_file_that_cannot_be_read_is_a_problem(tmp_path):
     write(tmp_path, "a: 1\nb: [1\n", "world.yaml")
     assert problem_of(tmp_path, with_params("world: world.yaml")).endswith(
-        "params.world: world.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'"
+        "params.world: world.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'; a bracket is not closed"
     )
 
 
