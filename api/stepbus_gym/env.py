@@ -27,8 +27,9 @@ from stepbus_schemas import RunError, WiringError, error_text
 
 from .episodes import Folders
 from .fields import Field
-from .interface import Interface, PortTypes, Vector, bounds, default_action, selected
+from .interface import Interface, PortTypes, Vector, bounds, check_limits, default_action, selected
 from .policy.load import checked_action
+from .policy.params import Params
 from .policy.participant import PolicyParticipant
 from .render import Camera, Renderer
 
@@ -120,7 +121,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             "act": list(act),
             "joints": list(joints),
             "mode": mode,
-            "limits": {name: list(pair) for name, pair in (limits or {}).items()},
+            "limits": {name: _listed(pair) for name, pair in (limits or {}).items()},
         }
         self._params = {key: value for key, value in params.items() if value}
         self._scenario = self._load([])
@@ -322,11 +323,12 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
     if not act:
         raise WiringError(f"{name} has no output with numbers that somebody reads; give `act`")
     selected(ports, "outputs", act)
-    selected(ports, "inputs", params.get("observe", ()))
+    params = {**params, "act": act}
+    check_limits(ports, Params.of(params))
     changed = dataclasses.replace(
         spec,
         exec=("python", "-m", "stepbus_gym.policy"),
-        params={**params, "act": act},
+        params=params,
         files=(),
         bridge=None,
         on_fault=None,
@@ -334,6 +336,11 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
     )
     rows = tuple(changed if row.name == name else row for row in scenario.participants)
     return dataclasses.replace(scenario, participants=rows)
+
+
+def _listed(value: Any) -> Any:
+    """Return a tuple or an array as a list of plain numbers."""
+    return np.asarray(value).tolist() if isinstance(value, tuple | np.ndarray) else value
 
 
 def _check_functions(**functions: object) -> None:

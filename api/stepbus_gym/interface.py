@@ -59,6 +59,24 @@ def selected(ports: PortTypes, side: str, wanted: Sequence[str]) -> dict[str, li
     return found
 
 
+def check_limits(ports: PortTypes, params: Params) -> None:
+    """Raise WiringError for limits of what is neither observed nor done, or that are none."""
+    sides = {"inputs": params.observe or tuple(ports.inputs), "outputs": params.act}
+    known = [
+        f"{port}.{field}"
+        for side, wanted in sides.items()
+        for port, fields in selected(ports, side, wanted).items()
+        for field in fields
+    ]
+    for name, (low, high) in params.limits.items():
+        if name not in known:
+            raise WiringError(
+                f"limits: {name!r} is neither observed nor an action{suggest(name, known)}"
+            )
+        if not low <= high:
+            raise WiringError(f"limits: {name!r} must be (lowest, highest), not {(low, high)}")
+
+
 def default_action(ports: PortTypes, read: Sequence[str]) -> list[str]:
     """Return what an action holds where nobody says it: what the outputs need that are read.
 
@@ -116,6 +134,7 @@ class Interface:
         self._ports = ports
         self._params = params
         self._inputs = inputs
+        check_limits(ports, params)
         wanted = params.observe or tuple(ports.inputs)
         self._wanted = selected(ports, "inputs", wanted)
         self.needed = [port for port, fields in self._wanted.items() if fields]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .derived.schema import json_schema, not_null
     from .derived.tables import raw_table, types_page
     from .derived.vectors import types_vectors
+    from .types.units import unit_problem
 
 _MODULES = {
     "bridge.formats": ("BRIDGE_FORMATS", "BridgeFormat", "raw_problem"),
@@ -30,6 +31,7 @@ _MODULES = {
     "derived.schema": ("json_schema", "not_null"),
     "derived.tables": ("raw_table", "types_page"),
     "derived.vectors": ("types_vectors",),
+    "types.units": ("unit_problem",),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -127,6 +129,7 @@ __all__ = [
     "type_problems",
     "types_page",
     "types_vectors",
+    "unit_problem",
     "valid_unicode",
 ]
 

@@ -65,10 +65,23 @@ def declarations_in(data: object) -> Found:
     if not isinstance(data, Mapping):
         return {}, [((), "must be a map of types: Name/1 → its fields")]
     wrong = [
-        ((name, *keys), text) for name in data for keys, text in type_problems(name, data[name])
+        ((name, *keys), text)
+        for name in data
+        for keys, text in (*type_problems(name, data[name]), *_unit_problems(data[name]))
     ]
     names = {keys[0] for keys, _ in wrong}
     return {name: row for name, row in data.items() if name not in names}, wrong
+
+
+def _unit_problems(declaration: object) -> Iterator[tuple[Keys, str]]:
+    """Yield units that nobody knows; a type of a recording may have them all the same."""
+    from stepbus_schemas import unit_problem  # noqa: PLC0415  a participant needs no units
+
+    for field, row in declaration.items() if isinstance(declaration, Mapping) else ():
+        unit = row.get("unit") if isinstance(row, Mapping) else None
+        problem = unit_problem(unit) if isinstance(unit, str) else ""
+        if problem:
+            yield (field, "unit"), problem
 
 
 def module_types(name: str) -> Found:

@@ -75,6 +75,9 @@ class OwnTypes:
                 continue
             name = row.outputs[port].type
             if name in self.types:
+                fields = self.types[name].__struct_fields__
+                for field in (field for field in message if field not in fields):
+                    yield (port, field), f"{name} has no field {field!r}{suggest(field, fields)}"
                 try:
                     msgspec.convert(message, self.types[name])
                 except msgspec.ValidationError as exc:

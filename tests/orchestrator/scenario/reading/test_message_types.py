@@ -141,6 +141,13 @@ def test_a_safe_message_is_checked_against_its_type(tmp_path):
     assert "on_fault.safe.out: is no Thruster/1: thrust must be a list, not an integer" in found
 
 
+def test_a_field_of_a_safe_message_that_its_type_does_not_have_is_refused(tmp_path):
+    (found,) = problems(tmp_path, "types.yaml", safe="{thrust: [3], trust: [3]}")
+    assert found.endswith(
+        "on_fault.safe.out.trust: Thruster/1 has no field 'trust'; did you mean 'thrust'?"
+    )
+
+
 def test_a_wrong_word_of_a_safe_message_lists_the_right_ones(tmp_path):
     types = "types: {Thruster/1: {mode: [idle, full]}}"
     (found,) = problems(tmp_path, "types.yaml", safe="{mode: ful}", file=types)
