@@ -11,9 +11,11 @@ import subprocess
 import sys
 import tempfile
 import threading
+import urllib.request
 from pathlib import Path
 from statistics import median
 from typing import Any
+from urllib.parse import urljoin
 
 import psutil
 import viser
@@ -23,9 +25,17 @@ STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli", "run"]
 
 
 async def _drain(address: str) -> None:
-    socket = address.replace("http://", "ws://").rstrip("/")
+    with urllib.request.urlopen(address) as answer:
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+        place = answer.read().decode().partition("url=")[2].partition('"')[0]
+    socket = urljoin(address, place).replace("http://", "ws://")
     protocol = f"viser-v{viser.__version__}"
-    async with connect(socket, subprotocols=[protocol], max_size=None) as client:  # type: ignore[list-item]
+    async with connect(
+        socket,
+        subprotocols=[protocol],  # type: ignore[list-item]
+        additional_headers={"Cookie": cookie},
+        max_size=None,
+    ) as client:
         async for _ in client:
             pass
 

@@ -4,6 +4,7 @@ import atexit
 import errno
 import hmac
 import html
+import ipaddress
 import secrets
 import shutil
 import socket
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from stepbus_participant import write_file
 from stepbus_schemas import WiringError
@@ -23,6 +25,19 @@ _REDIRECT = """<!doctype html><meta charset="utf-8"><meta name="referrer" conten
 <meta http-equiv="refresh" content="0; url={address}">
 <title>stepbus</title><a href="{address}">the page of the run</a>
 """
+_COOKIE = "stepbus"
+_HEADERS = {
+    "Cache-Control": "no-store",
+    # viser unpacks its own script into the page, and evaluates Markdown; it loads nothing.
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; worker-src blob:; "
+    "connect-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+_USED = "This address has been used. `stepbus view` has printed one that has not.\n"
+_UNKNOWN = "This browser has not been let in. Open the address that `stepbus view` prints.\n"
 _ALL = ("0.0.0.0", "::")  # noqa: S104  (compared with, not bound)
 
 Process = Callable[[Any, Any], Any]
@@ -67,15 +82,124 @@ def open_in_browser(address: str) -> None:
     webbrowser.open(file.as_uri())
 
 
+class Door:
+    """Lets in one browser with each address: its token works once, from then on a cookie counts.
+
+    So an address is worth nothing to who finds it in a history, or in the list of processes.
+    host: where the page listens. tell: gets a new address whenever one comes that has been used,
+    unless there is one that waits: the user has another browser, or somebody has read the address.
+    """
+
+    def __init__(self, host: str, tell: Callable[[str], None]) -> None:
+        self._host = host
+        self._tell = tell
+        # The ports of a host share their cookies: another server gets this one for this path only.
+        self._room, self._cookie = new_token(), new_token()
+        self._fresh: list[str] = []
+        self._used: list[str] = []
+        self.port = 0
+
+    def new_address(self) -> str:
+        """Return an address that opens the page once."""
+        token = new_token()
+        self._fresh.append(token)
+        return f"http://{shown_host(self._host)}:{self.port}/{token}/"
+
+    def guard(self, process: Process) -> Process:
+        """Return what refuses strangers, and passes on other requests without their first name."""
+
+        def process_request(connection: Any, request: Any) -> Any:
+            name, rest = _first_name(request.path)
+            response = self._answer(connection, request.headers, name)
+            if response is None:
+                request.path = rest
+                response = process(connection, request)
+            if response is not None:
+                response.headers.update(_HEADERS)
+            return response
+
+        return process_request
+
+    def _answer(self, connection: Any, headers: Any, name: str) -> Any:
+        """Return the answer to a request; None: it comes from a browser that was let in."""
+        if not self._is_addressed_here(headers):
+            return connection.respond(HTTPStatus.FORBIDDEN, "This page has another address.\n")
+        if _is_one_of(name, [self._room]) and self._has_cookie(headers):
+            return None
+        if _is_one_of(name, self._fresh):
+            return self._let_in(connection, name)
+        if not _is_one_of(name, self._used):
+            return connection.respond(HTTPStatus.FORBIDDEN, _UNKNOWN)
+        if not self._fresh:
+            self._tell(self.new_address())
+        return connection.respond(HTTPStatus.FORBIDDEN, _USED)
+
+    def _let_in(self, connection: Any, token: str) -> Any:
+        self._fresh.remove(token)
+        self._used.append(token)
+        # No 303: where a file or another page has led here, the browser would send no cookie there.
+        page = _REDIRECT.format(address=f"/{self._room}/")
+        response = connection.respond(HTTPStatus.OK, page)
+        del response.headers["Content-Type"]
+        response.headers["Content-Type"] = "text/html; charset=utf-8"
+        response.headers["Set-Cookie"] = (
+            f"{_COOKIE}={self._cookie}; Path=/{self._room}; HttpOnly; SameSite=Strict"
+        )
+        return response
+
+    def _is_addressed_here(self, headers: Any) -> bool:
+        """Return whether a request names this machine, and comes from no page of another server.
+
+        A name of the attacker's that leads to this machine (DNS rebinding) is neither an IP address
+        nor one of ours. Ports are not compared: the page may have been forwarded.
+        """
+        hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+        return (
+            len(hosts) == 1
+            and self._is_ours(hosts[0])
+            and all(origin in {f"http://{hosts[0]}", f"https://{hosts[0]}"} for origin in origins)
+        )
+
+    def _is_ours(self, host: str) -> bool:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        ours = {"localhost", self._host.lower(), socket.gethostname().lower()}
+        return name in ours or _is_ip_address(name)
+
+    def _has_cookie(self, headers: Any) -> bool:
+        pairs = [pair.strip() for line in headers.get_all("Cookie") for pair in line.split(";")]
+        return any(_is_one_of(pair, [f"{_COOKIE}={self._cookie}"]) for pair in pairs)
+
+
 def only_with(token: str, process: Process) -> Process:
     """Return what refuses each request without the token, and passes on the rest without it."""
 
     def process_request(connection: Any, request: Any) -> Any:
-        given, _, rest = request.path.removeprefix("/").partition("/")
-        name, mark, query = given.partition("?")
-        if not hmac.compare_digest(name.encode(), token.encode()):
+        name, rest = _first_name(request.path)
+        if not _is_one_of(name, [token]):
             return connection.respond(HTTPStatus.FORBIDDEN, "Open the address with its token.\n")
-        request.path = f"/{rest}{mark}{query}"
+        request.path = rest
         return process(connection, request)
 
     return process_request
+
+
+def _first_name(path: str) -> tuple[str, str]:
+    """Return the first name of a path, and the path without it."""
+    given, _, rest = path.removeprefix("/").partition("/")
+    name, mark, query = given.partition("?")
+    return name, f"/{rest}{mark}{query}"
+
+
+def _is_ip_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_one_of(text: str, secrets_: list[str]) -> bool:
+    return any(hmac.compare_digest(text.encode(), secret.encode()) for secret in secrets_)

@@ -45,10 +45,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Shown:
-    """A page, or a server for Foxglove. name: for its address."""
+    """A page, or a server for Foxglove. name: for its address. browse: opens a browser."""
 
     name: str
     address: str
+    browse: Callable[[], None] | None = None
     follow: Callable[[Path, Callable[[], bool]], bool]
     play: Callable[..., None]
 
@@ -115,10 +116,17 @@ def _open_page(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
             page.server.gui.reset()
         play(Playback(page.server, recording, other), is_over)
 
-    page = open_page(label, host=args.host, port=args.port)
+    def tell(address: str) -> None:
+        print_error(f"somebody has opened an address of the view again. If it was you: {address}")
+
+    page = open_page(label, host=args.host, port=args.port, tell=tell)
     try:
         yield _Shown(
-            name="view", address=page.address, follow=partial(follow, page.server), play=show
+            name="view",
+            address=page.address,
+            browse=lambda: open_in_browser(page.new_address()),
+            follow=partial(follow, page.server),
+            play=show,
         )
     finally:
         page.close()
@@ -144,8 +152,8 @@ def _open_foxglove(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
 
 def _announce(args: argparse.Namespace, shown: _Shown) -> None:
     say(f"{shown.name}: {shown.address}\nCtrl-C closes it")
-    if not args.no_open and shown.name == "view":
-        threading.Thread(target=open_in_browser, args=(shown.address,), daemon=True).start()
+    if not args.no_open and shown.browse is not None:
+        threading.Thread(target=shown.browse, daemon=True).start()
 
 
 COMMAND = Command(
@@ -153,8 +161,8 @@ COMMAND = Command(
     summary="show a recording in 3D, in the browser",
     description="Shows robot and world of a recording on a page of this machine: targets as "
     "ghosts, contacts, planned paths, detections, camera images, curves and events, with a time "
-    "slider. It reads what is looked at, so a long recording opens at once. Nobody sees the page "
-    "without its address.",
+    "slider. It reads what is looked at, so a long recording opens at once. Its address opens it "
+    "once, in one browser.",
     examples=(
         "stepbus view runs/arm",
         "stepbus view runs/arm/run.mcap runs/other/run.mcap --no-open",

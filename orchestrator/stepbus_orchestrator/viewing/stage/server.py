@@ -1,4 +1,4 @@
-"""The server behind a page: on loopback, and only for those who know its address."""
+"""The server behind a page: on loopback, and only for browsers that its door has let in."""
 
 import contextlib
 import io
@@ -10,11 +10,9 @@ from typing import Any
 
 from stepbus_orchestrator.viewing.access import (
     LOOPBACK,
+    Door,
     Process,
     listening,
-    new_token,
-    only_with,
-    shown_host,
 )
 from stepbus_participant import need
 from stepbus_schemas import WiringError
@@ -25,10 +23,15 @@ _starting = threading.Lock()
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """An open page. server: of viser. address: with its token."""
+    """An open page. server: of viser. address: opens it once."""
 
     server: Any
+    door: Door
     address: str
+
+    def new_address(self) -> str:
+        """Return another address that opens it once."""
+        return self.door.new_address()
 
     def close(self) -> None:
         """Close every connection, and the server."""
@@ -36,18 +39,25 @@ class Page:
             self.server.stop()
 
 
-def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
+def open_page(
+    label: str,
+    *,
+    host: str = LOOPBACK,
+    port: int = 0,
+    tell: Callable[[str], None] = lambda _address: None,
+) -> Page:
     """Open a page; port 0: any that is free.
 
-    Its address has a token that nobody can guess: any other request is refused. Raises
+    Its address has a token that nobody can guess and that works once, for one browser: any other
+    request is refused. tell: gets another address where one is used again. Raises
     ExtraMissing without viser, and WiringError for a port that is taken, or a host that is not of
     this machine.
     """
     (viser,) = need("the view", "viser")
-    token = new_token()
+    door = Door(host, tell)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
-    with _starting, _guarded(token), contextlib.redirect_stdout(io.StringIO()):
+    with _starting, _guarded(door), contextlib.redirect_stdout(io.StringIO()):
         # It prints a box.
         server = _started(lambda: viser.ViserServer(host=host, port=port, verbose=False))
     if port and server.get_port() != port:
@@ -57,7 +67,8 @@ def open_page(label: str, *, host: str = LOOPBACK, port: int = 0) -> Page:
     _refuse_sharing(server)
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.set_panel_label(label)
-    return Page(server=server, address=f"http://{shown_host(host)}:{server.get_port()}/{token}/")
+    door.port = server.get_port()
+    return Page(server=server, door=door, address=door.new_address())
 
 
 def _started(make: Callable[[], Any]) -> Any:
@@ -91,18 +102,18 @@ def _started(make: Callable[[], Any]) -> Any:
 
 
 @contextlib.contextmanager
-def _guarded(token: str) -> Iterator[None]:
-    """Let a server that starts now refuse whoever does not know the token.
+def _guarded(door: Door) -> Iterator[None]:
+    """Let a server that starts now refuse whoever does not come through the door.
 
     viser has no such option, but all of its requests pass `process_request` of websockets. Its
-    page opens its websocket at its own address, with the token.
+    page opens its websocket at its own address.
     """
     from websockets.asyncio import server as websockets  # noqa: PLC0415  (an extra)
 
     serve = websockets.serve
 
     def guarded(*args: Any, process_request: Process, **named: Any) -> Any:
-        return serve(*args, process_request=only_with(token, process_request), **named)
+        return serve(*args, process_request=door.guard(process_request), **named)
 
     websockets.serve = guarded  # type: ignore[assignment,misc]  # for as long as it starts
     try:
