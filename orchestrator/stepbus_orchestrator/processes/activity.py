@@ -16,14 +16,13 @@ class Activity:
 
     is_stopped: by a signal or a debugger. waits_for_disk: one waits for a device, and takes no
     signal meanwhile. is_running: one computes, or would if it had a processor. cpu_s: processor
-    time so far [s]. crowd: who keeps the ports that it connects to busy, in words.
+    time so far [s].
     """
 
     is_stopped: bool = False
     waits_for_disk: bool = False
     is_running: bool = False
     cpu_s: float = 0.0
-    crowd: str = ""
 
     def reason(self, target: int, elapsed_s: float) -> str:
         """Return in words why the process may not get on; empty: nobody knows.

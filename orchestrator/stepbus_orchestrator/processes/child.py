@@ -1,14 +1,13 @@
 """One participant's process, owned from its start to its end."""
 
 import contextlib
-import dataclasses
 import errno
 import os
 import signal
 import subprocess
 import threading
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
@@ -16,7 +15,6 @@ from stepbus_participant import append_to, last_error
 
 from .activity import Activity, activity
 from .bounded_log import BoundedLog
-from .links.port_users import crowd
 
 TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""
@@ -30,8 +28,7 @@ class Child:
     """A process in a session of its own, so that Ctrl-C in the terminal does not reach it.
 
     name: the participant. log: where its stdout and stderr go. has_terminal: they go where ours
-    go instead, and its stdin is ours. ports: TCP ports of the run that it connects to. pid: its
-    process id and group.
+    go instead, and its stdin is ours. pid: its process id and group.
     """
 
     late = None
@@ -46,10 +43,8 @@ class Child:
         log: Path,
         environment: Mapping[str, str],
         has_terminal: bool = False,
-        ports: Collection[int] = (),
     ) -> None:
         self.name = name
-        self._ports = ports
         self.log = log
         self._bounded_log = BoundedLog(log)
         self._lock = threading.Lock()
@@ -139,8 +134,7 @@ class Child:
 
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
-        found = activity(self.pid)
-        return dataclasses.replace(found, crowd=crowd(self._ports)) if self._ports else found
+        return activity(self.pid)
 
     def how_it_ended(self) -> str:
         """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""

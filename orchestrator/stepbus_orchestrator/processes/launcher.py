@@ -23,7 +23,6 @@ from .child import Child
 from .environment import PYTHON
 from .external import External
 from .links.cut import cut_links
-from .links.endpoints import tcp_ports
 from .links.shared_ticket import JoinTicket, SharedTicket
 from .reaping import Reaper
 
@@ -81,7 +80,6 @@ class Launcher:
             log=self._logs / f"{spec.name}.log",
             environment=participant_environment(path),
             has_terminal=has_terminal,
-            ports=tcp_ports(endpoint),
         )
         self._reaper.watch(child.pid)
         self.children[spec.name] = child

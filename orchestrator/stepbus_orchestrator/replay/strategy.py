@@ -1,7 +1,6 @@
 """The strategy of a replay: one participant is started, its peers are played."""
 
-from collections.abc import Callable, Collection
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 from stepbus_orchestrator.processes.links.endpoints import Mesh
@@ -34,7 +33,7 @@ class Replay:
         mesh: Mesh,
     ) -> None:
         self.peers = peers
-        self._mesh = mesh
+        self.mesh = mesh
         self._spec = spec
         self._start = start
         self._recorded = recorded
@@ -58,10 +57,6 @@ class Replay:
         process = self._start()
         participant = ParticipantState(self._spec, process, self.newest_step)
         state.participants = {self._spec.name: participant}
-
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what the participant's start needs and somebody has removed."""
-        return self._mesh.lost(name, alive)
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how all outputs were described when they were recorded."""

@@ -5,6 +5,7 @@ import ctypes
 import importlib
 import json
 import os
+import re
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -30,6 +31,8 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 _OPEN_S = 10.0
 _LIMITS = "may this user start enough threads (ulimit -u) and open enough files (ulimit -n)?"
 _LEASE_MS = 3_600_000
+_SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
+"""Where in Zenoh's source an error was made, on the machine that built it."""
 _ACCEPT_MS = 1000
 """How long a link may take to open; a session that closes waits for those that never do."""
 
@@ -170,8 +173,9 @@ class ZenohBus:
                 self._session: Any = _opened(zenoh, config)
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
+            why = _SOURCE.sub("", str(exc)).strip()
             cause = _gone(endpoint) or "is the port or socket in use by another run?"
-            raise BusError(f"cannot listen on {where}: {exc}; {cause}") from exc
+            raise BusError(f"cannot listen on {where}: {why}; {cause}") from exc
         finally:
             if users_file is not None:
                 with contextlib.suppress(OSError):

@@ -6,15 +6,8 @@ import subprocess
 import sys
 
 import pytest
-from support.runs.joints import write_scenario
-from support.runs.kernel import Process
 
-from stepbus_orchestrator import load
-from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.processes.activity import Activity
-from stepbus_orchestrator.processes.links.port_users import crowd
-from stepbus_orchestrator.run.kernel.failures import late_to_start
-from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.processes.links.port_users import PortUsers
 
 INTRUDER = """
 import os, pwd, socket, sys, time
@@ -22,6 +15,17 @@ os.setuid(pwd.getpwnam("nobody").pw_uid)
 kept = socket.socket()
 kept.connect(("127.0.0.1", int(sys.argv[1])))
 print("connected", flush=True)
+time.sleep(60)
+"""
+
+TAKER = """
+import os, pwd, socket, sys, time
+os.setuid(pwd.getpwnam("nobody").pw_uid)
+family = getattr(socket, sys.argv[1])
+server = socket.socket(family)
+server.bind((sys.argv[2], 0))
+server.listen()
+print(server.getsockname()[1], flush=True)
 time.sleep(60)
 """
 
@@ -34,37 +38,57 @@ def listening():
         yield server.getsockname()[1]
 
 
-def test_a_port_that_nobody_else_uses_is_not_crowded(listening):
+def seen(*ports):
+    users = PortUsers(ports)
+    assert users.look() == ""
+    return users.seen()
+
+
+def test_a_port_that_nobody_else_uses_is_nobody_elses(listening):
     with socket.create_connection(("127.0.0.1", listening)):
-        assert crowd([listening]) == ""
-    assert crowd([]) == ""
+        assert seen(listening) == ""
+    assert seen() == ""
 
 
 def test_connections_that_wait_are_counted(listening):
     clients = [socket.create_connection(("127.0.0.1", listening)) for _ in range(12)]
-    assert crowd([listening]) == "12 connections to its TCP ports wait to be accepted"
+    assert seen(listening) == "12 connections to a TCP port of the run wait to be accepted"
     for client in clients:
         client.close()
 
 
+def test_the_port_of_a_process_that_has_ended_is_anothers(listening):
+    words = f"another process has taken TCP port {listening} of the run"
+    assert PortUsers([listening]).seen([listening]) == words
+    assert PortUsers([listening]).seen([listening + 1]) == ""
+
+
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
-def test_another_user_is_named(listening):
+def test_another_user_is_named_and_remembered(listening):
     stranger = subprocess.Popen(
         [sys.executable, "-S", "-c", INTRUDER, str(listening)], stdout=subprocess.PIPE
     )
+    users = PortUsers([listening])
     try:
         assert stranger.stdout.readline() == b"connected\n"
-        assert crowd([listening]) == "user nobody connects to its TCP ports"
-        assert crowd([listening + 1]) == ""
+        assert users.look() == ""
+        assert seen(listening + 1) == ""
     finally:
         stranger.kill()
         stranger.communicate()
+    assert users.seen() == "user nobody connects to the TCP ports of the run"
 
 
-def test_a_participant_that_strangers_keep_from_the_bus_is_not_blamed(tmp_path):
-    process = Process()
-    process.activity = lambda: Activity(crowd="user eve connects to its TCP ports")
-    spec = load(write_scenario(tmp_path)).participant("controller")
-    failure = late_to_start(ParticipantState(spec, process))
-    assert (failure.code, failure.participant) == (ExitCode.BUS, None)
-    assert "has not reached the bus; user eve connects to its TCP ports" in str(failure)
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
+@pytest.mark.parametrize(("family", "host"), [("AF_INET", "127.0.0.1"), ("AF_INET6", "::")])
+def test_another_user_on_a_port_is_named(family, host):
+    stranger = subprocess.Popen(
+        [sys.executable, "-S", "-c", TAKER, family, host], stdout=subprocess.PIPE
+    )
+    try:
+        port = int(stranger.stdout.readline())
+        assert PortUsers([port]).look() == f"user nobody has taken TCP port {port} of the run"
+        assert PortUsers([port + 1]).look() == ""
+    finally:
+        stranger.kill()
+        stranger.communicate()

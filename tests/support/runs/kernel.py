@@ -255,6 +255,7 @@ class Launched:
     """A strategy that starts the processes of a bus in memory."""
 
     peers = NoPeers()
+    mesh = None
 
     def __init__(self, bus):
         self._bus = bus
@@ -264,9 +265,6 @@ class Launched:
             member = ParticipantState(spec, self._bus.processes[spec.name])
             state.participants = {**state.participants, spec.name: member}
         self._bus.launched()
-
-    def lost(self, name, alive):
-        return None
 
     def descriptions(self, participants):
         return ready_descriptions(participants)

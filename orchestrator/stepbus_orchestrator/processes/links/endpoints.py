@@ -13,6 +13,7 @@ from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Endpoint
 
 from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, passwords
+from .port_users import PortUsers
 
 _SOCKET_PATH_BYTES = 107
 _NOT_IN_ADDRESSES = "#?"
@@ -23,14 +24,15 @@ _UNIX = "unixsock-stream/"
 class Mesh:
     """The endpoints of one run: each participant links to the orchestrator and those before it.
 
-    folder: the private one. caller: the endpoint of a caller from outside. tickets: of participants
-    that somebody else starts, which are elsewhere.
+    folder: the private one. caller: the endpoint of a caller from outside. users: of its TCP ports.
+    tickets: of participants that somebody else starts, which are elsewhere.
     """
 
     folder: Path
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
     caller: Endpoint
+    users: PortUsers
     tickets: dict[str, Path] = field(default_factory=dict)
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
@@ -103,6 +105,7 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
     }
     return Mesh(
         folder=folder,
+        users=PortUsers([port for one in endpoints.values() for port in tcp_ports(one)]),
         orchestrator=endpoints.pop(ORCHESTRATOR),
         caller=endpoints.pop(CALLER),
         participants=endpoints,
@@ -189,8 +192,8 @@ def _ports(base: int | None, count: int) -> list[int]:
 
 
 def tcp_ports(endpoint: Endpoint) -> list[int]:
-    """Return the ports that an endpoint connects to, where it does so over TCP."""
-    addresses = [address for address in endpoint.connect if address.startswith("tls/")]
+    """Return the ports that an endpoint listens on, where it does so over TCP."""
+    addresses = [address for address in endpoint.listen if address.startswith("tls/")]
     return [int(address.rpartition(":")[2]) for address in addresses]
 
 

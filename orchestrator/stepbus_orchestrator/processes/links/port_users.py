@@ -1,44 +1,108 @@
-"""Who else is connected to the TCP ports of a run, as the kernel tells it: proc(5), net/tcp."""
+"""Who else uses the TCP ports of a run, as the kernel tells it: proc(5), net/tcp and net/tcp6."""
 
 import os
 import pwd
-from collections.abc import Collection, Iterator
+import sys
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+_ROOT = 0
+_HERE = (f"{int.from_bytes(bytes([127, 0, 0, 1]), sys.byteorder):08X}", "00000000")
+"""127.0.0.1 and any address, as the kernel writes them."""
 _LISTENS = "0A"
-_NO_OWNER = ("06", "0A")
-"""A connection in TIME_WAIT has no owner any more; a port that listens has no peer."""
 _BACKLOG = 8
 """Connections that wait to be accepted; those of a run are accepted as they come."""
 
 
-def crowd(ports: Collection[int]) -> str:
-    """Return in words who keeps some ports of this machine busy; empty: nobody is seen to.
+class PortUsers:
+    """Who else was seen to use the TCP ports of a run.
 
-    ports: that processes of this user listen on.
+    ports: that its processes listen on; none, where it uses other sockets. What comes and goes is
+    seen where somebody looks often.
     """
-    rows = [row for row in _rows() if _port(row[1]) in ports or _port(row[2]) in ports]
-    others = {int(row[7]) for row in rows if row[3] not in _NO_OWNER and _port(row[2]) in ports}
-    names = sorted(_name(uid) for uid in others - {os.getuid()})
-    if names:
-        return f"{' and '.join(names)} connects to its TCP ports"
-    waiting = [int(row[4].partition(":")[2], 16) for row in rows if row[3] == _LISTENS]
-    count = max(waiting, default=0)
-    return f"{count} connections to its TCP ports wait to be accepted" if count > _BACKLOG else ""
+
+    def __init__(self, ports: Collection[int]) -> None:
+        self._ports = frozenset(ports)
+        self._takers: dict[str, set[int]] = {}
+        self._guests: set[str] = set()
+        self._waiting = 0
+
+    def look(self) -> str:
+        """Return in words who has a port of the run now, or links of it; empty: nobody else.
+
+        Root is nobody else: it may do everything.
+        """
+        taken: dict[str, set[int]] = {}
+        for row in _rows() if self._ports else ():
+            name = "" if row.uid in {os.getuid(), _ROOT} else _name(row.uid)
+            if row.port in self._ports and name:
+                taken.setdefault(name, set()).add(row.port)
+                self._takers.setdefault(name, set()).add(row.port)
+            if row.peer in self._ports and row.uid != os.getuid():
+                self._guests.add(_name(row.uid))
+            if row.port in self._ports and row.listens:
+                self._waiting = max(self._waiting, row.waiting)
+        return _words(taken)
+
+    def seen(self, left: Collection[int] = ()) -> str:
+        """Return in words who was seen to keep links from opening; empty: nobody.
+
+        left: ports of processes that have ended.
+        """
+        self.look()
+        if self._takers:
+            return _words(self._takers)
+        held = {row.port for row in (_rows() if left else ()) if row.port in left and row.listens}
+        if held:
+            return _words({"another process": held})
+        if self._guests:
+            return f"{' and '.join(sorted(self._guests))} connects to the TCP ports of the run"
+        if self._waiting > _BACKLOG:
+            return f"{self._waiting} connections to a TCP port of the run wait to be accepted"
+        return ""
 
 
-def _rows() -> Iterator[list[str]]:
-    """Yield the fields of each IPv4 connection; none where the kernel does not tell."""
-    try:
-        lines = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
-    except OSError:
-        return
-    for line in lines:
-        yield line.split()
+def _words(takers: Mapping[str, Collection[int]]) -> str:
+    return " and ".join(
+        f"{name} has taken TCP port {', '.join(map(str, sorted(ports)))} of the run"
+        for name, ports in sorted(takers.items())
+    )
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A socket. port, peer: its own on 127.0.0.1, and that of its other end; 0: elsewhere.
+
+    waiting: connections to be accepted.
+    """
+
+    port: int
+    peer: int
+    listens: bool
+    waiting: int
+    uid: int
+
+
+def _rows() -> Iterator[_Row]:
+    """Yield each socket that a process has open; none where the kernel does not tell."""
+    for name in ("tcp", "tcp6"):
+        try:
+            lines = Path(f"/proc/net/{name}").read_text(encoding="ascii").splitlines()[1:]
+        except OSError:
+            continue
+        for line in lines:
+            _, local, remote, state, queues, _, _, uid, _, inode, *_ = line.split()
+            # What no process has, such as a connection that is just closing, belongs to root.
+            if inode != "0":
+                waiting = int(queues.partition(":")[2], 16)
+                yield _Row(_port(local), _port(remote), state == _LISTENS, waiting, int(uid))
 
 
 def _port(address: str) -> int:
-    return int(address.partition(":")[2], 16)
+    host, _, port = address.partition(":")
+    # An IPv4 address in one of IPv6 is at its end.
+    return int(port, 16) if host[-8:] in _HERE else 0
 
 
 def _name(uid: int) -> str:

@@ -1,10 +1,10 @@
 """The prefix of a run from a recording: each participant repeats what is recorded of it."""
 
 import time
-from collections.abc import Collection, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from types import MappingProxyType
 
+from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import (
     Descriptions,
     Recording,
@@ -104,9 +104,10 @@ class _Branch:
         state.barrier.window = max(WINDOW, state.scenario.window)
         self._live.launch(state)
 
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what the start of a participant needs and somebody has removed."""
-        return self._live.lost(name, alive)
+    @property
+    def mesh(self) -> Mesh | None:
+        """Return the endpoints of its processes."""
+        return self._live.mesh
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""

@@ -2,12 +2,12 @@
 
 import dataclasses
 import threading
-from collections.abc import Collection, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import msgspec
 
 from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants
@@ -110,9 +110,10 @@ class _Describe:
         """Start the participants, as for a run."""
         self._live.launch(state)
 
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what the start of a participant needs and somebody has removed."""
-        return self._live.lost(name, alive)
+    @property
+    def mesh(self) -> Mesh | None:
+        """Return the endpoints of its processes."""
+        return self._live.mesh
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Keep how the participants describe their outputs."""

@@ -3,7 +3,7 @@
 import contextlib
 import math
 import threading
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed
@@ -50,6 +50,9 @@ class LocalRun:
     bus: the orchestrator's, whose network the participants join. logs: folder of their logs.
     groups: process groups of the programs that they have started.
     """
+
+    mesh = None
+    """They need no endpoints."""
 
     def __init__(
         self,
@@ -183,9 +186,6 @@ class LocalRun:
         if seat is not None and seat.name == spec.name:
             return Guest(seat)
         return Program(start_command(spec, folder)[1:], folder)
-
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return None: nothing of a run in one process is in a private folder."""
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""

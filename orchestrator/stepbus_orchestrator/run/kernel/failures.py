@@ -1,7 +1,6 @@
 """The failures of a run, each with its sentence: who, at which step, the numbers, what to check."""
 
 from stepbus_orchestrator.errors import (
-    BusFailed,
     ParticipantDied,
     ParticipantFault,
     RunFailure,
@@ -53,20 +52,12 @@ def owed_step(name: str, participants: Participants, barrier: Barrier) -> int:
     return owed
 
 
-def late_to_start(participant: ParticipantState) -> RunFailure:
-    """Return the failure of a participant that is not ready in time, or keeps others from it.
-
-    Where a stranger keeps the ports of the run busy, it is nobody's.
-    """
+def late_to_start(participant: ParticipantState) -> StartFailed:
+    """Return the failure of a participant that is not ready in time, or keeps others from it."""
     phase = PHASE_DEADLINES.get(participant.phase, "ready")
     what, why = _start(participant, phase)
     activity = participant.process.activity()
     cause = activity.reason(_target(participant), participant.in_phase_s)
-    if activity.crowd and not cause:
-        return BusFailed(
-            f"before the first step: {participant.who()} {what}; {activity.crowd}, which keeps "
-            f"links from opening. Use `--transport unix`, whose sockets other users cannot reach"
-        )
     return StartFailed(
         f"before the first step: {participant.who()} {what}; {cause or why} "
         f"It had {_limit(participant.spec, phase)}; {participant.where_it_prints()}",

@@ -1,9 +1,9 @@
 """What differs between a run, a replay and a description: who is started, who is played."""
 
 from collections.abc import Collection, Iterable, Mapping
-from pathlib import Path
 from typing import Protocol
 
+from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.gates import Gate
@@ -59,8 +59,9 @@ class Strategy(Protocol):
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how all outputs are described, once all participants are ready."""
 
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what the start of a participant needs and somebody has removed (`Mesh.lost`)."""
+    @property
+    def mesh(self) -> Mesh | None:
+        """Return the endpoints of its processes; None: they are all in this one."""
 
 
 class Prefix(Protocol):

@@ -1,10 +1,9 @@
 """Start-up: participants are started, admitted and ready; then the clock starts (P4)."""
 
 import time
-from pathlib import Path
 
-from stepbus_orchestrator.errors import BusFailed, ParticipantFault, StartFailed
-from stepbus_orchestrator.processes.links.endpoints import gone
+from stepbus_orchestrator.errors import BusFailed, ParticipantFault, RunFailure, StartFailed
+from stepbus_orchestrator.processes.links.endpoints import Mesh, gone, tcp_ports
 from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
@@ -15,49 +14,63 @@ from stepbus_schemas import Start, encode
 
 _LEAVING_S = 3.0
 _CHECK_S = 0.05
+_USE_UNIX = "use `--transport unix`, whose sockets other users cannot reach"
 
 
 def start_up(loop: RunLoop) -> RunPhase:
     """Start every participant, wait until all are ready, and publish the `Start`.
 
-    Raises BusFailed, and blames nobody, where somebody removed what the start needs.
+    Raises BusFailed, and blames nobody, where somebody removed what the start needs, or uses the
+    TCP ports of the run.
     """
     try:
         return _start(loop)
     except (StartFailed, ParticipantFault) as exc:
-        lost = _lost(loop, exc.participant)
-        if lost is None:
+        why = "" if loop.strategy.mesh is None else _obstacle(loop, loop.strategy.mesh, exc)
+        if not why:
             raise
-        raise BusFailed(f"{gone(lost)} ({exc})") from exc
+        raise BusFailed(f"{why} ({exc})") from exc
 
 
-def _lost(loop: RunLoop, blamed: str | None) -> Path | None:
-    """Return what somebody removed of what the start needs; None: nothing.
+def _obstacle(loop: RunLoop, mesh: Mesh, failure: RunFailure) -> str:
+    """Return what kept the participants from starting that is no fault of theirs; empty: nothing.
 
     Whoever ends, since it was refused, takes its socket away a moment before.
     """
     participants = loop.state.participants
+    blamed = failure.participant if failure.participant in participants else None
     end_s = time.monotonic() + _LEAVING_S
     while True:
+        ended = [name for name, one in participants.items() if one.process.exit_code() is not None]
         alive = [
             name
             for name, participant in participants.items()
-            if participant.phase > Phase.SPAWNED and participant.process.exit_code() is None
+            if participant.phase > Phase.SPAWNED and name not in ended
         ]
-        lost = loop.strategy.lost(blamed if blamed in participants else None, alive)
+        lost = mesh.lost(blamed, alive)
         if lost is None or time.monotonic() > end_s:
-            return lost
+            break
         time.sleep(_CHECK_S)
+    if lost is not None:
+        return gone(lost)
+    left = [port for name in ended for port in tcp_ports(mesh.participants[name])]
+    users = mesh.users.seen(left)
+    return users and f"{users}, which keeps links from opening; {_USE_UNIX}"
 
 
 def _start(loop: RunLoop) -> RunPhase:
     state = loop.state
     loop.strategy.launch(state)
+    mesh = loop.strategy.mesh
     while not state.is_ready:
         loop.strategy.peers.send_handshake()
         if loop.controls.invitations is not None:
             loop.controls.invitations.remind(state.participants.values())
+        if mesh is not None:
+            mesh.users.look()
         loop.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
+    if mesh is not None:
+        _check_links(mesh)
     loop.descriptions = loop.strategy.descriptions(state.participants)
     inputs = input_descriptions(state.scenario, loop.descriptions)
     check_descriptions(state.participants, inputs)
@@ -72,6 +85,17 @@ def _start(loop: RunLoop) -> RunPhase:
     state.started_at = time.monotonic()
     loop.announcer.start(message)
     return RunPhase.STEPPING
+
+
+def _check_links(mesh: Mesh) -> None:
+    """Raise BusFailed where a link leads through somebody else, who could cut it at any step.
+
+    A relay cannot read or change what is encrypted. It had the port before its owner, and has a
+    connection at it for as long as it passes on what comes.
+    """
+    users = mesh.users.look()
+    if users:
+        raise BusFailed(f"before the first step: {users}, and may stand in a link; {_USE_UNIX}")
 
 
 def _open_channels(loop: RunLoop) -> None:

@@ -1,8 +1,5 @@
 """The strategy of a run: every participant is started, here or by somebody else."""
 
-from collections.abc import Collection
-from pathlib import Path
-
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
@@ -29,7 +26,7 @@ class LiveRun:
     ) -> None:
         self.peers = NoPeers()
         self._launcher = launcher
-        self._mesh = mesh
+        self.mesh = mesh
         self._timing = timing
         self._options = options
         self._invitations = invitations
@@ -47,7 +44,7 @@ class LiveRun:
         child = self._launcher.start(
             spec,
             start_command(spec, scenario.folder),
-            self._mesh.participants[spec.name],
+            self.mesh.participants[spec.name],
             scenario.folder,
             faults=message_faults(scenario, spec.name),
             has_terminal=spec.name in self._options.debug,
@@ -62,22 +59,18 @@ class LiveRun:
         scenario = state.scenario
         external = self._launcher.admit(
             spec,
-            self._mesh.participants[spec.name],
+            self.mesh.participants[spec.name],
             self._options.tickets.get(spec.name, self._options.out / f"{spec.name}.ticket"),
             scenario.folder,
             faults=message_faults(scenario, spec.name),
             profile=self._options.profile_order(),
             checkpoint=state.checkpoint_order(spec.name),
         )
-        self._mesh.tickets[spec.name] = external.ticket.path
+        self.mesh.tickets[spec.name] = external.ticket.path
         self._timing.event("external", spec.name)
         admitted = ParticipantState(spec, external, external=external)
         self._invitations.add(admitted)
         return admitted
-
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what the start of a participant needs and somebody has removed."""
-        return self._mesh.lost(name, alive)
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""

@@ -1,0 +1,222 @@
+"""Another user of the same machine: on the TCP ports of a run, at its pages and its processes."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import psutil
+import pytest
+from support.runs.second_user import needs_second_user, second_user
+from support.surroundings import comes_true
+
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
+
+AWAIT = """
+first = int(sys.argv[1])
+print("ready", flush=True)
+while f"0100007F:{first:04X} 00000000:0000 0A" not in open("/proc/net/tcp").read():
+    time.sleep(0.001)
+"""
+"""Waits until the orchestrator of a run listens on its first port."""
+
+SQUAT = (
+    AWAIT
+    + """
+held = []
+for port in range(first + 1, first + 4):
+    server = socket.create_server(("127.0.0.1", port))
+    held.append(server)
+time.sleep(1000)
+"""
+)
+BABBLE = (
+    AWAIT
+    + """
+def babble():
+    while True:
+        for port in range(first, first + 4):
+            try:
+                with socket.create_connection(("127.0.0.1", port), 0.5) as link:
+                    link.sendall(b"nonsense")
+            except OSError:
+                pass
+
+for _ in range(4):
+    threading.Thread(target=babble).start()
+"""
+)
+RELAY = (
+    AWAIT
+    + """
+with socket.create_server(("127.0.0.1", first + 2)) as server:
+    link, _ = server.accept()
+while True:
+    try:
+        onward = socket.create_connection(("127.0.0.1", first + 2))
+        break
+    except OSError:
+        time.sleep(0.001)
+
+def pass_on(source, target):
+    while data := source.recv(65536):
+        target.sendall(data)
+
+for ends in ((link, onward), (onward, link)):
+    threading.Thread(target=pass_on, args=ends).start()
+"""
+)
+SLOW = """
+name: slow
+extends: two_link
+duration: 1s
+participants:
+  controller:
+    exec: [sh, -c, 'sleep 2; exec "$0" -m stepbus_controller', {python}]
+"""
+
+
+def free_ports():
+    """Return the first of four ports in a row that are free, and that no connection is given."""
+    first = 20_000 + 8 * (os.getpid() % 1000)
+    while not all(is_free(port) for port in range(first, first + 4)):
+        first += 4
+    return first
+
+
+def is_free(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) != 0
+
+
+def run_under(attack, tmp_path, *words, scenario="two_link", is_other=True):
+    """Run a scenario over TCP under an attack; returns exit code, error and result.json."""
+    first = free_ports()
+    out = tmp_path / "run"
+    command = [*STEPBUS, "run", scenario, "--transport", "tcp", "--set", f"bus.port={first}"]
+    with second_user(attack, first, is_other=is_other) as attacker:
+        assert attacker.stdout.readline() == "ready\n"
+        done = subprocess.run(
+            [*command, *words, "--no-report", "--out", out],
+            capture_output=True, text=True, check=False, timeout=200,
+        )  # fmt: skip
+    return done.returncode, done.stderr, json.loads((out / "result.json").read_bytes())
+
+
+@pytest.mark.parametrize(
+    ("is_other", "who"),
+    [pytest.param(True, "user nobody", marks=needs_second_user), (False, "another process")],
+)
+def test_a_port_that_somebody_takes_first_is_the_fault_of_no_participant(tmp_path, is_other, who):
+    code, error, result = run_under(SQUAT, tmp_path, is_other=is_other)
+    assert (code, result["participant"]) == (7, None)
+    assert f"{who} has taken TCP port " in error
+    assert "Address already in use" in error
+    assert ".rs:" not in error
+
+
+@pytest.mark.slow
+@needs_second_user
+def test_nonsense_from_the_start_is_the_fault_of_no_participant(tmp_path):
+    code, error, result = run_under(BABBLE, tmp_path, "--set", "duration=100ms")
+    assert result["participant"] is None
+    assert code == 0 or (code == 7 and "user nobody connects to the TCP ports of the run" in error)
+
+
+@needs_second_user
+def test_no_run_starts_over_links_that_lead_through_somebody_else(tmp_path):
+    scenario = tmp_path / "slow.yaml"
+    scenario.write_text(SLOW.format(python=json.dumps(sys.executable)))
+    code, error, result = run_under(RELAY, tmp_path, scenario=scenario)
+    assert (code, result["steps"], result["participant"]) == (7, 0, None)
+    assert re.search(r"user nobody has taken TCP port \d+ of the run, and may stand in a l", error)
+
+
+def family_of(process):
+    """Return the processes of a command, as long as they run."""
+    parent = psutil.Process(process.pid)
+    return [parent, *parent.children(recursive=True)]
+
+
+def listening(process):
+    """Return the addresses that a command listens on, as `ss -ltn` shows them."""
+    return {
+        found.laddr.ip
+        for member in family_of(process)
+        for found in member.net_connections("inet")
+        if found.status == psutil.CONN_LISTEN
+    }
+
+
+SPY = """
+pids, private, address = sys.argv[1].split(), sys.argv[2], sys.argv[3]
+def tried(what):
+    try:
+        what()
+    except OSError:
+        return False
+    return True
+def connect(path):
+    with socket.socket(socket.AF_UNIX) as link:
+        link.connect(path)
+got = [f"{name} of {pid}" for pid in pids for name in ("environ", "mem", "fd/1")
+       if tried(lambda: open(f"/proc/{pid}/{name}", "rb").read(1))]
+got += [name for name in ("", "/0.sock", "/plant.ticket")
+        if tried(lambda: connect(private + name)) or tried(lambda: os.stat(private + name + "/."))]
+got += [path for path in (address, address.rsplit("/", 2)[0] + "/")
+        if tried(lambda: urllib.request.urlopen(path, timeout=60))]
+words = "".join(open(f"/proc/{pid}/cmdline").read() for pid in pids)
+print(got, address.rsplit("/", 2)[1] in words, flush=True)
+"""
+
+
+OPEN = """
+print(urllib.request.urlopen(sys.argv[1], timeout=60).status, flush=True)
+"""
+
+
+@pytest.fixture
+def open_folder():
+    """A folder that every user may enter, as that of a test is not."""
+    with tempfile.TemporaryDirectory(prefix="stepbus-test-") as folder:
+        Path(folder).chmod(0o755)
+        yield Path(folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("transport", ["unix", "tcp"])
+def test_another_user_gets_nothing_of_a_run_with_its_pages(open_folder, transport):
+    out, temporary = open_folder / "run", open_folder / "tmp"
+    temporary.mkdir()
+    command = [*STEPBUS, "run", "two_link", "--transport", transport, "--real-time", "--no-report"]
+    with subprocess.Popen(
+        [*command, "--set", "duration=1h", "--view", "--no-open", "--foxglove", "--out", out],
+        env={**os.environ, "TMPDIR": str(temporary)}, umask=0, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        try:
+            lines = [process.stderr.readline() for _ in range(2)]
+            assert comes_true((out / ".live.json").exists)
+            page = next(m[0] for line in lines if (m := re.search(r"http://\S+", line)))
+            (private,) = [path for path in temporary.glob("stepbus-*") if path.name[8:12] != "view"]
+            assert comes_true((private / "mission.ticket").exists)
+            assert listening(process) == {"127.0.0.1"}
+            # The owner opens the page first: the address has been used when the other user comes.
+            with second_user(OPEN, page, is_other=False) as owner:
+                assert owner.communicate()[0] == "200\n"
+            pids = " ".join(str(member.pid) for member in family_of(process))
+            if os.getuid() == 0:
+                with second_user(SPY, pids, private, page) as spy:
+                    assert spy.communicate()[0] == "[] False\n"
+            # The owner's own eyes see something: the program does look.
+            with second_user(SPY, pids, private, page, is_other=False) as spy:
+                assert f"environ of {process.pid}" in spy.communicate()[0]
+            assert (out / ".live.json").stat().st_mode & 0o077 == 0
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=100)
