@@ -1,7 +1,8 @@
 """Write what follows from the message types: `python -m stepbus_schemas.generate [--check]`.
 
 That is the JSON Schemas, the byte vectors and `docs/reference/messages.md`. With `--check`, it
-writes nothing and exits with 1 when a file is out of date.
+writes nothing and exits with 1 when a file is out of date. Where a vector that was published under
+the present protocol number has changed its meaning, it exits with 1 and writes nothing.
 """
 
 import argparse
@@ -11,17 +12,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from .derived.published import Published, broken, published
 from .derived.schema import json_schema
 from .derived.tables import messages_page
 from .derived.vectors import from_notation, line_by_line, vectors
 from .messages import MESSAGE_TYPES
-from .protocol import ENVELOPE_TYPES
+from .protocol import ENVELOPE_TYPES, PROTOCOL_VERSION
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Where this file lies in a checkout of the repository."""
 
 SCHEMAS_FOLDER = "schemas/json"
 VECTORS_FILE = "schemas/vectors.json"
+PUBLISHED_FILE = f"schemas/published/{PROTOCOL_VERSION}.json"
 _VECTORS = CHECKOUT / VECTORS_FILE
 
 
@@ -32,9 +35,17 @@ def generated_files(root: Path) -> dict[Path, str]:
         for name in (*MESSAGE_TYPES, *ENVELOPE_TYPES)
     }
     known = json.loads(_VECTORS.read_text(encoding="utf-8"), object_hook=from_notation)
-    files[root / VECTORS_FILE] = line_by_line(vectors(known), 4) + "\n"
+    ours = vectors(known)
+    files[root / VECTORS_FILE] = line_by_line(ours, 4) + "\n"
+    files[root / PUBLISHED_FILE] = line_by_line(published(published_vectors(), ours), 3) + "\n"
     files[root / "docs/reference/messages.md"] = messages_page()
     return files
+
+
+def published_vectors(number: int = PROTOCOL_VERSION) -> Published:
+    """Return every vector that was published under a protocol number; nothing for a new one."""
+    path = CHECKOUT / f"schemas/published/{number}.json"
+    return json.loads(path.read_bytes()) if path.is_file() else {}
 
 
 def stale_files(root: Path) -> list[Path]:
@@ -74,6 +85,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     check = parser.parse_args(arguments).check
     if not (CHECKOUT / "pyproject.toml").is_file():
         parser.error(f"{CHECKOUT} is no checkout of stepbus; run this from one")
+    wrong = broken(published_vectors())
+    for name, rows in wrong.items():
+        sys.stdout.write(
+            f"{name}: {len(rows)} vectors of protocol {PROTOCOL_VERSION} mean something else now, "
+            f"such as {rows[0]}; add fields with a default only, or raise PROTOCOL_VERSION\n"
+        )
+    if wrong:
+        return 1
     changed = stale_files(CHECKOUT) if check else write(CHECKOUT)
     verb = "out of date, run `python -m stepbus_schemas.generate`" if check else "written"
     for path in changed:

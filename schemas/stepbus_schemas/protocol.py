@@ -1,4 +1,4 @@
-"""Protocol 1: the envelopes between participants and the orchestrator (docs/protocol.md).
+"""Protocol 2: the envelopes between participants and the orchestrator (docs/protocol.md).
 
 Each envelope is a MessagePack map. Unknown fields are ignored; missing or mistyped ones make it
 malformed. `token` is the run's secret: an envelope without it changes nothing.
@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
+"""A layout that changes gets a new number; docs/protocol.md has the changes (P14.1)."""
 HANDSHAKE_STEP = -1
 """The step of an `Outputs` that proves a link and carries no data."""
 

@@ -238,7 +238,7 @@ def test_no_mutated_stamp_is_of_this_run():
 def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
     mutator = Mutator(9)
     welcome = Welcome(
-        protocol=1, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
+        protocol=2, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
         batch=1, seed=0, inputs={}, outputs={}, params={"gains": [1, {"a": None}]}, folder="/",
     )  # fmt: skip
     ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
@@ -252,7 +252,7 @@ def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
 
 def test_whoever_else_answers_a_hello_keeps_nobody_out():
     welcome = Welcome(
-        protocol=1, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
+        protocol=2, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
         batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
     )  # fmt: skip
     unauthenticated = msgspec.structs.replace(welcome, token=OLD_TOKEN)

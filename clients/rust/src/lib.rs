@@ -1,4 +1,4 @@
-//! Take part in a run of stepbus: protocol 1 over Zenoh.
+//! Take part in a run of stepbus: protocol 2 over Zenoh.
 //!
 //! Implement [`Participant`] and hand it to [`run`]. Written from stepbus' `docs/protocol.md`;
 //! `P7.3` in a comment is a clause of that page.

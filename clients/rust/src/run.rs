@@ -16,7 +16,7 @@ use crate::participant::{Inputs, Participant, Ports};
 use crate::session::{Leave, Session};
 use crate::ticket::Ticket;
 
-const PROTOCOL: i64 = 1;
+const PROTOCOL: i64 = 2;
 
 /// Takes part in the run of the ticket, from joining to the exit code.
 ///

@@ -54,7 +54,7 @@ fn a_type_without_forms_cannot_be_declared() {
 #[test]
 fn hello_carries_the_declarations() {
     let hello = Hello {
-        protocol: 1,
+        protocol: 2,
         name: "probe".to_owned(),
         token: "0".to_owned(),
         pid: 1,

@@ -103,7 +103,8 @@ def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
             raise RunError(f"the answer to our Hello is {exc}") from exc
     if welcome.protocol != PROTOCOL_VERSION:
         raise AdmissionRefused(
-            f"the orchestrator speaks protocol {welcome.protocol}, this program {PROTOCOL_VERSION}"
+            f"the orchestrator speaks protocol {welcome.protocol}, this program "
+            f"{PROTOCOL_VERSION}; docs/protocol.md has the changes between them"
         )
     if (welcome.token, welcome.name) != (ticket.token, ticket.name):
         raise AdmissionRefused(

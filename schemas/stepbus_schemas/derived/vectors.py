@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from stepbus_schemas.protocol import PROTOCOL_VERSION
 from stepbus_schemas.types import Types, examples
 
 from .refusals import Refusal, Value, refusals
@@ -46,7 +47,11 @@ def vectors(known: Mapping[str, Any]) -> dict[str, Any]:
         name: _of_type(json_schema(name), groups["exact"])
         for name, groups in known["types"].items()
     }
-    return {"notation": NOTATION, "types": dict(sorted(types.items()))}
+    return {
+        "protocol": PROTOCOL_VERSION,
+        "notation": NOTATION,
+        "types": dict(sorted(types.items())),
+    }
 
 
 def types_vectors(types: Types) -> str:

@@ -43,7 +43,7 @@ class Bus:
 def outbox(bus, most, *, batch=100):
     made = Outbox(
         Welcome(
-            protocol=1, name="mission", token=TOKEN, step_ns=5, every=1, publishes="last",
+            protocol=2, name="mission", token=TOKEN, step_ns=5, every=1, publishes="last",
             window=64, batch=batch, seed=0, inputs={}, params={}, folder="/",
             outputs={"state": OutputConfig(type="JointState/1")},
         ),

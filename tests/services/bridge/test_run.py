@@ -25,7 +25,7 @@ def commands(result):
 LOGGED = {
     "json": "['hip', 'knee']",
     "msgpack": "['hip', 'knee']",
-    "raw": "(1.0, 0.005, 1.0, 0.0, 16.0, 3.0, ",
+    "raw": "(2.0, 0.005, 1.0, 0.0, 16.0, 3.0, ",
 }
 
 

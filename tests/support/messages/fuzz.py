@@ -41,7 +41,7 @@ def envelopes(token: str = TOKEN) -> dict[str, Any]:
     raw = msgspec.Raw(encode(outputs(token=token)))
     waiting = Waiting(step=1, sources=["plant"])
     return {
-        "join": Hello(protocol=1, name="controller", token=token, pid=7, outputs={"command": "JointCommand/1"}),
+        "join": Hello(protocol=2, name="controller", token=token, pid=7, outputs={"command": "JointCommand/1"}),
         "ready/controller": Ready(name="controller", token=token, versions={"numpy": "2"}),
         "log/controller": Log(name="controller", token=token, outputs=[raw], timing=[(0, 1, 2)], waiting=waiting),
         "fault/controller": Fault(name="controller", token=token, step=0, type="raised", message="no"),

@@ -80,7 +80,7 @@ def run_plant(factory, *script, publishes="first", step_limit=8, later=()):
     """Return the outputs that a plant publishes, without its handshakes; later: see `Bus`."""
     source = InputConfig(source="controller", port="command", type="JointCommand/1")
     welcome = Welcome(
-        protocol=1, name="plant", token=TOKEN, step_ns=STEP_NS, every=1, publishes=publishes, window=8, batch=4,
+        protocol=2, name="plant", token=TOKEN, step_ns=STEP_NS, every=1, publishes=publishes, window=8, batch=4,
         seed=0, inputs={"command": source}, outputs={"joint_state": OutputConfig(type="JointState/1")},
         params={}, folder="/",
     )  # fmt: skip

@@ -216,7 +216,7 @@ class Controller:
     # --- P4: joining ---
 
     def hello(self):
-        return {"protocol": 1, "name": self.name, "token": self.token, "pid": os.getpid()}
+        return {"protocol": 2, "name": self.name, "token": self.token, "pid": os.getpid()}
 
     def join(self, timeout_s):
         encoding = "application/msgpack;stepbus.Hello/1"
@@ -235,7 +235,7 @@ class Controller:
         if isinstance(answer, dict) and "reason" in answer:
             raise Refused(answer["reason"])
         check(answer, "Welcome")
-        if (answer["protocol"], answer["name"], answer["token"]) != (1, self.name, self.token):
+        if (answer["protocol"], answer["name"], answer["token"]) != (2, self.name, self.token):
             raise Refused("the Welcome is for somebody else, or of another version")
         return answer
 

@@ -20,7 +20,7 @@ from stepbus_orchestrator.diagnosis.conformance import (
 from stepbus_orchestrator.diagnosis.conformance.junit import write_junit
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import load
-from stepbus_schemas import BRIDGE_FORMATS
+from stepbus_schemas import BRIDGE_FORMATS, PROTOCOL_VERSION
 
 _STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
 
@@ -124,7 +124,7 @@ def _conclude(report: Report) -> None:
     counts.append(f"{report.count('skipped')} skipped")
     verdict = "conforms" if report.conforms else "does not conform"
     say(
-        f"{report.participant} {verdict} to protocol 1: {', '.join(counts)} of "
+        f"{report.participant} {verdict} to protocol {PROTOCOL_VERSION}: {', '.join(counts)} of "
         f"{len(report.checks)} checks in {report.wall_s:.0f} s"
     )
 

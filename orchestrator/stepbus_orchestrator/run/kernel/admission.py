@@ -117,8 +117,8 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
         return Refusal(reason=f"no participant {hello.name!r} in this run; it has {known}")
     if hello.protocol != PROTOCOL_VERSION:
         return Refusal(
-            reason=f"{hello.name} speaks protocol {hello.protocol}, the orchestrator "
-            f"{PROTOCOL_VERSION}; use matching versions of stepbus"
+            reason=f"{hello.name} speaks protocol {hello.protocol}, and protocol "
+            f"{PROTOCOL_VERSION} is spoken here; docs/protocol.md has the changes between them"
         )
     inputs = {port: item.type for port, item in welcome.inputs.items()}
     outputs = {port: item.type for port, item in welcome.outputs.items()}

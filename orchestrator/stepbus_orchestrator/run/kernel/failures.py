@@ -232,19 +232,31 @@ def _holds(participant: ParticipantState, barrier: Barrier) -> str:
     if missing:
         return f"{participant.who()} still waits for {', '.join(missing)}; {limit}"
     if waiting is not None and waiting.sources and _waits_in_held_step(participant):
-        dropped = sum(participant.drops.values())
         return (
             f"{participant.who()} has been waiting for {', '.join(waiting.sources)} for {held}, "
-            f"whose outputs were published; was a message lost or dropped ({dropped} "
-            f"dropped so far)? "
-            f"{limit}"
+            f"whose outputs were published; was a message lost or dropped? It reports "
+            f"{_drops(participant)}; {limit}"
+        )
+    if waiting is not None and participant.missed_trigger:
+        return (
+            f"{participant.who()} has held the step for {held}: it reports that it waits for the "
+            f"trigger of step {waiting.step}, which was sent, and {_drops(participant)}; does it "
+            f"read `step_limit` (docs/protocol.md, P5.1)? {limit}"
         )
     if participant.spec.bridge is not None:
         return (
             f"{participant.who()} has been waiting for {_worker(participant)}for {held}; "
             f"inputs arrived; does it answer every message, and flush the answer? {limit}"
         )
-    return f"{participant.who()} has been computing for {held}; inputs arrived; {limit}"
+    drops = f"; it reports {_drops(participant)}" if participant.drops else ""
+    return f"{participant.who()} has been computing for {held}; inputs arrived{drops}; {limit}"
+
+
+def _drops(participant: ParticipantState) -> str:
+    """Return how many messages it has dropped: `3 dropped messages (2 stale, 1 duplicate)`."""
+    causes = ", ".join(f"{count} {cause}" for cause, count in participant.drops.items())
+    total = sum(participant.drops.values())
+    return f"{total} dropped message{'s' * (total != 1)}" + (f" ({causes})" if causes else "")
 
 
 def _why_not_ready(participant: ParticipantState) -> str:

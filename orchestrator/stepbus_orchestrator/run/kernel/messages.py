@@ -161,7 +161,11 @@ class MessageHandler:
         if participant is None:
             return
         self._check_waiting(participant, log)
-        participant.waiting, participant.drops = log.waiting, log.drops
+        waiting = participant.waiting = log.waiting
+        participant.drops = log.drops
+        participant.missed_trigger = (
+            waiting is not None and not waiting.sources and waiting.step < self._state.released
+        )
         if isinstance(log, _WholeLog):
             self._take_batch(participant, log.outputs)
         else:

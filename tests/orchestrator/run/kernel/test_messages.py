@@ -116,7 +116,7 @@ def test_a_participant_that_is_alive_joined_and_ready_advances():
 
 
 def hello(name, **fields):
-    return Hello(**{"protocol": 1, "name": name, "token": TOKEN, "pid": 7, **fields})
+    return Hello(**{"protocol": 2, "name": name, "token": TOKEN, "pid": 7, **fields})
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_an_unauthenticated_hello_is_refused_and_counted(message, reason):
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"protocol": 2}, "plant speaks protocol 2, the orchestrator 1"),
+        ({"protocol": 1}, "plant speaks protocol 1, and protocol 2 is spoken here; docs/protocol.md"),
         ({"outputs": {"state": "JointState/9"}}, "output plant.state: the program has JointState/9"),
     ],
 )  # fmt: skip

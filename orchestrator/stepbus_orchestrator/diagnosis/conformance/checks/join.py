@@ -10,7 +10,7 @@ from stepbus_orchestrator.diagnosis.conformance.harness.setup import Setup
 from stepbus_orchestrator.diagnosis.conformance.outcome import Failed, Skipped
 from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
-from stepbus_schemas import Types, WiringError
+from stepbus_schemas import PROTOCOL_VERSION, Types, WiringError
 
 _LATE_S = 0.5
 
@@ -46,13 +46,13 @@ def join(kit: Kit) -> str:
             raise Failed(transcript.problems.get("P4.2", "no Hello"))
         if not transcript.alive_before_hello:
             raise Failed(f"it asked to join before its liveliness token alive/{name} was there")
-        if (hello.name, hello.token, hello.protocol) != (name, harness.token, 1):
+        if (hello.name, hello.token, hello.protocol) != (name, harness.token, PROTOCOL_VERSION):
             right = "right" if hello.token == harness.token else "wrong"
             raise Failed(
                 f"its Hello is of {hello.name!r}, protocol {hello.protocol}, with a {right} "
-                f"token; due are {name!r}, 1, right"
+                f"token; due are {name!r}, {PROTOCOL_VERSION}, right"
             )
-        return f"Hello from {hello.language or 'no language'}, protocol 1"
+        return f"Hello from {hello.language or 'no language'}, protocol {PROTOCOL_VERSION}"
 
 
 @check("P14.3", "the ports in its `Hello`, if any, are the scenario's")
@@ -117,7 +117,8 @@ def refused(kit: Kit) -> str:
 @check("P4.3", "so does a `Welcome` of another protocol version")
 def welcome_protocol(kit: Kit) -> str:
     """Welcome it in another version of the protocol."""
-    return _not_let_in(kit, Setup(welcome={"protocol": 2}), "a Welcome of protocol 2")
+    other = PROTOCOL_VERSION + 1
+    return _not_let_in(kit, Setup(welcome={"protocol": other}), f"a Welcome of protocol {other}")
 
 
 @check("P4.3", "so does a `Welcome` for another name")

@@ -1,0 +1,63 @@
+"""What a protocol number stands for never changes: each change of the wire has a number of its own."""
+
+import copy
+import re
+
+import pytest
+from support.paths import CHECKOUT, DOCS
+
+from stepbus_schemas import ENVELOPE_TYPES, PROTOCOL_VERSION
+from stepbus_schemas.derived.published import broken, published
+from stepbus_schemas.generate import main, published_vectors
+
+PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")
+
+
+def test_each_vector_of_this_number_means_what_it_meant_when_it_was_published():
+    assert broken(published_vectors()) == {}
+
+
+def test_every_number_keeps_its_vectors():
+    numbers = {int(path.stem) for path in (CHECKOUT / "schemas/published").iterdir()}
+    assert numbers == set(range(1, PROTOCOL_VERSION + 1))
+
+
+def test_the_page_names_every_type_that_the_number_before_had_otherwise():
+    _, section = PAGE.split(f"## Changes between {PROTOCOL_VERSION - 1} and {PROTOCOL_VERSION}\n")
+    table = "".join(re.findall(r"^\|.*$", section.split("\n## ")[0], re.MULTILINE))
+    assert set(re.findall(r"`(\w+/\d+)`", table)) == set(broken(published_vectors(1)))
+
+
+def test_the_page_is_of_the_present_number():
+    assert PAGE.startswith(f"# Protocol {PROTOCOL_VERSION}\n")
+
+
+def test_a_trigger_with_another_name_breaks_the_number():
+    vectors = copy.deepcopy(published_vectors())
+    data = next(iter(vectors["Trigger/1"]["exact"]))
+    vectors["Trigger/1"]["exact"] = {data.replace(b"step_limit".hex(), b"limit_step".hex()): ""}
+    assert list(broken(vectors)) == ["Trigger/1"]
+
+
+def test_a_type_that_is_gone_breaks_the_number(monkeypatch):
+    rest = {name: cls for name, cls in ENVELOPE_TYPES.items() if name != "Batch/1"}
+    monkeypatch.setattr("stepbus_schemas.derived.published.ENVELOPE_TYPES", rest)
+    assert list(broken(published_vectors())) == ["Batch/1"]
+
+
+def test_generate_writes_nothing_over_a_broken_number(monkeypatch, capsys):
+    monkeypatch.setattr("stepbus_schemas.generate.published_vectors", lambda: published_vectors(1))
+    monkeypatch.setattr("stepbus_schemas.generate.write", lambda _root: pytest.fail("it wrote"))
+    assert main([]) == 1
+    assert re.search(r"Trigger/1: 6 vectors .* raise PROTOCOL_VERSION", capsys.readouterr().out)
+
+
+def test_vectors_are_added_and_none_is_changed():
+    before = {"Trigger/1": {"exact": {"80": ""}, "accepted": {"81": "80"}, "refused": {}}}
+    rows = {"exact": [{"hex": "82"}], "accepted": [{"hex": "81", "value": 7}], "refused": []}
+    now = published(before, {"types": {"Trigger/1": rows}})
+    assert now["Trigger/1"] == {
+        "exact": {"80": "", "82": ""},
+        "accepted": {"81": "80"},
+        "refused": {},
+    }
