@@ -6,6 +6,7 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 from typing import TYPE_CHECKING, Any
 
 from .checkpoints import Checkpoints, CheckpointWriter, SavedState
+from .earlier import recorded_decoder, upgraded
 from .mcap.file import McapFile
 from .recorder import Recorder
 from .recover import Recovery, recover
@@ -32,7 +33,9 @@ __all__ = [
     "Tail",
     "TailPort",
     "TimingRecorder",
+    "recorded_decoder",
     "recover",
+    "upgraded",
 ]
 
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError
+from stepbus_orchestrator.recording import recorded_decoder
+from stepbus_schemas import SHIPPED, MessageError, Types, WiringError
 
 from .divergence import Divergence, DivergenceType, FieldCount, PortResult
 from .tolerance import FieldTolerance, Tolerance
@@ -156,6 +157,6 @@ def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:
 def _decoder(type_name: str, types: Types) -> Callable[[bytes], Any]:
     """Return the decoder of a message type, or one of any MessagePack for an unknown type."""
     try:
-        return Decoder(types[type_name])
+        return recorded_decoder(types[type_name])
     except WiringError:
         return _decode_any

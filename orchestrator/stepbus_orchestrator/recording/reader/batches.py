@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_schemas import Decoder, Message
+from stepbus_orchestrator.recording.earlier import recorded_decoder
+from stepbus_schemas import Message
 
 from .columns import columns
 from .port import Port
@@ -31,7 +32,7 @@ class Batch:
 
     def messages(self) -> Iterator[Message]:
         """Yield its messages; raises MessageError for one that is not of the port's type."""
-        return map(Decoder(self._class), self._data)
+        return map(recorded_decoder(self._class), self._data)
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
         """Return some fields of its messages, as `Port.arrays` does."""

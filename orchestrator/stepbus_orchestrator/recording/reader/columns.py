@@ -14,7 +14,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_schemas import Decoder, Message
+from stepbus_orchestrator.recording.earlier import recorded_decoder
+from stepbus_schemas import Message
 
 from .arrays import array_of
 
@@ -33,7 +34,7 @@ def columns(
 
     Raises MessageError for a message that is not of its type.
     """
-    decode = Decoder(cls)
+    decode = recorded_decoder(cls)
     first = decode(messages[0]) if messages else None
     shape = _Shape.of(messages[0]) if messages else None
     table = None if shape is None else shape.table(messages)

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.earlier import recorded_decoder
 from stepbus_participant import suggest
-from stepbus_schemas import SHIPPED, Decoder, Description, Message, Types, WiringError
+from stepbus_schemas import SHIPPED, Description, Message, Types, WiringError
 
 from .arrays import array_of
 from .descriptions import Names
@@ -104,7 +105,11 @@ class Port:
         None without any. It reads one chunk. Raises as `messages`.
         """
         entry = self._source.latest(self.channels, t_ns)
-        return None if entry is None else (entry.step, Decoder(self.message_class)(entry.data))
+        return (
+            None
+            if entry is None
+            else (entry.step, recorded_decoder(self.message_class)(entry.data))
+        )
 
     def messages(self) -> Iterator[tuple[int, Message]]:
         """Yield (step, message).
@@ -112,7 +117,7 @@ class Port:
         Raises WiringError when this version does not know its type, MessageError for a message
         that is not of it.
         """
-        decode = Decoder(self.message_class)
+        decode = recorded_decoder(self.message_class)
         return ((entry.step, decode(entry.data)) for entry in self.entries())
 
     def __getitem__(self, field: str) -> NDArray[Any]:
@@ -161,7 +166,7 @@ class Port:
 
     def _read(self, fields: Sequence[str]) -> None:
         columns: dict[str, list[Any]] = {field: [] for field in fields}
-        decode = Decoder(self.message_class)
+        decode = recorded_decoder(self.message_class)
         clock = []
         for entry in self.entries():
             message = decode(entry.data)

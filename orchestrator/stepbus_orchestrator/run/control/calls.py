@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
-from stepbus_orchestrator.recording import Sink, layout
+from stepbus_orchestrator.recording import Sink, layout, recorded_decoder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.failures import deadline, seconds
 from stepbus_orchestrator.run.kernel.gates import FAR
@@ -264,7 +264,7 @@ def recorded_calls(recording: "Recording", participant: str | None = None) -> li
 
     Raises MessageError for one that cannot be read.
     """
-    decode = Decoder(CallRecord)
+    decode = recorded_decoder(CallRecord)
     if layout.CALLS_TOPIC not in recording:
         return []
     calls = [decode(entry.data) for entry in recording[layout.CALLS_TOPIC].entries()]

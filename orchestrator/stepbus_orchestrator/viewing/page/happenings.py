@@ -6,14 +6,14 @@ from dataclasses import asdict, dataclass
 
 import msgspec
 
-from stepbus_orchestrator.recording import Port, Recording, layout
+from stepbus_orchestrator.recording import Port, Recording, layout, recorded_decoder
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_schemas import CallRecord, Event, GoalStatus, StepbusError
 
 _MOST = 400
 _FAULT = re.compile(r"\bat (\d+)\b")
 _SERIOUS = ("error", "fault", "warning", "failure")
-_call = msgspec.msgpack.Decoder(CallRecord).decode
+_call = recorded_decoder(CallRecord)
 
 
 @dataclass(frozen=True, kw_only=True)
