@@ -14,7 +14,7 @@ from .sink import Descriptions, Sink
 from .timing import TimingRecorder
 
 if TYPE_CHECKING:
-    from .reader import BATCH_BYTES, Batch, Entry, Port, Recording, Tail, TailPort
+    from .reader import BATCH_BYTES, Batch, Entry, Port, Recording, Tail, TailPort, raw_map
 
 __all__ = [
     "BATCH_BYTES",
@@ -33,6 +33,7 @@ __all__ = [
     "Tail",
     "TailPort",
     "TimingRecorder",
+    "raw_map",
     "recorded_decoder",
     "recover",
     "upgraded",

@@ -269,7 +269,9 @@ class Controller:
             congestion_control=zenoh.CongestionControl.BLOCK,
             express=True,
         )
-        return lambda content: publisher.put(msgpack.packb({"token": self.token, **content}))
+        return lambda content: publisher.put(
+            msgpack.packb({"token": self.token, **content}, unicode_errors="surrogateescape")
+        )
 
     def become_ready(self):
         while self.start is None:

@@ -44,6 +44,14 @@ class LaterStart(Controller):
         self.start = self.start or first
 
 
+class NoText(Controller):
+    """Adds a field that nobody knows to its log, with a string that is no UTF-8."""
+
+    def publisher(self, kind, type_name):
+        put = super().publisher(kind, type_name)
+        return put if kind == "out" else lambda content: put({**content, "comment": "\udcff"})
+
+
 class FiresAlways(Controller):
     def next_step(self):
         return self.step + 1
@@ -318,7 +326,7 @@ MISTAKES = {
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
         BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
-        ExitsThree, Unwatchful, SilentFaults, LosesBatches,
+        ExitsThree, Unwatchful, SilentFaults, LosesBatches, NoText,
     )
 }  # fmt: skip
 

@@ -44,6 +44,7 @@ FOUND_BY = {
     "LaterStart": ["start-again"],
     "LosesBatches": ["batches"],
     "Mistyped": ["content", "replayed-log"],
+    "NoText": ["codecs"],
     "NoDuplicates": ["duplicate", "stale"],
     "NoHandshakes": ["peers-last"],
     "NoLog": [

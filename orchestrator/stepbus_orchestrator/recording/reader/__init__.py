@@ -1,9 +1,10 @@
 """Reads recordings lazily: the index at once, the messages of a port when they are asked for."""
 
 from .batches import BATCH_BYTES, Batch
+from .maps import raw_map
 from .port import Port
 from .recording import Recording
 from .source import Entry
 from .tail import Tail, TailPort
 
-__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording", "Tail", "TailPort"]
+__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording", "Tail", "TailPort", "raw_map"]

@@ -13,6 +13,7 @@ from stepbus_schemas import SHIPPED, Description, Message, Types, WiringError
 
 from .arrays import array_of
 from .descriptions import Names
+from .maps import raw_map
 from .source import LATEST_NS, Entry, Source
 
 
@@ -119,6 +120,14 @@ class Port:
         """
         decode = recorded_decoder(self.message_class)
         return ((entry.step, decode(entry.data)) for entry in self.entries())
+
+    def maps(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield (step, plain map) of each message, of any type, as its bytes are.
+
+        msgpack decodes them, a codec apart from the one that wrote them; defaults are left out.
+        Raises MessageError for bytes that are no map.
+        """
+        return ((entry.step, raw_map(entry.data)) for entry in self.entries())
 
     def __getitem__(self, field: str) -> NDArray[Any]:
         """Return one field of all messages.

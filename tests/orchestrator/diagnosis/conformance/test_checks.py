@@ -25,7 +25,7 @@ PATIENT = ("controller.step_timeout=30s", "controller.stop_timeout=30s")
 
 # Mistake → what the kit says of it, by the first of its checks.
 SAID = {
-    "AnyWelcome": "it got ready a Welcome of protocol 2|did not end within .* of a Welcome",
+    "AnyWelcome": "it got ready a Welcome of protocol 3|did not end within .* of a Welcome",
     "Clock": r"two runs with the same inputs differ: step \d+: command",
     "ExitsZeroWithoutTicket": "exited with code 0 without a ticket",
     "FixedOrder": r"with the joints of .* in reverse order, .*command.*is",
@@ -95,6 +95,16 @@ def test_where_the_outputs_vary_what_compares_them_is_skipped(inputs, tmp_path):
     names = ["steps", "determinism", "triggers", "duplicate"]
     results = outcomes(inputs, program("wrong_controller.py", "Random"), tmp_path, names)
     assert [result.outcome for result in results.values()] == ["pass", "fail", "skipped", "skipped"]
+
+
+def test_what_only_one_of_two_codecs_reads_fails_with_a_sentence(hurried_inputs, tmp_path):
+    words = program("wrong_controller.py", "NoText")
+    results = outcomes(hurried_inputs, words, tmp_path, ["content", "codecs"])
+    assert failed(results) == ["codecs"]
+    assert re.match(
+        r"a message on log/controller: msgpack reads no MessagePack: 'utf-8' codec can't decode",
+        results["codecs"].observed,
+    )
 
 
 def test_where_the_plain_run_fails_only_that_check_does(hurried_inputs, tmp_path):

@@ -51,6 +51,15 @@ def encodings(kit: Kit) -> str:
     return "each names its type"
 
 
+@check("P3.3", "two independent codecs read the same in each of its messages")
+def codecs(kit: Kit) -> str:
+    """Decode what it sent in the plain run with msgpack too."""
+    transcript = kit.reference().transcript
+    if "P3.3" in transcript.problems:
+        raise Failed(transcript.problems["P3.3"])
+    return "msgpack and msgspec read the same"
+
+
 @check("P9.1", "its log has each of its `Outputs` once, in order, byte for byte")
 def log(kit: Kit) -> str:
     """Compare log and outputs of the plain run."""

@@ -19,6 +19,8 @@ from stepbus_schemas import (
     Types,
 )
 
+from .codecs import disagreement
+
 _DECODERS: Mapping[str, Decoder[Any]] = {
     "out": Decoder(Outputs),
     "log": Decoder(Log),
@@ -118,6 +120,7 @@ class Recorder:
         """Record one message; channel: the first part of its key."""
         self.transcript.encodings.setdefault(channel, set()).add(encoding)
         where = f"{channel}/{self._spec.name}"
+        self._check_codecs(f"a message on {where}", data)
         try:
             message = _DECODERS[channel](data)
         except MessageError as exc:
@@ -162,6 +165,7 @@ class Recorder:
             self._add_problem("P7.5", f"step {step}: {port} has bulk content twice")
         else:
             transcript.content[step, port] = content
+            self._check_codecs(f"the content of {port} at step {step}", content)
             if step in transcript.outputs:
                 self._check_content(transcript.outputs[step], port)
 
@@ -181,10 +185,15 @@ class Recorder:
         """Record one request to join."""
         self.transcript.asked += 1
         self.transcript.alive_before_hello |= self.transcript.alive
+        self._check_codecs("its Hello", data)
         try:
             self.transcript.hello = _decode_hello(data)
         except MessageError as exc:
             self._add_problem("P4.2", f"its request to join is {exc}")
+
+    def _check_codecs(self, what: str, data: bytes) -> None:
+        if problem := disagreement(data):
+            self._add_problem("P3.3", f"{what}: {problem}")
 
     def _add_problem(self, clause: str, text: str) -> None:
         self.transcript.problems.setdefault(clause, text)
