@@ -100,22 +100,6 @@ MISTAKES = [
         ":17: participants.mission.on_late: belongs to real_time true; real_time is false",
     ),
     (
-        "every: 4",
-        "on_fault: {hold: 1s, keep: 12ms}",
-        (
-            ":17: participants.mission.on_fault.keep: 12ms is 2.4 steps of 5ms, not a whole number; "
-            "the nearest is 10ms or 15ms"
-        ),
-    ),
-    (
-        "every: 4",
-        "on_fault: {hold: 1ms}",
-        (
-            ":17: participants.mission.on_fault.hold: 1ms is 0.2 steps of 5ms, not a whole number; "
-            "the nearest is 5ms"
-        ),
-    ),
-    (
         "10s",
         "10s\nreal_time: true",
         (

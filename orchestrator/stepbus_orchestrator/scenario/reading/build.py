@@ -1,7 +1,6 @@
 """From a scenario's plain data to frozen types; every problem is collected."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -46,12 +45,7 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")
     for name, item in row.participants.items():
         own.check(name, item, data["participants"][name], problems)
-    clock = _Clock(row.step_ns, data, problems)
-    steps = clock.steps(row.duration_ns, ("duration",))
-    for name, item in row.participants.items():
-        if isinstance(item.on_fault, HoldSpec):
-            for key, time_ns in (("keep", item.on_fault.keep_ns), ("hold", item.on_fault.hold_ns)):
-                clock.steps(time_ns, ("participants", name, "on_fault", key))
+    steps = _steps("duration", row.duration_ns, row.step_ns, data, problems)
     return Scenario(
         name=row.name,
         step_ns=step_ns,
@@ -61,7 +55,7 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         bus=_bus(row, problems),
         window=row.window,
         batch=_batch(row, problems),
-        checkpoint_steps=clock.steps(row.checkpoint_ns, ("checkpoint",)) or 0,
+        checkpoint_steps=_steps("checkpoint", row.checkpoint_ns, row.step_ns, data, problems) or 0,
         faults=_faults(row.faults, FaultContext(participants, steps, row.seed), problems),
         types=own.used(row.participants),
         type_files=own.files,
@@ -70,32 +64,13 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
     )
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """Durations of a scenario, as whole numbers of its steps. step_ns: 0 where it is wrong."""
-
-    step_ns: int
-    data: Mapping[str, Any]
-    problems: Problems
-
-    def steps(self, time_ns: int | None, keys: Keys) -> int | None:
-        """Return how many steps a duration is; None where it is wrong or absent.
-
-        A default, which nobody has written for this step, is rounded up.
-        """
-        if time_ns is None or not self.step_ns or self.problems.has(keys):
-            return None
-        text = _at(self.data, keys)
-        if not time_ns or text is None:
-            return -(-time_ns // self.step_ns)
-        return self.problems.attempt(keys, partial(whole_steps, text, self.step_ns))
-
-
-def _at(data: Any, keys: Keys) -> Any:
-    """Return the value at some keys, None where there is none."""
-    for key in keys:
-        data = data.get(key) if isinstance(data, Mapping) else None
-    return data
+def _steps(
+    key: str, time_ns: int | None, step_ns: int, data: Mapping[str, Any], problems: Problems
+) -> int | None:
+    """Return how many steps a duration of the scenario is; None where it is wrong or absent."""
+    if time_ns is None or not step_ns or problems.has((key,)):
+        return None
+    return problems.attempt((key,), partial(whole_steps, data[key], step_ns))
 
 
 def _batch(row: ScenarioFile, problems: Problems) -> int:
