@@ -2,13 +2,16 @@
 
 import argparse
 import contextlib
+import re
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import NoReturn
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_participant import suggest
 from stepbus_schemas import StepbusError
 
 from .command import Command
@@ -50,9 +53,14 @@ def load_commands(names: Iterable[str] = tuple(_MODULES)) -> tuple[Command, ...]
     return tuple(module.COMMAND for module in modules)
 
 
+_CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
+_UNKNOWN = re.compile(r"unrecognized arguments: (--[\w-]+)")
+_OPTION = re.compile(r"(?<!\w)--[a-z][\w-]*")
+
+
 def make_parser(names: Iterable[str] = tuple(_MODULES)) -> argparse.ArgumentParser:
     """Return the parser of commands by name; default: all."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="stepbus",
         description="Co-simulation for robotics: plant, controller and mission as separate "
         "processes in lockstep over Zenoh, recorded to MCAP.",
@@ -72,7 +80,30 @@ def make_parser(names: Iterable[str] = tuple(_MODULES)) -> argparse.ArgumentPars
         )
         command.add_arguments(sub)
         sub.set_defaults(command=command)
+        parser.commands = (*parser.commands, sub)
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells of a wrong word which one is meant. commands: the parsers of the commands."""
+
+    commands: Sequence[argparse.ArgumentParser] = ()
+
+    def error(self, message: str) -> NoReturn:
+        """End with the sentence."""
+        choice = _CHOICE.search(message)
+        unknown = _UNKNOWN.search(message)
+        if choice is not None:
+            message += _meant(choice[1], re.findall(r"'([^']+)'", choice[2]))
+        elif unknown is not None:
+            helps = "".join(parser.format_help() for parser in self.commands)
+            message += _meant(unknown[1], _OPTION.findall(helps))
+        super().error(message)
+
+
+def _meant(word: str, known: Sequence[str]) -> str:
+    near = suggest(word, known)
+    return near if "did you mean" in near else ""
 
 
 class _ShowVersion(argparse.Action):

@@ -45,6 +45,16 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     data: bytes
 
 
+def unreadable(path: Path, exc: OSError) -> str:
+    """Return why a recording cannot be opened, and what to give instead."""
+    text = f"{path} cannot be read: {exc.strerror or exc}"
+    if not isinstance(exc, FileNotFoundError):
+        return text
+    if path.parent.is_dir() and path.name == layout.RUN_FILE:
+        return f"{text}; {path.parent} is no folder of a run"
+    return f"{text}; give the folder of a run, e.g. runs/two_link-20260101-120000, or its run.mcap"
+
+
 class Source:
     """An open recording. damage: what is wrong with the file, as far as it was read.
 
@@ -58,7 +68,7 @@ class Source:
         try:
             self._file = open_regular(path)
         except OSError as exc:
-            raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
+            raise RecordingFailed(unreadable(path, exc)) from exc
         self.close = weakref.finalize(self, os.close, self._file)
         self.is_live = is_locked(self._file)
         self.index = self._read_index()

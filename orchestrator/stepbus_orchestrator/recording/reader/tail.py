@@ -24,6 +24,7 @@ from stepbus_schemas import Message as PortMessage
 
 from .descriptions import Names, read_description
 from .recorded_types import recorded_types
+from .source import unreadable
 
 _SKIP_BYTES = 32 * 1024 * 1024
 """Of what is already there, so much of the end is read, and the beginning."""
@@ -77,7 +78,7 @@ class Tail:
         try:
             self._file = open_regular(path)
         except OSError as exc:
-            raise RecordingFailed(f"{path} cannot be read: {exc.strerror or exc}") from exc
+            raise RecordingFailed(unreadable(path, exc)) from exc
 
     def keep(self, topics: Iterable[str]) -> None:
         """Keep every message of some topics from now on, until `take_kept`."""

@@ -107,7 +107,11 @@ class ParticipantRow(Settings):
         if key in keys_of(ScenarioFile):
             return f"{key!r} belongs to the scenario: write it at the top, beside `participants`"
         parts = (("inputs", InputRow), ("on_fault", HoldSpec), ("bridge", BridgeSpec))
-        return next((f"{key!r} belongs to `{p}`" for p, s in parts if key in keys_of(s)), "")
+        for part, settings in parts:
+            if key in keys_of(settings):
+                return f"{key!r} belongs to `{part}`"
+        is_near = "did you mean" in suggest(key, keys_of(cls))
+        return "" if is_near else f"if the participant itself reads it, write it as params.{key}"
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the command, and with descriptions of outputs."""

@@ -63,11 +63,22 @@ def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
         names = data.get("participants")
         names = list(names) if isinstance(names, dict) else []
         if head not in names:
-            place = ScenarioFile.elsewhere(head)
+            place = ScenarioFile.elsewhere(head) or _parameter(data, head)
             known = f"; {place}" if place else suggest(head, (*names, *TOP_KEYS))
             raise WiringError(f"no participant and no key {head!r}{known}")
         parts = ["participants", *parts]
     return tuple(parts), parse_yaml(file, text)
+
+
+def _parameter(data: dict[str, Any], key: str) -> str:
+    """Return of which participants a key is a parameter; nothing: of none."""
+    rows = data.get("participants")
+    paths = [
+        f"{name}.params.{key}"
+        for name, row in (rows.items() if isinstance(rows, dict) else ())
+        if isinstance(row, dict) and isinstance(row.get("params"), dict) and key in row["params"]
+    ]
+    return f"did you mean {' or '.join(paths)}?" if paths else ""
 
 
 def _replaced(node: Any, keys: Keys, depth: int, value: Any) -> Any:
