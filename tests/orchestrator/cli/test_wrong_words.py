@@ -28,9 +28,9 @@ def test_a_word_that_no_command_knows_is_told_the_nearest(words, sentence, capsy
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["run", "two_link", "--set", "kp=80"], "did you mean controller.params.kp?"),
-        (["run", "two_link", "--set", "controller.kp=80"], "write it as params.kp"),
-        (["run", "two_link", "--set", "controller.evry=2"], "did you mean 'every'?"),
+        (["validate", "two_link", "--set", "kp=80"], "did you mean controller.params.kp?"),
+        (["validate", "two_link", "--set", "controller.kp=80"], "write it as params.kp"),
+        (["validate", "two_link", "--set", "controller.evry=2"], "did you mean 'every'?"),
         (["report", "nofile"], "No such file or directory; give the folder of a run, e.g. runs/"),
         (["report", "."], "No such file or directory; . is no folder of a run"),
     ],
