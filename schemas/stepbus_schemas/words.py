@@ -24,9 +24,9 @@ def error_text(exc: BaseException) -> str:
     return f"{name}: {text}" if text else name
 
 
-def wrong_word(value: object, words: Sequence[str]) -> str:
+def wrong_word(value: object, words: Sequence[object]) -> str:
     """Return why a value is none of some words: `must be a, b or c, not 'd'`."""
-    *most, last = words
-    near = difflib.get_close_matches(str(value), words, n=1)
+    *most, last = names = [str(word) for word in words]
+    near = difflib.get_close_matches(str(value), names, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     return f"must be {', '.join(most)}{' or ' if most else ''}{last}, not {value!r}{hint}"

@@ -49,5 +49,24 @@ def test_what_is_not_even_a_word_is_refused():
         Image(width=1, height=1, encoding="png", data=b"", focal=(1, 1), centre=(0, 0))
 
 
+class Counted(Message, frozen=True):
+    """Has a check of its own, and numbers as words."""
+
+    size: Literal[1, 2, 10]
+    free: float = 0.0
+
+    def __post_init__(self):
+        if self.free < 0:
+            raise ValueError("free is negative")
+
+
+def test_a_check_of_the_users_own_stays():
+    with pytest.raises(MessageError, match="Counted: size must be 1, 2 or 10, not 3"):
+        Counted(size=3)
+    with pytest.raises(ValueError, match="free is negative"):
+        Counted(size=1, free=-1.0)
+    assert Counted(size=10).size == 10
+
+
 def test_a_word_that_may_be_absent_may_be():
     assert Lamp().colour is None

@@ -8,7 +8,16 @@ import msgspec
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.calls.methods import Method
-from stepbus_schemas import Call, Called, StepbusError, Welcome, encode, encoding_of
+from stepbus_schemas import (
+    Call,
+    Called,
+    StepbusError,
+    Welcome,
+    encode,
+    encoding_of,
+    explained,
+    text_of,
+)
 
 
 class Answers:
@@ -42,9 +51,13 @@ class Answers:
             return self._pack(call, error=f"{self._name} offers {known}, not {call.method!r}")
         try:
             _signature(method.function).bind(*call.args)
-            return self._pack(call, value=method.function(*call.args))
+            value = method.function(*call.args)
         except (ArithmeticError, LookupError, StepbusError, TypeError, ValueError) as exc:
-            return self._pack(call, error=f"{call.method}: {exc}")
+            return self._pack(call, error=f"{call.method}: {text_of(exc)}")
+        try:
+            return self._pack(call, value=value)
+        except (OverflowError, TypeError, ValueError) as exc:
+            return self._pack(call, error=f"{call.method}: its answer {explained(exc)}")
 
     def _pack(self, call: Call, value: Any = None, error: str | None = None) -> bytes:
         answer = Called(name=self._name, token=self._token, id=call.id, value=value, error=error)

@@ -128,7 +128,6 @@ class Checkpoints:
         try:
             self._participant.restore(saved.own)
         except Exception as exc:
-            raise RunError(
-                f"{where} does not fit: {error_text(exc)}; branch without checkpoints"
-            ) from exc
+            why = explained(exc) if isinstance(exc, UNDECODABLE) else error_text(exc)
+            raise RunError(f"{where} does not fit: {why}; branch without checkpoints") from exc
         return self._order.step

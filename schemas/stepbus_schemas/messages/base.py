@@ -38,11 +38,15 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=
         if words:
             # msgspec checks no type when a message is made; a wrong word would be met at its
             # readers only, and nowhere without any.
+            own = getattr(cls, "__post_init__", None)
+
             def check(message: Message) -> None:
                 for name, allowed in words:
                     if (value := getattr(message, name)) not in allowed:
                         text = wrong_word(value, [word for word in allowed if word is not None])
                         raise MessageError(f"{cls.__name__}: {name} {text}")
+                if own is not None:
+                    own(message)
 
             cls.__post_init__ = check  # type: ignore[attr-defined]
 
