@@ -19,6 +19,8 @@ CALLER = ".caller"
 """The caller of a run from outside (`stepbus call`); no participant's name has a leading dot."""
 
 _OWN_KEYS = ("out", "ready", "log", "fault", "called", "checkpoint", "alive")
+_CONTROL = ("start", "trigger", "stop", "call/*")
+"""Keys of the orchestrator on which participants listen (P3.1)."""
 _DECLARATIONS = (
     "declare_subscriber",
     "declare_queryable",
@@ -63,10 +65,19 @@ def _certificate(authority: "CA", name: str, folder: Path, root: Path) -> dict[s
     }  # fmt: skip
 
 
-def access_control(run: str, participants: Iterable[str], proof: str) -> Mapping[str, Any]:
+def identities(names: Iterable[str]) -> dict[str, str]:
+    """Return a random identity of a Zenoh session for each name; the first digit is no zero."""
+    return {name: f"{secrets.randbits(127) | 1 << 127:032x}" for name in names}
+
+
+def access_control(
+    run: str, participants: Iterable[str], proof: str, ids: Mapping[str, str] | None = None
+) -> Mapping[str, Any]:
     """Return Zenoh's access control for every session of a run.
 
-    proof: `usernames` or `cert_common_names`, by which Zenoh knows who is at the other end.
+    proof: `usernames` or `cert_common_names`, by which Zenoh knows who is at the other end. ids: of
+    the sessions, by which it knows that where no proof was given: of those that a session connects
+    to on Unix sockets. Whoever has proved to be a participant is never taken for the orchestrator.
     """
     keys = f"stepbus/{run}"
     owned = {name: _owned_keys(keys, name) for name in participants}
@@ -88,6 +99,15 @@ def access_control(run: str, participants: Iterable[str], proof: str) -> Mapping
         {"subjects": [CALLER], "rules": ["call"]},
         *({"subjects": [name], "rules": ["listen", "join", f"own {name}"]} for name in owned),
     ]
+    if ids is not None:
+        control = [f"{keys}/{key}" for key in _CONTROL]
+        rules.append(_rule("control", "ingress", ("put",), control, "deny"))
+        for policy in policies[1:]:
+            (name,) = policy["subjects"]
+            if name in ids:
+                subjects.append({"id": f"session {name}", "zids": [ids[name]]})
+                policy["subjects"] = [name, f"session {name}"]
+        policies.append({"subjects": list(owned), "rules": ["control"]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -102,11 +122,13 @@ def _owned_keys(keys: str, name: str) -> list[str]:
     return [*(f"{keys}/{key}/{name}" for key in _OWN_KEYS), f"{keys}/bulk/{name}/**"]
 
 
-def _rule(name: str, flow: str, messages: Iterable[str], keys: list[str]) -> dict[str, Any]:
+def _rule(
+    name: str, flow: str, messages: Iterable[str], keys: list[str], permission: str = "allow"
+) -> dict[str, Any]:
     return {
         "id": name,
         "flows": [flow],
         "messages": list(messages),
-        "permission": "allow",
+        "permission": permission,
         "key_exprs": keys,
     }

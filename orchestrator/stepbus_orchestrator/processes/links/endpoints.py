@@ -12,7 +12,7 @@ from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Endpoint
 
-from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, passwords
+from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, identities, passwords
 from .port_users import PortUsers
 
 _SOCKET_PATH_BYTES = 107
@@ -117,17 +117,20 @@ def _settings(
 ) -> dict[str, dict[str, Any]]:
     """Return the further Zenoh settings of each process."""
     everybody = [*names, CALLER]
-    if is_unix:
-        # A password names the one who opens a link to the one who accepts it, not the other way
-        # round; so only the orchestrator, which opens none, can hold everybody to its own keys.
-        own: dict[str, dict[str, Any]] = {name: {} for name in everybody}
-        guarded, proof = [ORCHESTRATOR], "usernames"
+    if not is_unix:
+        own = _certificates(everybody, folder)
+        access = {} if run is None else access_control(run, names[1:], "cert_common_names")
+    elif run is None:
+        own, access = {name: {} for name in everybody}, {}
     else:
-        own, guarded, proof = _certificates(everybody, folder), everybody, "cert_common_names"
-    if run is not None:
-        access = access_control(run, names[1:], proof)
-        own |= {name: {**own[name], "access_control": access} for name in guarded}
-    return own
+        # A password names the one who opens a link to the one who accepts it, not the other way
+        # round; there, it is the session that has a name.
+        ids = identities(names)
+        own = {name: {"id": ids[name]} if name in ids else {} for name in everybody}
+        access = access_control(run, names[1:], "usernames", ids)
+    if run is None:
+        return own
+    return {name: {**settings, "access_control": access} for name, settings in own.items()}
 
 
 def _certificates(names: list[str], folder: Path) -> dict[str, dict[str, Any]]:

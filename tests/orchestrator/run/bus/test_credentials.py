@@ -6,6 +6,7 @@ import pytest
 import zenoh
 from support.runs.stranger import disturbed
 
+import stepbus
 from stepbus_orchestrator.processes.links.credentials import certificates
 from stepbus_participant import load_ticket
 
@@ -79,3 +80,46 @@ def test_nobody_speaks_for_another_to_the_orchestrator(tmp_path, own_temp, refer
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
     # The one query that ends the act; what was sent before it, on the same link, is not counted.
     assert result.unauthenticated == 1
+
+
+FORGER = """
+import runpy, sys, threading, time
+
+from stepbus_participant import ZenohBus, load_ticket
+from stepbus_schemas import Stop, encode, encoding_of
+
+subscribe = ZenohBus.subscribe
+
+def forge(bus):
+    stop = encode(Stop(token=load_ticket().token, reason="forged", at_step=-1))
+    put = bus.publisher("stop", encoding_of("Stop/1"), remote=True)
+    while True:
+        put(stop)
+        time.sleep(0.01)
+
+def subscribe_and_forge(bus, key, sink):
+    subscribe(bus, key, sink)
+    if key == "stop":
+        threading.Thread(target=forge, args=[bus], daemon=True).start()
+
+ZenohBus.subscribe = subscribe_and_forge
+runpy.run_module(sys.argv.pop(1), run_name="__main__")
+"""
+FORGED = """
+name: forged
+extends: two_link
+duration: 1s
+participants:
+  NAME:
+    exec: [python, forger.py, stepbus_NAME]
+"""
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize("name", ["plant", "controller", "mission"])
+def test_no_participant_takes_a_stop_from_another_one(tmp_path, name, transport):
+    (tmp_path / "forger.py").write_text(FORGER)
+    scenario = tmp_path / "forged.yaml"
+    scenario.write_text(FORGED.replace("NAME", name))
+    result = stepbus.run(scenario, out=tmp_path / "run", set={"bus.transport": transport})
+    assert (result.exit_code, result.steps) == (0, 200), result.reason
