@@ -24,7 +24,7 @@ from .environment import PYTHON
 from .external import External
 from .links.cut import cut_links
 from .links.shared_ticket import JoinTicket, SharedTicket
-from .reaping import Reaper
+from .reaping import LeftBehind, Reaper
 
 
 class Launcher:
@@ -139,14 +139,17 @@ class Launcher:
     def _pids(self) -> list[int]:
         return [child.pid for child in self.children.values()]
 
-    def end_all(self) -> None:
-        """End every process that is left, and the reaper, which removes the private folder."""
+    def end_all(self) -> list[LeftBehind]:
+        """End every process that is left, and the reaper, which removes the private folder.
+
+        Return what participants have left behind in sessions of their own.
+        """
         for shared in self._shared:
             shared.close()
         for child in self.children.values():
             child.end()
             self._reaper.forget(child.pid)
-        self._reaper.end()
+        return self._reaper.end()
 
 
 def participant_environment(ticket: Path) -> Mapping[str, str]:

@@ -1,8 +1,15 @@
-"""Ends what a killed orchestrator leaves behind: its children, and the run's private folder.
+"""Ends what a run leaves behind, whatever has become of its orchestrator: processes, and a folder.
 
 The orchestrator starts it as a separate process, with nothing but the standard library. It reads
 `+<process group>` and `-<process group>` from its standard input; when that closes, however the
-orchestrator ended, it kills the remaining groups and removes the folder.
+orchestrator ended, it kills the remaining groups, and every process that a participant has started
+and that is still there, names those on its standard output, and removes the folder.
+
+A process that has left the session of its participant, and whose parent has ended, is known by its
+environment: it has the participant's ticket. Nothing else of it leads back to the run: its parent
+is now that of the whole machine. To become that parent (PR_SET_CHILD_SUBREAPER) does not help: the
+orchestrator may be killed, may be a program of the user's with orphans of its own, and a control
+group takes rights that users do not have.
 """
 
 import contextlib
@@ -10,6 +17,13 @@ import os
 import shutil
 import signal
 import sys
+import time
+from pathlib import Path
+
+_TICKET = "STEPBUS_TICKET"
+_PATIENCE_S = 1.0
+"""How long what starts others all the time may be killed again and again [s]."""
+_LONGEST = 100
 
 
 def watch(folder: str) -> None:
@@ -26,7 +40,48 @@ def watch(folder: str) -> None:
     for group in groups:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(group, signal.SIGKILL)
+    left = _end_left(folder)
     shutil.rmtree(folder, ignore_errors=True)
+    # Nobody reads it where the orchestrator was killed.
+    with contextlib.suppress(OSError):
+        os.write(sys.stdout.fileno(), "".join(f"{line}\n" for line in left).encode())
+
+
+def _end_left(folder: str) -> list[str]:
+    """Kill what participants have left behind; return for each its participant and what it is."""
+    ended: dict[int, str] = {}
+    give_up = time.monotonic() + _PATIENCE_S
+    while (left := _left(folder)) and time.monotonic() < give_up:
+        for pid, name in left.items():
+            ended.setdefault(pid, f"{name} {pid} {_command(pid)}")
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.kill(pid, signal.SIGKILL)
+    return list(ended.values())
+
+
+def _left(folder: str) -> dict[int, str]:
+    """Return the processes with a ticket of this folder, and the participant of each."""
+    mark = f"{_TICKET}={folder}/".encode()
+    found = {}
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        for variable in _content(path).split(b"\0"):
+            if variable.startswith(mark):
+                ticket = variable[len(mark) :].decode(errors="replace")
+                found[int(path.parent.name)] = ticket.removesuffix(".ticket")
+    return found
+
+
+def _command(pid: int) -> str:
+    words = _content(Path(f"/proc/{pid}/cmdline")).decode(errors="replace").split("\0")
+    return " ".join(" ".join(words).split())[:_LONGEST]
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError:
+        # Of another user, or it has ended.
+        return b""
 
 
 if __name__ == "__main__":

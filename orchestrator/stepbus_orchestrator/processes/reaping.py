@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 from stepbus_orchestrator.errors import StartFailed
 
@@ -12,8 +13,20 @@ _END_S = 2.0
 """How long the reaper may take to remove the private folder; it may have been stopped [s]."""
 
 
+class LeftBehind(NamedTuple):
+    """A process that outlived the participant that had started it, and was ended."""
+
+    participant: str
+    pid: str
+    command: str
+
+    def text(self) -> str:
+        """Return it in words."""
+        return f"left a process behind, which was killed: {self.command} (pid {self.pid})"
+
+
 class Reaper:
-    """Kills what is left of a run, should the orchestrator be killed.
+    """Kills what is left of a run, also should the orchestrator be killed.
 
     folder: the run's private folder, removed at the end. Raises StartFailed, without leaving the
     folder behind, when no process can be started.
@@ -39,19 +52,18 @@ class Reaper:
         """Let it kill a process group no more."""
         self._notify(f"-{group}")
 
-    def end(self) -> None:
-        """End it, and remove the private folder."""
-        if self._process.stdin is not None:
-            with contextlib.suppress(BrokenPipeError):
-                self._process.stdin.close()
+    def end(self) -> list[LeftBehind]:
+        """End it, and remove the private folder; return the processes that it had to end."""
         try:
-            self._process.wait(_END_S)
+            said, _ = self._process.communicate(timeout=_END_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
+            said = ""
             with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(_END_S)
+                said, _ = self._process.communicate(timeout=_END_S)
         # It may have been killed, or stopped, by another process.
         shutil.rmtree(self._folder, ignore_errors=True)
+        return [LeftBehind(*line.split(" ", 2)) for line in said.splitlines()]
 
     def _notify(self, line: str) -> None:
         if self._process.stdin is not None:
@@ -65,6 +77,7 @@ def _start(folder: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-I", "-S", str(program), str(folder)],
         stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )

@@ -291,7 +291,8 @@ class _Run:
                 return self._with_bus(launcher, mesh)
         finally:
             self._processes.update(child.pid for child in launcher.children.values())
-            launcher.end_all()
+            for left in launcher.end_all():
+                self._events.add_warning(left.participant, left.text())
 
     def _with_bus(self, launcher: Launcher, mesh: Mesh) -> str:
         with contextlib.ExitStack() as stack:
