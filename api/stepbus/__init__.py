@@ -138,6 +138,7 @@ __all__ = [
     "Scalars",
     "Scenario",
     "ScenarioError",
+    "SensedJoints",
     "Settings",
     "SettingsError",
     "Share",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from stepbus_schemas import Message, RunError, WiringError
+from stepbus_schemas import Message, MessageError, RunError
 
 if TYPE_CHECKING:
     from .session.inputs import Input
@@ -66,7 +66,8 @@ class Step:
         """Return the newest message of an input.
 
         Raises InputAbsent when its source has not published yet, WiringError when the scenario
-        connects another type than `cls`.
+        connects another type than `cls`, InvalidInput for a message without a field that `cls`
+        requires, such as `SensedJoints`.
         """
         value: Any = self._inputs[port].value
         if cls is not None and type(value) is not cls:
@@ -82,14 +83,17 @@ class Step:
     @overload
     def get(self, port: str, cls: type[M]) -> M | None: ...
     def get(self, port: str, cls: type[Message] | None = None) -> Any:
-        """Return the newest message of an input, or None while it is absent."""
+        """Return the newest message of an input, or None while it is absent.
+
+        Raises as `read`.
+        """
         value = self._inputs[port].value
-        if cls is not None and value is not None and type(value) is not cls:
-            raise WiringError(
-                f"input {port!r} takes {cls.__name__}, the scenario connects "
-                f"{self._inputs[port].config.type}"
-            )
-        return value
+        if cls is None or value is None or type(value) is cls:
+            return value
+        try:
+            return self._inputs[port].read_as(cls)
+        except MessageError as exc:
+            raise InvalidInput(port, str(exc)) from exc
 
     def is_new(self, port: str) -> bool:
         """Return whether the input has a message that was not there at the previous step."""

@@ -96,6 +96,7 @@ __all__ = [
     "Refusal",
     "RunError",
     "Scalars",
+    "SensedJoints",
     "Shape",
     "Spiral",
     "Start",

@@ -50,14 +50,16 @@ UNDECODABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 class Decoder(Generic[T]):
     """Decodes one message type.
 
+    name: of the type in errors; default: its own.
+
     Raises MessageError naming the type and the path of the field that is missing or mistyped.
 
     plain: the same for loops in which one more call counts: it raises UNDECODABLE, of which
     `error` makes the MessageError.
     """
 
-    def __init__(self, cls: type[T]) -> None:
-        self._name = type_name(cls)
+    def __init__(self, cls: type[T], name: str = "") -> None:
+        self._name = name or type_name(cls)
         self._cls = cls
         self.plain: Callable[[bytes | msgspec.Raw], T] = msgspec.msgpack.Decoder(cls).decode
 

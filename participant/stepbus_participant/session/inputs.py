@@ -12,8 +12,11 @@ from stepbus_schemas import (
     Message,
     RunError,
     Types,
+    WiringError,
     due_step,
+    encode,
     message_class,
+    type_name,
 )
 
 
@@ -41,12 +44,31 @@ class Input:
         self.pending: deque[tuple[int, Any]] = deque()
         self._delay = config.delay
         self._every = config.every
-        self._decoder = Decoder(message_class(config.type, types))
+        self._cls = message_class(config.type, types)
+        self._decoder = Decoder(self._cls)
         self._decode = self._decoder.plain
 
     def due(self, step: int) -> int:
         """Return the step whose message is due at `step`; negative: none."""
         return due_step(step, self._delay, self._every)
+
+    def read_as(self, cls: type[Message]) -> Message | None:
+        """Return the message as a class of the input's type, and take all further ones as that.
+
+        Such as `SensedJoints`, which requires more fields. Raises MessageError where one is
+        missing, WiringError for another type.
+        """
+        if isinstance(self.value, cls | None):
+            return self.value
+        if type_name(cls) != self.config.type or not issubclass(cls, self._cls):
+            raise WiringError(
+                f"input {self.name!r} takes {cls.__name__}, the scenario connects "
+                f"{self.config.type}"
+            )
+        self._decoder = Decoder(cls, f"{self.config.type} as {cls.__name__} requires it")
+        self._decode = self._decoder.plain
+        self.value = self._decoder(encode(self.value))
+        return self.value
 
     def restore(self, held: bytes | None, pending: Iterable[tuple[int, bytes]]) -> None:
         """Hold a message, as saved at a checkpoint; raises MessageError for one of another type."""

@@ -26,6 +26,7 @@ from .robot import (
     Plan,
     PlanRequest,
     Poses,
+    SensedJoints,
     Spiral,
 )
 from .sensors import Imu, LaserScan, PointCloud, Transforms, Wrench
@@ -61,6 +62,7 @@ __all__ = [
     "Poses",
     "Quaternion",
     "Scalars",
+    "SensedJoints",
     "Spiral",
     "TextMessage",
     "Transforms",

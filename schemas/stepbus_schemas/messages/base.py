@@ -26,7 +26,9 @@ def meta(text: str, unit: str = "", shape: str = "", *, ge: int | None = None) -
 class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Base of every port message: an immutable, typed MessagePack map.
 
-    TYPE: name of a type of your own, `Name/major`; default: version 1 of the class's name.
+    TYPE: name of a type of your own, `Name/major`; default: version 1 of the class's name. A
+    subclass of a type that ships, with the same name, requires fields that are optional there: an
+    input can be read as one, and its source is to blame where a field is missing.
     Raises MessageError where a field that holds one of some words is given another one.
     """
 

@@ -1,6 +1,6 @@
 """What robots, their tasks and their world exchange."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
@@ -14,6 +14,15 @@ class JointState(Message, frozen=True):
     velocity: Annotated[list[float] | None, meta("measured velocities", "rad/s", "n")] = None
     effort: Annotated[list[float] | None, meta("torques applied by the motors", "N·m", "n")] = None
     target: Annotated[list[float] | None, meta("current position targets", "rad", "n")] = None
+
+
+class SensedJoints(JointState, frozen=True):
+    """A `JointState/1` with positions and velocities, for a program that needs both."""
+
+    TYPE: ClassVar[str] = "JointState/1"
+
+    position: Annotated[list[float], meta("measured positions", "rad", "n")]
+    velocity: Annotated[list[float], meta("measured velocities", "rad/s", "n")]
 
 
 JointMode = Literal["torque", "velocity", "position", "teleport", "brake"]

@@ -32,7 +32,7 @@ class Types:
 
         Raises WiringError for a class that no declaration can say.
         """
-        own = {name_of(item): item for item in classes if item not in _NAMES}
+        own = {name_of(item): item for item in classes if not _ships(item)}
         found = cls({name: class_declaration(item) for name, item in own.items()})
         found._own |= own
         return found
@@ -95,6 +95,12 @@ class Types:
 
 
 _NAMES: Mapping[type[msgspec.Struct], str] = {cls: name for name, cls in MESSAGE_TYPES.items()}
+
+
+def _ships(cls: type[Message]) -> bool:
+    """Return whether a class is one that ships, or one of its name that requires more fields."""
+    return issubclass(cls, MESSAGE_TYPES.get(name_of(cls), ()))
+
 
 SHIPPED = Types()
 """The types that ship, and no others."""

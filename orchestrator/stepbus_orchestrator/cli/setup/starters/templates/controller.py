@@ -1,29 +1,33 @@
 """A PD controller: torque = kp · position error + kd · velocity error."""
 
+from collections.abc import Mapping
+
 import stepbus
+from stepbus import Description, JointCommand, JointReference, SensedJoints
 
 
 class Controller(stepbus.Participant):
-    inputs = {"joint_state": stepbus.JointState, "reference": stepbus.JointReference}
-    outputs = {"command": stepbus.JointCommand}
+    inputs = {"joint_state": SensedJoints, "reference": JointReference}
+    outputs = {"command": JointCommand}
 
-    def describe(self):
-        return {"command": stepbus.Description(like="joint_state")}
+    def describe(self) -> dict[str, Description]:
+        return {"command": Description(like="joint_state")}
 
-    def start(self, inputs):
+    def start(self, inputs: Mapping[str, Description]) -> None:
         # Where each joint of the state is in the vectors of the reference.
         names = inputs["reference"].names
         self.order = [names.index(joint) for joint in inputs["joint_state"].names]
 
-    def update(self, step):
-        state, wanted = step.get("joint_state"), step.get("reference")
+    def update(self, step: stepbus.Step) -> dict[str, JointCommand] | None:
+        state = step.get("joint_state", SensedJoints)
+        wanted = step.get("reference", JointReference)
         if state is None or wanted is None:
             return None  # an input has not come yet
         kp, kd = self.config.params["kp"], self.config.params["kd"]
         errors = [wanted.position[i] - q for i, q in zip(self.order, state.position)]
         rates = [wanted.velocity[i] - v for i, v in zip(self.order, state.velocity)]
         torque = [kp * error + kd * rate for error, rate in zip(errors, rates)]
-        return {"command": stepbus.JointCommand(mode="torque", values=torque)}
+        return {"command": JointCommand(mode="torque", values=torque)}
 
 
 raise SystemExit(stepbus.main(Controller))
