@@ -1,6 +1,7 @@
 """An input is read as a class that requires fields which are optional in its type."""
 
 import re
+from typing import ClassVar
 
 import pytest
 from support.runs.joints import run_joints
@@ -22,7 +23,7 @@ FULL = JointState(position=[1.0], velocity=[2.0])
 
 
 class Reader(Participant):
-    inputs = {"joint_state": SensedJoints}
+    inputs: ClassVar = {"joint_state": SensedJoints}
 
     def update(self, step):
         self.read = step.get("joint_state", SensedJoints)
