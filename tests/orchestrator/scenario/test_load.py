@@ -140,9 +140,11 @@ DEEP = "is nested too deeply: over 100 maps and lists in each other"
         ("[" * 100_000, f"scenario.yaml:1: {DEEP}"),
         ("- " * 100_000, f"scenario.yaml:1: {DEEP}"),
         ("\n".join(f"{' ' * n}a:" for n in range(2000)), f"scenario.yaml:100: {DEEP}"),
-        (
+        pytest.param(
             "a:\n" + "".join(f"  port{n}: Text/1\n" for n in range(100_000)),
             "scenario.yaml:50000: has more than 100000 keys and values",
+            marks=pytest.mark.slow,
+            id="100,000 ports",
         ),
         (
             "a: 1\n---\nb: 2\n",
