@@ -19,6 +19,7 @@ from stepbus_orchestrator import (
     Result,
     Verification,
     as_external,
+    check_installed,
     default_folder,
     plan,
     report_recordings,
@@ -95,8 +96,10 @@ def run(
     if real_time is not None and not 1e-3 <= real_time <= 1e3:
         raise WiringError(f"real_time: a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
-    folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
+    loaded = as_external(loaded, tickets)
+    check_installed(loaded)
+    folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
     options = Options(
         out=folder,
         pace=pace,
@@ -105,7 +108,6 @@ def run(
         tickets=tickets,
         real_time=None if real_time is None else float(real_time),
     )
-    loaded = as_external(loaded, tickets)
     result = run_scenario(loaded, options, observer, interrupt)
     if report and result.steps and result.recording.exists():
         try:

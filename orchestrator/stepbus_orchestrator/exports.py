@@ -34,7 +34,7 @@ from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
 from .run.setup.external import as_external
 from .run.setup.folder import first_new
-from .scenario import Problem, Scenario, ScenarioError, check_data, load
+from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
 from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
 from .sweep import sweep as sweep_scenario
 from .viewing.exports import Exported, damage_line
@@ -81,6 +81,7 @@ __all__ = [
     "branch_recording",
     "call",
     "check_data",
+    "check_installed",
     "damage_line",
     "default_folder",
     "default_name",

@@ -34,7 +34,10 @@ def source(monkeypatch):
             "pip install '/w/stepbus.whl[sim]'",
         ),
         ('{"url": "file:///home/me/clone", "dir_info": {}}', "pip install '/home/me/clone[sim]'"),
-        ('{"url": "https://a.b/c.whl", "archive_info": {}}', "pip install 'stepbus[sim]'"),
+        (
+            '{"url": "https://a.b/c.whl", "archive_info": {}}',
+            "pip install 'stepbus[sim] @ https://a.b/c.whl'",
+        ),
         (
             '{"url": "file:///home/me/my%20bus", "dir_info": {"editable": true}}',
             "pip install -e '/home/me/my bus[sim]'",

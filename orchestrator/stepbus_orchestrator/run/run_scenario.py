@@ -30,6 +30,7 @@ from stepbus_orchestrator.scenario import (
     Scenario,
     Schedule,
     builtin_folders,
+    check_installed,
     format_fault,
     left_out,
 )
@@ -79,8 +80,9 @@ def run(
 
     observer: is notified of progress. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
-    to, StartFailed when it may not open enough files, WiringError for a name in `options` that no
-    participant has, and for what cannot be done to one that somebody else starts.
+    to, StartFailed when it may not open enough files, ExtraMissing where a package that one of our
+    participants needs is not installed, WiringError for a name in `options` that no participant
+    has, and for what cannot be done to one that somebody else starts.
     """
     return run_with(lambda live: live, scenario, options, observer, interrupt)
 
@@ -100,6 +102,7 @@ def run_with(
         # Each step begins when all have finished the one before, and its time has come.
         scenario = dataclasses.replace(scenario, window=1, batch=1)
     scenario = without_deadlines(scenario, [*options.debug, *options.no_deadline])
+    check_installed(scenario)
     check_limits(len(scenario.participants))
     return _Run(
         adapt, scenario, options, observer or Silent(), interrupt or threading.Event()

@@ -3,6 +3,7 @@
 from stepbus_participant.parameters import Problem
 
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
+from .installed import NEEDS, check_installed, missing
 from .load import ScenarioError, check_data, load
 from .model import (
     EXTERNAL_SPAWN_S,
@@ -26,6 +27,7 @@ __all__ = [
     "EXTERNAL_SPAWN_S",
     "FAULT_TYPES",
     "MESSAGE_FAULTS",
+    "NEEDS",
     "OURS",
     "PROCESS_FAULTS",
     "BridgeSpec",
@@ -43,12 +45,14 @@ __all__ = [
     "builtin_folders",
     "builtin_names",
     "check_data",
+    "check_installed",
     "command",
     "faults_of",
     "files",
     "format_fault",
     "left_out",
     "load",
+    "missing",
     "python_target",
     "read_data",
     "replaced_program",

@@ -26,18 +26,9 @@ class ExtraMissing(WiringError, ImportError):
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an extra: of the package, or of what it comes from here.
+    """Return the command that installs an extra from where stepbus was installed from.
 
-    That is a clone or a file of this machine, where stepbus was installed from one.
-    """
-    path, is_editable = _origin()
-    return f"pip install {'-e ' if is_editable else ''}'{path or 'stepbus'}[{extra}]'"
-
-
-def _origin() -> tuple[str, bool]:
-    """Return the folder or file that stepbus was installed from, and whether it is edited there.
-
-    The path is empty where that is no file of this machine.
+    That is a clone, a file, an address or an index; a clone where it is not installed at all.
     """
     # It takes longer to load than all else here, and only a hint needs it.
     from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
@@ -45,11 +36,14 @@ def _origin() -> tuple[str, bool]:
     try:
         text = distribution("stepbus").read_text("direct_url.json")
     except PackageNotFoundError:
-        return "", False
+        return f"pip install '.[{extra}]'"
     source = json.loads(text or "{}")
-    url = urlparse(source.get("url", ""))
-    path = unquote(url.path) if url.scheme == "file" else ""
-    return path, bool(path and source.get("dir_info", {}).get("editable", False))
+    address = source.get("url", "")
+    url = urlparse(address)
+    if url.scheme != "file":
+        return f"pip install 'stepbus[{extra}]{f' @ {address}' if address else ''}'"
+    edited = "-e " if source.get("dir_info", {}).get("editable", False) else ""
+    return f"pip install {edited}'{unquote(url.path)}[{extra}]'"
 
 
 def extra_hint(module: str) -> str:

@@ -74,11 +74,11 @@ def test_a_new_scenario_runs_as_it_is(tmp_path, capsys):
     assert (tmp_path / "out" / "report.png").stat().st_size > 10_000
 
 
-def test_the_new_controller_has_at_most_20_lines(tmp_path):
+def test_the_new_controller_has_at_most_22_lines(tmp_path):
     main(["new", str(tmp_path / "mine")])
     lines = (tmp_path / "mine" / "controller.py").read_text().splitlines()
     code = [line for line in lines if line.strip() and not line.startswith('"""')]
-    assert len(code) <= 20
+    assert len(code) <= 22
 
 
 def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):

@@ -24,7 +24,7 @@ from stepbus_orchestrator.run.run_scenario import (
     without_deadlines,
 )
 from stepbus_orchestrator.run.setup.options import check_names
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario import Scenario, check_installed, load
 from stepbus_schemas import WiringError
 
 from .viewer import viewed
@@ -182,6 +182,7 @@ def _execute(args: argparse.Namespace) -> int:
     if args.speedscope and not args.profile:
         raise WiringError("--speedscope needs --profile")
     check_names(scenario, args.speedscope, "sample")
+    check_installed(scenario)
     check_limits(len(scenario.participants))
     # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
     is_read = not (args.json and args.no_report)

@@ -74,7 +74,7 @@ def versions() -> Iterator[Finding]:
     try:
         requirements = [Requirement("stepbus"), *needed()]
     except PackageNotFoundError:
-        text = "is not installed, only found; run `pip install stepbus`"
+        text = "is not installed, only found; run `pip install -e .` in its clone"
         yield Finding(what="stepbus", verdict="fail", text=text)
         return
     for requirement in requirements:

@@ -1,37 +1,29 @@
 """What only loading a participant's models shows to be wrong, without a run."""
 
-import importlib.util
 import json
 import subprocess
 
 from stepbus_orchestrator.run.kernel.admission import welcome_of
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, command, python_target
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, command, missing, python_target
 from stepbus_participant import Problems
 from stepbus_schemas import encode
 
-_CHECKS = {"stepbus_plant": ("stepbus_plant.check", "pybullet")}
-"""Package of a participant → the module that makes it and says what is wrong; what that needs."""
+_CHECKS = {"stepbus_plant": "stepbus_plant.check"}
+"""Package of a participant → the module that makes it and says what is wrong."""
 
 _LONGEST_S = 120.0
 
 
 def rehearse(scenario: Scenario, problems: Problems) -> None:
-    """Let each plant load its world, and add what is wrong with it.
-
-    One whose engine is not installed is left out: a run says so.
-    """
+    """Let each plant load its world, and add what is wrong with it, or is not installed."""
     for spec in scenario.participants:
         launch, name = python_target(spec.exec[1:]) if spec.exec[:1] == ("python",) else ("", "")
-        module, needs = _CHECKS.get(name, ("", "")) if launch == "module" else ("", "")
-        if module and _is_installed(needs):
+        module = _CHECKS.get(name, "") if launch == "module" else ""
+        lacking = missing(spec)
+        if lacking and not spec.is_external:
+            problems.add(("participants", spec.name, "exec"), lacking)
+        elif module and not lacking:
             _ask(scenario, spec, module, problems)
-
-
-def _is_installed(module: str) -> bool:
-    try:
-        return importlib.util.find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
 
 
 def _ask(scenario: Scenario, spec: ParticipantSpec, module: str, problems: Problems) -> None:

@@ -3,31 +3,30 @@
 from collections.abc import Mapping
 
 import stepbus
-from stepbus import Description, JointCommand, JointReference, SensedJoints
 
 
 class Controller(stepbus.Participant):
-    inputs = {"joint_state": SensedJoints, "reference": JointReference}
-    outputs = {"command": JointCommand}
+    inputs = {"joint_state": stepbus.SensedJoints, "reference": stepbus.JointReference}
+    outputs = {"command": stepbus.JointCommand}
 
-    def describe(self) -> dict[str, Description]:
-        return {"command": Description(like="joint_state")}
+    def describe(self) -> dict[str, stepbus.Description]:
+        return {"command": stepbus.Description(like="joint_state")}
 
-    def start(self, inputs: Mapping[str, Description]) -> None:
+    def start(self, inputs: Mapping[str, stepbus.Description]) -> None:
         # Where each joint of the state is in the vectors of the reference.
         names = inputs["reference"].names
         self.order = [names.index(joint) for joint in inputs["joint_state"].names]
 
-    def update(self, step: stepbus.Step) -> dict[str, JointCommand] | None:
-        state = step.get("joint_state", SensedJoints)
-        wanted = step.get("reference", JointReference)
+    def update(self, step: stepbus.Step) -> dict[str, stepbus.JointCommand] | None:
+        state = step.get("joint_state", stepbus.SensedJoints)
+        wanted = step.get("reference", stepbus.JointReference)
         if state is None or wanted is None:
             return None  # an input has not come yet
         kp, kd = self.config.params["kp"], self.config.params["kd"]
         errors = [wanted.position[i] - q for i, q in zip(self.order, state.position)]
         rates = [wanted.velocity[i] - v for i, v in zip(self.order, state.velocity)]
         torque = [kp * error + kd * rate for error, rate in zip(errors, rates)]
-        return {"command": JointCommand(mode="torque", values=torque)}
+        return {"command": stepbus.JointCommand(mode="torque", values=torque)}
 
 
 raise SystemExit(stepbus.main(Controller))

@@ -1,0 +1,59 @@
+"""A package that participants of ours need, and that is not installed, is named before the start."""
+
+import importlib.util
+import subprocess
+import sys
+
+import pytest
+
+import stepbus
+from stepbus_orchestrator.scenario import NEEDS, check_installed, load
+
+WITHOUT = """
+import sys
+for name in sys.argv[2:]:
+    sys.modules[name] = None
+"""
+START = WITHOUT + "import runpy; runpy.run_module(sys.argv[1], run_name='started')"
+"""Imports what `python -m` imports, and does not take part."""
+PROGRAMS = [
+    "stepbus_bridge", "stepbus_controller", "stepbus_controller.position", "stepbus_mission",
+    "stepbus_mission.goals", "stepbus_mission.round_trip", "stepbus_mission.store", "stepbus_motion.arm",
+    "stepbus_motion.mobile", "stepbus_perception", "stepbus_planner", "stepbus_plant", "stepbus_selftest",
+    "stepbus_world_model",
+]  # fmt: skip
+
+
+def start(*arguments):
+    command = [sys.executable, "-c", START, *arguments]
+    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=100)
+
+
+def test_from_python_it_is_an_error_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(
+        stepbus.ExtraMissing, match=r"participants\.plant: stepbus_plant needs pybullet"
+    ):
+        stepbus.run("two_link", out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_another_interpreter_or_somebody_else_starts_may_have_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    check_installed(load("two_link", ["plant.start=external"]))
+    check_installed(load("two_link", [f"plant.exec=[{sys.executable}, -m, stepbus_plant]"]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_the_table_has_what_a_program_imports_at_its_start(program):
+    needs = {
+        name
+        for key, names in NEEDS.items()
+        if f"{program}.".startswith(f"{key}.")
+        for name in names
+    }
+    packages = ("pybullet", "pinocchio", "ruckig", "cv2", "ompl", "toppra", "eaik")
+    known = [name for name in packages if importlib.util.find_spec(name)]
+    fails = {name for name in known if start(program, name).returncode}
+    assert fails == needs
