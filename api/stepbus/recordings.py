@@ -122,7 +122,8 @@ def rerun(
 ) -> Rerun:
     """Run the scenario of a recording again, from nothing but the recording.
 
-    out: folder of the new run. Raises RecordingFailed when the recording holds no scenario.
+    out: folder of the new run. Raises RecordingFailed when the recording holds no scenario,
+    OutputExists when `out` holds a run.
     """
     return Preparation(path_of(recording), Path(out), overrides(set)).run(observer, interrupt)
 
@@ -168,7 +169,7 @@ def branch(
 def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
     """Write all complete records of a damaged recording to a new file.
 
-    Raises RecordingFailed when there is nothing to recover or `target` exists.
+    Raises RecordingFailed when there is nothing to recover, OutputExists when `target` exists.
     """
     return recover_recording(path_of(recording), Path(target))
 

@@ -91,7 +91,9 @@ def run(
     clock, so many times as fast (docs/guide/running/real_time.md); `result.real_time` has how late
     they were.
 
-    Raises ScenarioError when the scenario cannot run, RecordingFailed when `out` cannot be written.
+    Raises ScenarioError when the scenario cannot run, ExtraMissing when a package that one of our
+    participants needs is not installed, OutputExists when `out` holds a run already,
+    RecordingFailed when it cannot be written.
     """
     if real_time is not None and not 1e-3 <= real_time <= 1e3:
         raise WiringError(f"real_time: a factor from 0.001 to 1000, not {real_time}")

@@ -248,7 +248,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             try:
                 step = episode.start()
             except WiringError as exc:
-                raise WiringError(str(exc).replace("leave out --in-process", _ALONE)) from exc
+                raise WiringError(str(exc).replace("leave out `in_process`", _ALONE)) from exc
         self._episode = episode
         return step
 

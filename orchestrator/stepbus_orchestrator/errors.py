@@ -12,11 +12,16 @@ RunError
    ├─ RecordingFailed (OSError)        a recording could not be written or read
    ├─ Untrusted                        a recording made elsewhere would start programs
    └─ Interrupted                      the user pressed Ctrl-C
+
+WiringError
+└─ OutputExists (FileExistsError)      what a call would write is there already
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 
-from stepbus_schemas import RunError
+from stepbus_schemas import RunError, WiringError
 
 
 class ExitCode(IntEnum):
@@ -36,6 +41,37 @@ class ExitCode(IntEnum):
     NONCONFORMING = 11
     UNTRUSTED = 12
     INTERRUPTED = 130
+
+
+_edge = {"is_command_line": False}
+
+
+@contextmanager
+def command_line() -> Iterator[None]:
+    """Let sentences name the options of the command line, not the parameters in Python."""
+    before = _edge["is_command_line"]
+    _edge["is_command_line"] = True
+    try:
+        yield
+    finally:
+        _edge["is_command_line"] = before
+
+
+def argument(option: str, parameter: str = "", value: str = "") -> str:
+    """Return what the caller knows an argument by: `--out`, or `out` from Python.
+
+    parameter: where it has another name in Python. value: one that was given, or may be.
+    """
+    if _edge["is_command_line"]:
+        return f"{option} {value}" if value else option
+    name = parameter or option.lstrip("-").replace("-", "_")
+    return f'{name}=["{value}"]' if value else f"`{name}`"
+
+
+class OutputExists(WiringError, FileExistsError):
+    """What a call would write is there already, from a run or from somebody else."""
+
+    __str__ = Exception.__str__
 
 
 def indented(text: str) -> str:

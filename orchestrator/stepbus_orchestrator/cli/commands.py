@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
-from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError
 
@@ -143,7 +143,8 @@ def execute(arguments: Sequence[str]) -> int:
     if args.command.is_run:
         hurry()
     try:
-        code: int = args.command.execute(args)
+        with command_line():
+            code: int = args.command.execute(args)
     except RunFailure as exc:
         print_error(str(exc))
         return exc.code

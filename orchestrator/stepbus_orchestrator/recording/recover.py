@@ -10,7 +10,7 @@ from typing import Any
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, IndexType
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.mcap.being_written import is_being_written
 from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
@@ -62,18 +62,21 @@ def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
     source: an MCAP file, uncompressed or zstd; it is only read. target: appears when it is
     complete; may exist, or be the source, only with `in_place`.
 
-    Raises RecordingFailed when the source holds nothing to recover, when the target exists already
-    or cannot be written, and in place of a recording that is being written.
+    Raises RecordingFailed when the source holds nothing to recover, OutputExists when the target
+    exists already, RecordingFailed when it cannot be written, and in place of a recording that is
+    being written.
     """
     if kind := irregular(target):
         raise RecordingFailed(f"{target} is {kind}: no file takes its place; name another one")
     if target.exists() and not in_place:
-        raise RecordingFailed(f"{target} exists already; choose another name with --out")
+        raise OutputExists(
+            f"{target} exists already; choose another name with {argument('--out', 'target')}"
+        )
     part = target.with_name(f".{target.name}.part")
     if in_place and is_being_written(source):
         raise RecordingFailed(
             f"{source} is still being written; wait until its run has ended, or write what it has "
-            "so far to another file with --out"
+            f"so far to another file with {argument('--out', 'target')}"
         )
     try:
         try:
@@ -85,7 +88,8 @@ def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
         if isinstance(exc, RecordingFailed):
             raise
         raise RecordingFailed(
-            f"{target} cannot be written: {exc.strerror or exc}; choose another file with --out"
+            f"{target} cannot be written: {exc.strerror or exc}; choose another file with "
+            f"{argument('--out', 'target')}"
         ) from exc
     return recovery
 

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.processes.links.endpoints import (
@@ -136,7 +137,8 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
         return []
     note = (
         "this tests the copy in the recording: its scenario was not found in the work tree; "
-        "name its folder with --source, or mean the copy with --recorded"
+        f"name its folder with {argument('--source')}, or mean the copy with "
+        f"{argument('--recorded')}"
     )
     return [note]
 

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.analysis.comparison import short
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.processes.links.endpoints import low_latency
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.setup.folder import read_files
@@ -103,7 +103,7 @@ def _from_tree(
         files=found,
         is_changed=bool(overrides or values),
         notes=[
-            *(f"--set {text}" for text in overrides),
+            *(argument("--set", value=text) for text in overrides),
             *_changed_files(origin.files, read_files(found)),
             *values,
             *_rewired(scenario, today, old, new),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.analysis.diff import Diff, diff
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
@@ -175,7 +175,8 @@ def unpack_files(scenario: bytes, files: Mapping[str, bytes], folder: Path) -> P
         write_file(path, scenario)
     except OSError as exc:
         raise RecordingFailed(
-            f"{exc.filename or folder} cannot be written: {exc.strerror}; choose another --out"
+            f"{exc.filename or folder} cannot be written: {exc.strerror}; "
+            f"choose another {argument('--out')}"
         ) from exc
     return path
 
@@ -233,7 +234,7 @@ class Preparation:
         self._out = out
         self._is_changed = bool(overrides)
         if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
-            raise RecordingFailed(f"{out} holds a run already; choose another --out")
+            raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
         path = unpack(self._origin, out / SOURCE_FOLDER)
         self.scenario = load(path, overrides)
         recorded = self._origin.versions.get(layout.ORCHESTRATOR, {})
@@ -287,10 +288,13 @@ def _damage(origin: Origin) -> list[str]:
     return [f"the recording {flaw}" for flaw in origin.flaws]
 
 
+_OTHER_VERSION = "this version reads it differently"
+
+
 def _changes(origin: Origin, scenario: Scenario, overrides: Sequence[str]) -> list[str]:
     if resolved(scenario).encode() == origin.scenario:
         return []
-    cause = f"--set {' '.join(overrides)}" if overrides else "this version reads it differently"
+    cause = argument("--set", value=" ".join(overrides)) if overrides else _OTHER_VERSION
     return [f"the scenario is not the recorded one: {cause}"]
 
 
@@ -299,7 +303,8 @@ def _open_end(origin: Origin, scenario: Scenario) -> list[str]:
         return []
     note = (
         f"the scenario has no duration, the recording has {origin.steps} steps; if no participant "
-        "ends the run, end it with Ctrl-C or give it one with --set duration=…"
+        "ends the run, end it with Ctrl-C or give it one with "
+        f"{argument('--set', value='duration=…')}"
     )
     return [note]
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed, RunFailure, StartFailed
+from stepbus_orchestrator.errors import RecordingFailed, RunFailure, StartFailed, argument
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.processes.links.endpoints import (
@@ -66,7 +66,7 @@ __all__ = [
 
 _SHARED = (
     "{folder} may be written by every user of this machine, who could put files of theirs in the "
-    "place of the run's; choose another --out, or take that right away: chmod o-w {folder}"
+    "place of the run's; choose another {out}, or take that right away: chmod o-w {folder}"
 )
 
 
@@ -147,7 +147,9 @@ class _Run:
         self._events = Events(observer)
         self._invitations = Invitations(out, observer)
         if is_shared(out):
-            self._events.add_warning("orchestrator", _SHARED.format(folder=options.out))
+            self._events.add_warning(
+                "orchestrator", _SHARED.format(folder=options.out, out=argument("--out"))
+            )
         factor = options.real_time
         self._real_time = None if factor is None else RealTime(scenario.step_ns, factor)
         self._recorder = (

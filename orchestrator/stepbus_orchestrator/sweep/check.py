@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
@@ -114,7 +115,8 @@ def _check_metric(spec: Spec, problems: Problems) -> None:
         return
     known = ", ".join([*BUILTIN, "rmse.JOINT"])
     text = f"{name}: there is no such metric{suggest(name, BUILTIN)}; there are {known}, "
-    problems.add(("optimize",), f"{text}and your own with --metric FILE:FUNCTION")
+    more = argument("--metric", "metrics", "FILE:FUNCTION")
+    problems.add(("optimize",), f"{text}and your own with {more}")
 
 
 def _probes(axis: Axis) -> Iterator[Point]:

@@ -12,7 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.analysis.replaced import replaced
-from stepbus_orchestrator.errors import ExitCode, Interrupted, RecordingFailed
+from stepbus_orchestrator.errors import (
+    ExitCode,
+    Interrupted,
+    OutputExists,
+    RecordingFailed,
+    argument,
+)
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
@@ -126,7 +132,9 @@ def _claim(spec: Spec, content: Content, home: Path) -> None:
     if not found and before != fingerprint:
         found = ["a file of the scenario, or a metric, has changed"]
     if found:
-        raise RecordingFailed(f"{home} holds another sweep: {'; '.join(found)}; give another --out")
+        raise OutputExists(
+            f"{home} holds another sweep: {'; '.join(found)}; give another {argument('--out')}"
+        )
 
 
 class _Sweep:

@@ -7,6 +7,7 @@ the same sequence everywhere.
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from stepbus_orchestrator.errors import argument
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
 
@@ -19,7 +20,7 @@ class Optimizer:
     """Asks Optuna for points, and tells it what came of them."""
 
     def __init__(self, spec: Spec) -> None:
-        (optuna,) = need("--optimize", "optuna")
+        (optuna,) = need(argument("--optimize"), "optuna")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         sampler = optuna.samplers.TPESampler(seed=spec.seed)
         direction = "maximize" if spec.maximize else "minimize"
@@ -51,7 +52,9 @@ class Optimizer:
         else:
             known = ", ".join(measured)
             why = f"is no metric of these runs{suggest(name, measured)}; they have {known}"
-        raise WiringError(f"--optimize {name}: it {why}: there is nothing to optimise")
+        raise WiringError(
+            f"{argument('--optimize')} {name}: it {why}: there is nothing to optimise"
+        )
 
     def _ask(self, number: int, axes: Sequence[Axis]) -> Point:
         trial = self._asked[number] = self._study.ask()

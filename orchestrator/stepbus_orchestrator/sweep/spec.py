@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_participant import Count, Problems, Settings, Whole, read_text, write_file
 from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
@@ -131,7 +131,7 @@ def _optimizer_problems(spec: Spec, usual: Spec) -> Iterator[tuple[Keys, str]]:
             yield ("batch",), "belongs to an optimizer; without one, all runs are asked for at once"
     else:
         if not spec.trials:
-            yield ("trials",), "an optimizer needs a number of runs, e.g. --trials 100"
+            yield ("trials",), f"an optimizer needs a number of runs, e.g. {argument('--trials', value='100')}"
         for key in ("samples", "repeats", "sampling"):
             if getattr(spec, key) != getattr(usual, key):
                 yield (key,), "an optimizer chooses each run by itself; leave it out"

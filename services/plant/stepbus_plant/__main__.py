@@ -2,6 +2,7 @@
 
 from stepbus_participant import main
 
+from . import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
 from .participant import PlantParticipant
 
 if __name__ == "__main__":

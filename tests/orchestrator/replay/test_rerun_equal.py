@@ -10,7 +10,7 @@ from support.runs.joints import fault, run_joints
 
 import stepbus_scenarios
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
 from stepbus_orchestrator.run.reports.result import own_versions
@@ -109,7 +109,7 @@ def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path)
 
 def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
-    assert notes == ["the scenario is not the recorded one: --set seed=3"]
+    assert notes == ['the scenario is not the recorded one: set=["seed=3"]']
 
 
 def test_files_and_programs_outside_the_log_are_named(tmp_path):
@@ -156,7 +156,7 @@ def test_a_recording_without_a_scenario_is_refused(tmp_path):
 
 
 def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
-    with pytest.raises(RecordingFailed, match="holds a run already; choose another --out"):
+    with pytest.raises(OutputExists, match="holds a run already; choose another `out`"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
 

@@ -79,7 +79,7 @@ def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
 
 def test_a_setting_of_the_replay_is_a_change(log):
     result = replay(log, "controller", overrides=["controller.params.kp=250"])
-    assert (result.equal, list(result.changes)) == (False, ["--set controller.params.kp=250"])
+    assert (result.equal, list(result.changes)) == (False, ['set=["controller.params.kp=250"]'])
 
 
 def test_the_copy_is_tested_where_it_is_asked_for(project, log, capsys):
@@ -104,7 +104,9 @@ def test_the_overrides_of_the_run_are_no_change(project):
 
 def test_two_scenarios_of_the_name_are_named(project, log):
     shutil.copytree(project / "arm", project / "copy")
-    with pytest.raises(WiringError, match=r"several scenarios are named 'arm': .*--source"):
+    with pytest.raises(
+        WiringError, match=r"several scenarios are named 'arm': .*choose with `source`"
+    ):
         replay(log, "controller")
     assert replay(log, "controller", source=project / "copy").source == "copy/scenario.yaml"
 

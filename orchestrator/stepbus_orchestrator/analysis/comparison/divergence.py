@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from stepbus_orchestrator.errors import argument
+
 from .values import difference, short
 
 DivergenceType = Literal["value", "encoding", "missing", "added"]
@@ -33,7 +35,7 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
             case "encoding":
                 return (
                     f"{where}: the same values in other bytes; "
-                    f"give a tolerance to compare values, e.g. --abs {self.topic}=0"
+                    f"give {argument(f'--abs {self.topic}=0', 'tolerance')} to compare values"
                 )
             case "missing":
                 return f"{where}: the {first} has a message, the {second} has none"

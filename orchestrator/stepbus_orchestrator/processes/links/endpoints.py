@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.errors import BusFailed, argument
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Endpoint
 
@@ -162,12 +162,12 @@ def _unix(folder: Path, index: int) -> str:
     if len(str(path).encode()) > _SOCKET_PATH_BYTES:
         raise BusFailed(
             f"{path}: a Unix socket's path holds at most {_SOCKET_PATH_BYTES} bytes; "
-            "set TMPDIR to a shorter folder or use `--set bus.transport=tcp`"
+            f"set TMPDIR to a shorter folder or use {argument('--set', value='bus.transport=tcp')}"
         )
     if odd := set(str(path)) & set(_NOT_IN_ADDRESSES):
         raise BusFailed(
             f"{path}: an address of Zenoh cannot hold {' '.join(sorted(odd))}; set TMPDIR to a "
-            "folder without, or use `--set bus.transport=tcp`"
+            f"folder without, or use {argument('--set', value='bus.transport=tcp')}"
         )
     return f"{_UNIX}{path}"
 

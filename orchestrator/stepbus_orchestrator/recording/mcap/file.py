@@ -9,7 +9,7 @@ from typing import Any
 
 from mcap.writer import CompressionType, IndexType
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_schemas import json_schema
 
@@ -154,7 +154,7 @@ class McapFile:
         remedy = (
             "raise the limit of a file's size (ulimit -f)"
             if exc.errno == errno.EFBIG
-            else "free some disk space or choose another folder with --out"
+            else f"free some disk space or choose another folder with {argument('--out')}"
         )
         self._failed = self._failed or RecordingFailed(
             f"the recording {self.path} cannot be written: {exc.strerror or exc}; {remedy}"

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.outputs.recorded import counts_from_of, replayable_steps
 from stepbus_orchestrator.replay.rerun import (
@@ -60,7 +60,7 @@ def plan(
     origin = origin_of(recording)
     refuse_others(origin, trusted)
     if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
-        raise RecordingFailed(f"{out} holds a run already; choose another --out")
+        raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
     path = unpack(origin, out / SOURCE_FOLDER)
     recorded = load(path)
     scenario = load(path, change.overrides, change.faults)
@@ -168,10 +168,12 @@ def _call(text: str, at: int, scenario: Scenario) -> CallRecord:
     """Return the call that a text such as `controller set kp 90` stands for."""
     words = shlex.split(text)
     if len(words) < 2:
-        raise WiringError(f"--call {text!r}: write PARTICIPANT METHOD ARG…")
+        raise WiringError(f"{argument('--call', 'calls', text)}: write PARTICIPANT METHOD ARG…")
     name, method, *values = words
     names = [spec.name for spec in scenario.participants]
     if name not in names:
-        raise WiringError(f"--call {text!r}: no participant {name!r}{suggest(name, names)}")
+        raise WiringError(
+            f"{argument('--call', 'calls', text)}: no participant {name!r}{suggest(name, names)}"
+        )
     args = [parse_yaml(value, value) for value in values]
     return CallRecord(step=at, participant=name, method=method, args=args)

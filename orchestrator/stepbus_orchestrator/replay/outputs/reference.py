@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, remember
 from stepbus_orchestrator.replay.prepare import Prepared
@@ -27,7 +27,9 @@ def new_reference(
         yield None
         return
     if irregular(target) or target.exists():
-        raise RecordingFailed(f"{target} exists already; choose another name with --update")
+        raise OutputExists(
+            f"{target} exists already; choose another name with {argument('--update')}"
+        )
     part = target.with_name(f".{target.name}.part")
     file = McapFile(part)
     scenario = prepared.scenario

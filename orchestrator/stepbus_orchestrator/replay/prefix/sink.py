@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
-from stepbus_orchestrator.errors import Diverged
+from stepbus_orchestrator.errors import Diverged, argument
 from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink
 from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.run.kernel.failures import at as at_step
@@ -21,7 +21,7 @@ _WHY = (
 )
 _WHY_RESTORED = (
     "it started from its checkpoint before step {step}, which does not have all of its state, or "
-    "it is not the program that was recorded; branch with --no-checkpoints"
+    "it is not the program that was recorded; branch with {without}"
 )
 
 
@@ -174,7 +174,13 @@ class PrefixSink:
         found = comparison.divergence.text("recording", "now")
         text = found.removeprefix(f"step {step}: ")
         checkpoint = self._restored.get(name)
-        why = _WHY if checkpoint is None else _WHY_RESTORED.format(step=checkpoint.step)
+        why = (
+            _WHY
+            if checkpoint is None
+            else _WHY_RESTORED.format(
+                without=argument("--no-checkpoints", "checkpoints=False"), step=checkpoint.step
+            )
+        )
         raise Diverged(
             f"{at_step(step, self._scenario.step_ns)}: {name} does not repeat the recording: "
             f"{text}; {why}",

@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import is_known_folder
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
@@ -129,7 +130,8 @@ def _near(
     if len(files) > 1:
         shown = ", ".join(map(str, files))
         raise WiringError(
-            f"several scenarios are named {recorded.get('name')!r}: {shown}; choose with --source"
+            f"several scenarios are named {recorded.get('name')!r}: {shown}; choose with "
+            f"{argument('--source')}"
         )
     yield from files
 

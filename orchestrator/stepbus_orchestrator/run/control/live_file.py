@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import msgspec
 
-from stepbus_orchestrator.errors import BusFailed, indented
+from stepbus_orchestrator.errors import BusFailed, argument, indented
 from stepbus_orchestrator.run.kernel.admission import LOW_LATENCY_BYTES
 from stepbus_participant import BusError, Endpoint, ZenohBus, read_file, write_file
 from stepbus_schemas import (
@@ -117,7 +117,8 @@ def _pack(live: Live, request: CallRequest) -> bytes:
     if live.endpoint.low_latency and len(data) > LOW_LATENCY_BYTES:
         raise WiringError(
             f"the call takes {len(data)} bytes, over the {LOW_LATENCY_BYTES} that the run's "
-            "low-latency transport carries; start it with --set bus.low_latency=false"
+            "low-latency transport carries; start it with "
+            f"{argument('--set', value='bus.low_latency=false')}"
         )
     return data
 

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.links.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
@@ -40,7 +40,9 @@ def check_scenario(scenario: Scenario) -> None:
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
     if faults:
         texts = ", ".join(f"'{format_fault(fault)}'" for fault in faults)
-        raise WiringError(f"{texts}: a fault of a process needs one; leave out --in-process")
+        raise WiringError(
+            f"{texts}: a fault of a process needs one; leave out {argument('--in-process')}"
+        )
     check_programs(scenario)
 
 

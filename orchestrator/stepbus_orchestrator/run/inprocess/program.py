@@ -9,6 +9,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Protocol
 
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.run.setup.seat import Seat
 from stepbus_orchestrator.scenario import OURS, ParticipantSpec, Scenario, python_target
 from stepbus_participant import main, read_file
@@ -26,7 +27,7 @@ def check_programs(scenario: Scenario) -> None:
         if why is not None
     ]
     if problems:
-        raise WiringError("\n".join([*problems, "leave out --in-process"]))
+        raise WiringError("\n".join([*problems, f"leave out {argument('--in-process')}"]))
 
 
 def _why_not(spec: ParticipantSpec) -> str | None:

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterable
 
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.scenario import (
     EXTERNAL_SPAWN_S,
     PROCESS_FAULTS,
@@ -59,7 +60,7 @@ def check_external(scenario: Scenario, options: Options) -> None:
     if options.in_process:
         raise WiringError(
             f"{', '.join(names)}: a participant that somebody else starts has a process of its "
-            "own; leave out --in-process"
+            f"own; leave out {argument('--in-process')}"
         )
     for name in options.debug:
         if name in names:

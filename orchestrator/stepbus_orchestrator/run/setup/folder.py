@@ -6,7 +6,7 @@ from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
 from stepbus_orchestrator.run.reports.result import own_versions
@@ -46,7 +46,7 @@ def _is_made(folder: Path) -> bool:
 
 
 def claim(out: Path) -> None:
-    """Make a run's folder, with one for logs in it; raises RecordingFailed where one is in use."""
+    """Make a run's folder, with one for logs in it; raises OutputExists where one is in use."""
     taken = (layout.RUN_FILE, layout.TIMING_FILE)
     try:
         is_used = any(os.path.lexists(out / name) for name in taken)
@@ -57,7 +57,7 @@ def claim(out: Path) -> None:
     except OSError as exc:
         raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
     if is_used:
-        raise RecordingFailed(f"{out} holds a run already; choose another --out")
+        raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
 
 
 def attach(file: McapFile, scenario: Scenario) -> list[str]:

@@ -5,6 +5,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+from stepbus_orchestrator.errors import argument
 from stepbus_participant import SettingsError, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
 from stepbus_schemas import WiringError
@@ -25,7 +26,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
     """
     data, places, problems = document.data, dict(document.places), list(document.found)
     for setting in settings:
-        file = f"--set {setting}"
+        file = argument("--set", value=setting)
         try:
             keys, value = _parsed(data, setting, file)
             data = _replaced(data, keys, 0, value)
@@ -45,7 +46,7 @@ def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
     if not faults or not (own is None or isinstance(own, list)):
         return document
     places: dict[Keys, Place] = {
-        ("faults", first + i): Place(file=f"--fault {text}", line=0)
+        ("faults", first + i): Place(file=argument("--fault", "faults", text), line=0)
         for i, text in enumerate(faults)
     }
     data = {**document.data, "faults": [*(own or []), *faults]}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_orchestrator.errors import argument
 from stepbus_participant import need
 from stepbus_schemas import WiringError
 
@@ -90,9 +91,13 @@ def _check(axes: Sequence[Axis], samples: int, sampling: str, repeats: int) -> N
         raise WiringError("seed: either an axis, or varied by repeats")
     is_drawn = any(axis.distribution is not None for axis in axes)
     if is_drawn and samples < 1:
-        raise WiringError("a distribution needs a number of draws, e.g. --samples 100")
+        raise WiringError(
+            f"a distribution needs a number of draws in {argument('--samples')}, e.g. 100"
+        )
     if samples and not is_drawn:
-        raise WiringError("samples: no axis has a distribution; for several seeds use --repeats")
+        raise WiringError(
+            f"samples: no axis has a distribution; for several seeds use {argument('--repeats')}"
+        )
     if sampling not in SAMPLINGS:
         raise WiringError(f"sampling: {sampling!r} is none of {', '.join(SAMPLINGS)}")
 

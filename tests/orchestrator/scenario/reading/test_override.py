@@ -83,4 +83,4 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
     ],
 )
 def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):
-    assert problem_of(tmp_path, TWO_LINK, setting) == f"--set {setting}: {message}"
+    assert problem_of(tmp_path, TWO_LINK, setting) == f'set=["{setting}"]: {message}'
