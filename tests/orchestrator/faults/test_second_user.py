@@ -244,7 +244,7 @@ def test_another_user_gets_nothing_of_a_run_with_its_pages(open_folder, transpor
                 with second_user(SPY, pids, private, page) as spy:
                     assert spy.communicate()[0] == "[] False\n"
             # The owner's own eyes see something: the program does look.
-            with second_user(SPY, pids, private, page, is_other=False) as spy:
+            with second_user(SPY, process.pid, private, page, is_other=False) as spy:
                 assert f"environ of {process.pid}" in spy.communicate()[0]
             assert (out / ".live.json").stat().st_mode & 0o077 == 0
         finally:
