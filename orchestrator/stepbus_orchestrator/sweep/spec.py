@@ -131,7 +131,10 @@ def _optimizer_problems(spec: Spec, usual: Spec) -> Iterator[tuple[Keys, str]]:
             yield ("batch",), "belongs to an optimizer; without one, all runs are asked for at once"
     else:
         if not spec.trials:
-            yield ("trials",), f"an optimizer needs a number of runs, e.g. {argument('--trials', value='100')}"
+            yield (
+                ("trials",),
+                f"an optimizer needs a number of runs in {argument('--trials')}, e.g. 100",
+            )
         for key in ("samples", "repeats", "sampling"):
             if getattr(spec, key) != getattr(usual, key):
                 yield (key,), "an optimizer chooses each run by itself; leave it out"
