@@ -9,10 +9,11 @@ import sys
 from collections.abc import Sequence
 from types import FrameType
 
-from stepbus_orchestrator.processes.environment import PYTHON, is_set
+from stepbus_orchestrator.processes.environment import PYTHON
 
 from . import signals
 from .signals import SIGNALS, forget_swallowed, interrupt, on_signals, retry_swallowed
+from .supervisor import adopt, settle, supervise
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -48,8 +49,8 @@ def _guarded() -> int:
     # Those that came while this program was replaced by itself, see `_set_environment`.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     retry_swallowed()
-    if _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]:
-        _set_environment()
+    if _hosts_participants() and not adopt():
+        return supervise(PYTHON)
     from .commands import execute  # noqa: PLC0415  (loads everything)
     from .terminal.outlet import outlets  # noqa: PLC0415
 
@@ -74,6 +75,7 @@ def _guarded() -> int:
             signals.is_settled = True
             on_signals(signal.SIG_IGN)
             forget_swallowed()
+    settle(code)
     return code
 
 
@@ -82,13 +84,9 @@ def _is_interrupt(exc: BaseException) -> bool:
     return isinstance(exc, KeyboardInterrupt) or isinstance(exc.__cause__, KeyboardInterrupt)
 
 
-def _set_environment() -> None:
-    """Start anew with the environment of participants; Python and BLAS read it at their start."""
-    if not is_set():
-        # A program that is replaced has no handlers yet: signals wait until it has.
-        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-        again = [sys.executable, *sys.orig_argv[1:]]
-        os.execve(sys.executable, again, {**os.environ, **PYTHON})  # noqa: S606  (it is this one)
+def _hosts_participants() -> bool:
+    """Return whether the command runs participants in its own process, and needs a supervisor."""
+    return _IN_PROCESS in sys.argv[1:] or sys.argv[1:2] == ["verify"]
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:

@@ -68,7 +68,28 @@ def _activity(rows: list[list[str]]) -> Activity:
 def _rows(pids: str) -> Iterator[list[str]]:
     """Yield the fields from the state on, see proc(5), of each process; pids: as a pattern."""
     for path in Path("/proc").glob(f"{pids}/stat"):
-        try:
-            yield path.read_bytes().rpartition(b")")[2].decode().split()
-        except OSError:
-            continue
+        if row := _row(path):
+            yield row
+
+
+def children(pid: int) -> set[int]:
+    """Return the processes that one has started, or taken over, and not yet seen end."""
+    return {
+        int(path.parent.name)
+        for path in Path("/proc").glob("[0-9]*/stat")
+        for row in [_row(path)]
+        if row and int(row[1]) == pid
+    }
+
+
+def descendants(pid: int) -> set[int]:
+    """Return the processes that one has started, and all that these have."""
+    found = children(pid)
+    return found.union(*(descendants(child) for child in found))
+
+
+def _row(path: Path) -> list[str]:
+    try:
+        return path.read_bytes().rpartition(b")")[2].decode().split()
+    except OSError:
+        return []

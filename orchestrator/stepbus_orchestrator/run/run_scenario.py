@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
+
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure, StartFailed, argument
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.limits import check_limits
@@ -258,7 +260,7 @@ class _Run:
 
     def _with_hub(self) -> str:
         # A run in processes of their own is quicker to start without it.
-        from .inprocess import LocalRun, Surroundings  # noqa: PLC0415  see above
+        from .inprocess import NATIVE_LOG, LocalRun, Surroundings  # noqa: PLC0415  see above
 
         logs = self._options.out.resolve() / LOGS_FOLDER
         local = LocalRun(
@@ -268,11 +270,12 @@ class _Run:
             timing=self._timing,
             options=self._options,
             interrupt=self._interrupt,
+            result=lambda: msgspec.json.encode(self._result("", None)),
         )
-        native_log = logs / "native.log" if self._options.owns_descriptors else None
+        native_log = logs / NATIVE_LOG if self._options.owns_descriptors else None
         with contextlib.ExitStack() as stack:
             try:
-                around = Surroundings(self._scenario.folder, local.hub, native_log)
+                around = Surroundings(self._scenario.folder, local.guard, native_log)
                 stack.enter_context(around)
             except OSError as exc:
                 raise StartFailed(

@@ -1,6 +1,6 @@
 """A run in one process: participants take turns on one thread, over a bus in memory."""
 
 from .local_run import LocalRun, check_scenario
-from .surroundings import Surroundings
+from .surroundings import NATIVE_LOG, Surroundings
 
-__all__ = ["LocalRun", "Surroundings", "check_scenario"]
+__all__ = ["NATIVE_LOG", "LocalRun", "Surroundings", "check_scenario"]

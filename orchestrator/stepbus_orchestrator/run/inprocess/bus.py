@@ -9,8 +9,8 @@ from stepbus_participant import FaultyPublisher, LoopbackBus, MessageFault
 class HostedBus(LoopbackBus):
     """A participant's bus in memory, with faults in the outputs that have any.
 
-    peer: the orchestrator's. is_leaf: it has no link to other participants. published: how many
-    outputs it has published.
+    peer: the orchestrator's. is_leaf: it has no link to other participants. counter: where
+    to count the outputs that it has published, and the index there.
     """
 
     def __init__(
@@ -19,10 +19,11 @@ class HostedBus(LoopbackBus):
         name: str,
         faults: Sequence[MessageFault],
         *,
+        counter: "tuple[memoryview[float], int]",
         is_leaf: bool = False,
     ) -> None:
         super().__init__(peer, peer.queue, is_leaf=is_leaf)
-        self.published = 0
+        self._counter = counter
         self._key = f"out/{name}"
         self._faults = list(faults)
 
@@ -34,8 +35,10 @@ class HostedBus(LoopbackBus):
         if self._faults:
             put = FaultyPublisher(put, self._faults)
 
+        counts, index = self._counter
+
         def counted_put(data: bytes, **options: Any) -> None:
-            self.published += 1
+            counts[index] += 1
             put(data, **options)
 
         return counted_put

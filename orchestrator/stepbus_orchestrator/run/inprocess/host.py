@@ -12,20 +12,14 @@ from typing import Any, TextIO
 
 from stepbus_orchestrator.processes.activity import Activity, activity
 from stepbus_orchestrator.processes.bounded_log import BoundedLog
+from stepbus_orchestrator.processes.turns import Row, Turns
 from stepbus_orchestrator.run.kernel.participants import KeptThread
 from stepbus_participant import HOST, Host, Ticket, append_to, last_error
 
 from .bus import HostedBus
+from .guard import Belongings, Ended
 from .hub import Hub
 from .program import Runnable
-
-
-class _Ended(BaseException):
-    """What ends a participant whose process would get a signal; `number` is that signal."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"ended by {signal.Signals(number).name}")
-        self.number = number
 
 
 class Late(BaseException):
@@ -36,7 +30,8 @@ class HostedParticipant:
     """A participant that shares this process; it stands where its `Child` would.
 
     name: the participant. log: where it prints. pid: of this process. late: how it missed a
-    deadline, once it has.
+    deadline, once it has. belongings: what it has in this process. number: which it is, to
+    who watches from outside.
     """
 
     def __init__(
@@ -49,6 +44,8 @@ class HostedParticipant:
         log: Path,
         take_program: Callable[[int], None],
         shown: bool,
+        number: int,
+        turns: Turns,
     ) -> None:
         self.name = ticket.name
         self.log = log
@@ -58,7 +55,12 @@ class HostedParticipant:
         self.output: TextIO = (
             sys.stdout if shown else os.fdopen(append_to(log), "a", 1, "utf-8", "replace")
         )
+        self.belongings = Belongings(
+            self.name, program.has_written, (turns.words, Row.THREADS + number)
+        )
         self._hub = hub
+        self.number = number
+        self._words = turns.words
         self._program = program
         self._place = Host(ticket, bus, log, self._keep)
         self._take_program = take_program
@@ -73,20 +75,26 @@ class HostedParticipant:
         self._program.enter()
         self._streams = sys.stdout, sys.stderr
         sys.stdout = sys.stderr = self.output
+        words = self._words
+        words[1] = self.number
+        words[0] += 1
 
     def _leave(self) -> None:
+        self._words[1] = 0
         sys.stdout, sys.stderr = self._streams
         self._program.leave()
+        if self.belongings.has_started:
+            self.belongings.find_programs()
 
     def _work(self) -> None:
         """Run the program to its end, and keep its exit code as its process would."""
         HOST.set(self._place)
         try:
-            self._program.run()
-            code = 0
+            code = self._run()
+            self.belongings.leave()
         except SystemExit as exc:
             code = self._code_of(exc.code)
-        except _Ended as exc:
+        except Ended as exc:
             code = -exc.number
         except Late:
             self._print(traceback.format_exc())
@@ -97,6 +105,16 @@ class HostedParticipant:
         finally:
             self._place.bus.close()
         self._code = code
+
+    def _run(self) -> int:
+        try:
+            self._program.run()
+        except SystemExit as exc:
+            return self._code_of(exc.code)
+        except Exception:  # noqa: BLE001  (it ends its process only)
+            self._print(traceback.format_exc())
+            return 1
+        return 0
 
     def _code_of(self, value: Any) -> int:
         if value is None or isinstance(value, int):
@@ -168,8 +186,8 @@ class HostedParticipant:
         """End it by a signal that would end its process; others do nothing."""
         if number in {signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV} and self._code is None:
             try:
-                self._hub.end(self._turn, _Ended(number))
-            except _Ended:
+                self._hub.end(self._turn, Ended(number))
+            except Ended:
                 # It had not started.
                 self._give_up(number)
 
@@ -193,6 +211,7 @@ class HostedParticipant:
         if self._code is None:
             # It has caught what should have ended it, and waits again. Nobody will wake it.
             self._give_up(signal.SIGKILL)
+        self.belongings.kill_programs()
         if self.output is not sys.stdout:
             with contextlib.suppress(OSError):
                 self.output.close()

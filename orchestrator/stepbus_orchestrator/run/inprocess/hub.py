@@ -63,13 +63,14 @@ class Turn:
 class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
-    current: whose turn it is. away: is called where nobody can go on; returns whether it has let
-    somebody. Its creator is the root: it gets the thread back where nobody can go
-    on, and when its own queue has something.
+    current: whose turn it is. before: is called before participants get their turns. away: is
+    called where nobody can go on; returns whether it has let somebody. Its creator is the root: it
+    gets the thread back where nobody can go on, and when its own queue has something.
     """
 
     def __init__(self) -> None:
         self.current: Turn | None = None
+        self.before: Callable[[], None] = _nothing
         self.away: Callable[[], bool] = _false
         self.ready: deque[Turn] = deque()
         self._root = getcurrent()
@@ -97,10 +98,12 @@ class Hub:
         if turn in self.ready:
             self.ready.remove(turn)
         if not turn.is_over:
+            self.before()
             turn.take(raised)
 
     def work(self) -> None:
         """Let everybody work who can; returns when nobody can."""
+        self.before()
         ready = self.ready
         while ready:
             ready.popleft().take()

@@ -2,13 +2,18 @@
 
 import contextlib
 import math
+import os
+import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from stepbus_orchestrator.errors import StartFailed, argument
+from stepbus_orchestrator.processes.bounded_log import BoundedLog
 from stepbus_orchestrator.processes.links.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
+from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word
 from stepbus_orchestrator.recording import Descriptions, TimingRecorder
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.run.kernel.state import RunState
@@ -28,11 +33,12 @@ from stepbus_participant import Endpoint, LoopbackBus, Ticket
 from stepbus_schemas import WiringError
 
 from .bus import HostedBus
+from .guard import Belongings, Guard
 from .host import HostedParticipant
 from .hub import Hub
 from .program import Guest, Program, Runnable, check_programs
-from .surroundings import Surroundings
-from .watch import Watch
+from .surroundings import NATIVE_LOG, Surroundings
+from .watch import Watch, traced, watched_from_outside
 
 
 def check_scenario(scenario: Scenario) -> None:
@@ -50,7 +56,8 @@ class LocalRun:
     """Hosts all participants in this process; none is played.
 
     bus: the orchestrator's, whose network the participants join. logs: folder of their logs.
-    groups: process groups of the programs that they have started.
+    groups: process groups of the programs that they have started. guard: keeps what one does to
+    this process from the others. result: returns what result.json would have, were the run over.
     """
 
     mesh = None
@@ -65,9 +72,11 @@ class LocalRun:
         timing: TimingRecorder,
         options: Options,
         interrupt: threading.Event,
+        result: Callable[[], bytes],
     ) -> None:
         self.peers = NoPeers()
         self.hub = Hub()
+        self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue)
         self.hosted: dict[str, HostedParticipant] = {}
         self.groups: list[int] = []
@@ -77,7 +86,11 @@ class LocalRun:
         self._timing = timing
         self._options = options
         self._interrupt = interrupt
+        self._result = result
+        self.guard = Guard(self._running, self._belongings)
+        self._pid = os.getpid()
         self._state: RunState | None = None
+        self._turns: Turns
         self._reaper: Reaper | None = None
 
     @contextlib.contextmanager
@@ -86,19 +99,33 @@ class LocalRun:
 
         around: what they find around them, which is put back while whoever has a seat works.
         """
-        watch = Watch(self._current, self._limit_s, self._interrupt.is_set)
-        try:
+        with contextlib.ExitStack() as stack:
+            self._turns = stack.enter_context(watched_from_outside())
+            logs = [BoundedLog(self._logs / NATIVE_LOG)]
+            watch = Watch(self._current, self._limit_s, self._interrupt.is_set, self._turns, logs)
+            stack.callback(watch.close)
+            stack.enter_context(traced(self._turns))
+            stack.callback(self._end_all)
             if self._options.seat is not None:
                 self._offer(self._options.seat, around)
             yield
-        finally:
-            try:
-                for hosted in self.hosted.values():
-                    hosted.end()
-            finally:
-                watch.close()
-                if self._reaper is not None:
-                    self._reaper.end()
+
+    def _end_all(self) -> None:
+        for hosted in self.hosted.values():
+            hosted.end()
+        if self._reaper is not None:
+            self._reaper.end()
+        for hosted in self.hosted.values():
+            if hosted.belongings.has_threads():
+                self._turns.words[Word.LEFT] = hosted.number
+
+    def _running(self) -> Belongings | None:
+        """Return what the participant has whose code runs now."""
+        found = (hosted for hosted in self.hosted.values() if hosted.is_running())
+        return next((hosted.belongings for hosted in found), None)
+
+    def _belongings(self) -> list[Belongings]:
+        return [hosted.belongings for hosted in self.hosted.values()]
 
     def _offer(self, seat: Seat, around: Surroundings) -> None:
         """Let a participant of our caller take part."""
@@ -125,25 +152,45 @@ class LocalRun:
     def _current(self) -> tuple[HostedParticipant, int] | None:
         for hosted in self.hosted.values():
             if hosted.has_thread():
-                return hosted, hosted.bus.published
+                return hosted, int(self._turns.words[Row.PUBLISHED + hosted.number])
         return None
 
     def _limit_s(self, name: str) -> float:
-        """Return how long a participant may keep the thread, in its phase [s]."""
+        return self._limit(name)[0]
+
+    def _limit(self, name: str) -> tuple[float, int]:
+        """Return how long a participant may keep the thread [s], and by which of `DEADLINES`."""
         if self._state is None:
-            return math.inf
+            return math.inf, 0
         participant = self._state.participants[name]
         deadlines = participant.spec.deadlines
         if self._state.phase.is_stopping:
-            return deadlines.stop_s
+            return deadlines.stop_s, 2
         if participant.phase < Phase.READY:
-            return deadlines.spawn_s + deadlines.join_s + deadlines.ready_s
-        return deadlines.step_s
+            return deadlines.spawn_s + deadlines.join_s + deadlines.ready_s, 0
+        return deadlines.step_s, 1
+
+    def _before(self) -> None:
+        """Note what the participants may take, since the orchestrator has had the thread."""
+        if os.getpid() != self._pid:
+            # A library in C has forked: this is a second orchestrator, with the same open files.
+            os.kill(os.getpid(), signal.SIGKILL)
+        for hosted in self.hosted.values():
+            self._turns.limit(hosted.number, *self._limit(hosted.name))
 
     def launch(self, state: RunState) -> None:
         """Let the participants begin, in the order of the options."""
         scenario = state.scenario
         self._state = state
+        self._turns.write(
+            {
+                "result": self._result().decode(),
+                "names": [spec.name for spec in scenario.participants],
+                "every": [spec.every for spec in scenario.participants],
+                "logs": str(self._logs),
+                "path": sys.path,
+            }
+        )
         for name in self._options.start_order or [s.name for s in scenario.participants]:
             hosted = self._host(scenario.participant(name), state)
             self.hosted[name] = hosted
@@ -153,6 +200,8 @@ class LocalRun:
 
     def _host(self, spec: ParticipantSpec, state: RunState) -> HostedParticipant:
         scenario = state.scenario
+        names = [item.name for item in scenario.participants]
+        number = min(1 + names.index(spec.name), MOST - 1)
         ticket = Ticket(
             run=self._run,
             name=spec.name,
@@ -170,6 +219,7 @@ class LocalRun:
                     self.bus,
                     spec.name,
                     ticket.faults,
+                    counter=(self._turns.words, Row.PUBLISHED + number),
                     is_leaf=self._options.prefix is not None,
                 ),
                 self._program(spec, scenario.folder),
@@ -177,6 +227,8 @@ class LocalRun:
                 log=self._logs / f"{spec.name}.log",
                 take_program=self._take_program,
                 shown=spec.name in self._options.debug,
+                number=number,
+                turns=self._turns,
             )
         except OSError as exc:
             raise StartFailed(

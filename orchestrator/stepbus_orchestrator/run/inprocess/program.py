@@ -4,10 +4,10 @@ import importlib
 import importlib.util
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Protocol
+from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.run.setup.seat import Seat
@@ -56,6 +56,9 @@ class Runnable(Protocol):
     def leave(self) -> None:
         """Take its own arguments and modules away."""
 
+    def has_written(self, content: dict[str, Any]) -> bool:
+        """Return whether code with these globals is its own, not a library's."""
+
 
 class Guest:
     """A participant that is no program: code of this process, with its arguments and modules."""
@@ -73,6 +76,10 @@ class Guest:
     def leave(self) -> None:
         """Do nothing."""
 
+    def has_written(self, _content: dict[str, Any]) -> bool:
+        """Return False: what our caller does, it does to its own process."""
+        return False
+
 
 class Program:
     """The `__main__` module of one participant, and the modules of its own folder.
@@ -86,7 +93,7 @@ class Program:
         self._command = list(command)
         self._own = {_MAIN: ModuleType(_MAIN)}
         self._others: dict[str, ModuleType | None] = {}
-        self._known = 0
+        self._before: dict[str, ModuleType] = {}
         launch, name = python_target(command)
         self._argv = ["-m", *self._command[self._command.index(name) + 1 :]]
         self._argv_before = sys.argv
@@ -132,7 +139,8 @@ class Program:
         else:
             self._others[_MAIN] = modules[_MAIN]
             modules[_MAIN] = self._own[_MAIN]
-        self._known = len(modules)
+        if len(modules) != len(self._before):
+            self._before = dict(modules)
 
     def leave(self) -> None:
         """Take its own arguments and modules away, with those it has loaded meanwhile."""
@@ -140,9 +148,12 @@ class Program:
         sys.argv = self._argv_before
         if self._is_searched and self._path in sys.path:
             sys.path.remove(self._path)
-        if len(modules) != self._known:
+        if len(modules) < len(self._before):
+            # It has removed some, which are the others' as well.
+            modules.update(self._before)
+        if len(modules) != len(self._before):
             for name, module in tuple(modules.items()):
-                if name not in self._own and self._is_own(name, module):
+                if name not in self._own and self._is_own(name, getattr(module, "__dict__", {})):
                     self._own[name], self._others[name] = module, None
         for name, other in self._others.items():
             if other is None:
@@ -150,9 +161,14 @@ class Program:
             else:
                 modules[name] = other
 
-    def _is_own(self, name: str, module: ModuleType) -> bool:
+    def has_written(self, content: dict[str, Any]) -> bool:
+        """Return whether code with these globals is its own, not a library's."""
+        name = content.get("__name__", _MAIN)
+        return name == _MAIN or self._is_own(name, content)
+
+    def _is_own(self, name: str, content: Mapping[str, Any]) -> bool:
         """Return whether a module is of the participant's folder, and of no package installed."""
-        file = getattr(module, "__file__", None) or ""
+        file = content.get("__file__") or ""
         is_below = file.startswith(self._path + os.sep) and "site-packages" not in file
         # A scenario may lie in a checkout of stepbus, or above it.
         return is_below and name.partition(".")[0] not in OURS

@@ -7,26 +7,29 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import NoReturn, Self
+from typing import Self
 
-from .hub import Hub
+from .guard import Guard
+
+NATIVE_LOG = "native.log"
+"""Where libraries in C print, beside the logs of the participants."""
 
 
 class Surroundings:
     """Let participants work as in processes of their own; a context, left as it was entered.
 
-    folder: of the scenario; becomes the working directory. native_log: where libraries in C print;
+    folder: of the scenario; becomes the working directory. guard: keeps what a participant does to
+    the process from the others. native_log: where libraries in C print;
     None: they print on descriptors 1 and 2, which are somebody else's. Raises OSError where the
     folder or the log cannot be opened.
     """
 
-    def __init__(self, folder: Path, hub: Hub, native_log: Path | None) -> None:
+    def __init__(self, folder: Path, guard: Guard, native_log: Path | None) -> None:
         self._folder = folder
-        self._hub = hub
+        self._guard = guard
         self._native_log = native_log
         self._outside = list(sys.path), list(sys.argv)
         self._inside = self._outside
-        self._end_process = os._exit
         self._folder_outside = self._folder_inside = -1
         self._stack = contextlib.ExitStack()
 
@@ -64,21 +67,16 @@ class Surroundings:
         self._folder_outside = _here()
         os.fchdir(self._folder_inside)
         self._outside = list(sys.path), list(sys.argv)
-        self._end_process, os._exit = os._exit, self._leave_process
+        self._guard.enter()
         sys.path[:], sys.argv[:] = self._inside
 
     def leave(self) -> None:
         """Put back what was there before."""
         self._inside = list(sys.path), list(sys.argv)
-        os._exit = self._end_process
+        self._guard.leave()
         sys.path[:], sys.argv[:] = self._outside
         os.fchdir(self._folder_outside)
         os.close(self._folder_outside)
-
-    def _leave_process(self, status: int) -> NoReturn:
-        if self._hub.current is None:
-            self._end_process(status)
-        raise SystemExit(status)
 
 
 def _here() -> int:

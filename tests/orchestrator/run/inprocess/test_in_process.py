@@ -16,6 +16,7 @@ from support.runs.joints import fault, run_joints, write_scenario
 import stepbus
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.processes.turns import Turns, make_file
 from stepbus_orchestrator.run.inprocess.bus import HostedBus
 from stepbus_orchestrator.run.inprocess.host import HostedParticipant
 from stepbus_orchestrator.run.inprocess.hub import Hub
@@ -250,16 +251,18 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
 
 def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
     (tmp_path / "worker.py").write_text("raise SystemExit('no room for this')\n")
-    hub = Hub()
+    hub, turns = Hub(), Turns(make_file())
     bus = LoopbackBus(make_queue=hub.queue)
     ticket = Ticket(
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
     hosted = HostedParticipant(
-        ticket, HostedBus(bus, "worker", []), Program(["worker.py"], tmp_path),
+        ticket, HostedBus(bus, "worker", [], counter=(turns.words, 0)), Program(["worker.py"], tmp_path),
         hub=hub, log=Path("/dev/full"), take_program=lambda _group: None, shown=False,
+        number=1, turns=turns,
     )  # fmt: skip
     assert hosted.wait(5)
     hosted.end()
+    turns.close()
     assert hosted.exit_code() == 1

@@ -1,0 +1,233 @@
+"""Whatever a participant does to the process that it shares, the run ends, and names it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from typing import NamedTuple
+
+import psutil
+import pytest
+from support.paths import PROGRAMS
+from support.runs.joints import SCENARIO, write_scenario
+
+STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
+MOMENTS = ("import", "start", "step", "close")
+HANGS_S = 90.0
+"""Far longer than any deadline of these runs: who needs it hangs."""
+
+
+class Verdict(NamedTuple):
+    """What a kind of misbehaviour ends with, by moment; short: which deadline is to expire."""
+
+    codes: dict[str, int]
+    short: dict[str, tuple[str, ...]]
+
+
+BEFORE = ("spawn", "join", "ready")
+LATE = Verdict(
+    {"import": 3, "start": 3, "step": 6, "close": 9},
+    {"import": BEFORE, "start": BEFORE, "step": ("step",), "close": ("stop",)},
+)
+LEFT = Verdict(dict.fromkeys(MOMENTS, 9), dict.fromkeys(MOMENTS, ("stop",)))
+DIED = Verdict({"import": 3, "start": 3, "step": 5, "close": 5}, {})
+REFUSED = Verdict({"import": 3, "start": 3, "step": 4, "close": 5}, {})
+HARMLESS = Verdict(dict.fromkeys(MOMENTS, 0), {})
+
+KINDS = {
+    "spin": LATE,
+    "sleep": LATE,
+    "sleep_with_lock": LATE,
+    "hang_with_lock": LATE,
+    "hang_in_c": LATE,
+    "catch_everything": LATE,
+    "ignore_signals_and_sleep": LATE,
+    "lock_from_thread": LATE,
+    "leave_thread": LEFT,
+    "leave_pool": LEFT,
+    "leave_exit": LEFT,
+    "leave_exit_with_lock": LEFT,
+    "kill_self": DIED,
+    "kill_group": DIED,
+    "kill_group_by_name": DIED,
+    "raise_kill": DIED,
+    "crash": DIED,
+    "abort": DIED,
+    "leave_process": DIED,
+    "leave_process_in_c": DIED,
+    "stop_self": REFUSED,
+    "fork": REFUSED,
+    "fork_terminal": REFUSED,
+    "fork_twice": REFUSED,
+    "fork_process": REFUSED,
+    "fork_pool": REFUSED,
+    "fork_in_c": HARMLESS,
+    "ignore_signals": HARMLESS,
+    "leave_daemon": HARMLESS,
+    "leave_child": HARMLESS,
+    "leave_grandchild": HARMLESS,
+    "leave_session": HARMLESS,
+    "clear_modules": HARMLESS,
+    "close_standard_streams": HARMLESS,
+}
+EVERY = (*BEFORE, "step", "stop")
+ALWAYS = {
+    ("hang_with_lock", "step"),
+    ("leave_thread", "close"),
+    ("leave_exit", "start"),
+    ("fork_twice", "step"),
+    ("crash", "import"),
+    ("leave_child", "step"),
+}
+"""A handful for every run of the tests; all of them take some minutes."""
+CASES = [
+    pytest.param(kind, moment, marks=() if (kind, moment) in ALWAYS else pytest.mark.slow)
+    for kind in KINDS
+    for moment in MOMENTS
+]
+
+
+class Done(NamedTuple):
+    code: int
+    errors: str
+    result: dict
+    left: list[str]
+
+
+def write_misbehaving(source, kind, moment):
+    """Write the scenario whose controller misbehaves; return its path."""
+    text = SCENARIO.replace("500ms", "2s")
+    path = write_scenario(
+        source, text.replace("joints.py, controller]", f"misbehaving.py, {kind}, {moment}]")
+    )
+    (source / "misbehaving.py").write_bytes((PROGRAMS / "misbehaving.py").read_bytes())
+    return path
+
+
+def misbehave(folder, kind, moment, *options):
+    """Run the scenario from outside, with a deadline of 1 s where that is to expire."""
+    path = write_misbehaving(folder / "source", kind, moment)
+    deadlines = KINDS[kind].short.get(moment, ()) if kind in KINDS else EVERY
+    # Of all: the thread of one may keep the lock in the turn of another.
+    names = ("controller",) if kind in KINDS else ("controller", "plant", "mission")
+    short = [f"{name}.{d}_timeout=1s" for name in names for d in deadlines]
+    words = [*STEPBUS, "run", str(path), "--no-report", "--out", str(folder / "out"), *options]
+    words += [word for name in short for word in ("--set", name)]
+    mark = {**os.environ, "STEPBUS_TEST": str(folder)}
+    with (folder / "stderr").open("wb") as errors:
+        process = subprocess.Popen(
+            words, stdin=subprocess.DEVNULL, stdout=errors, stderr=errors, env=mark,
+            start_new_session=True,
+        )  # fmt: skip
+    try:
+        code = process.wait(HANGS_S)
+    finally:
+        left = end_all(folder)
+        process.wait()
+    result = folder / "out/result.json"
+    content = json.loads(result.read_text()) if result.exists() else {}
+    return Done(code, (folder / "stderr").read_text(), content, left)
+
+
+def end_all(folder):
+    """Kill what is left of a run, known by its environment; return the command lines."""
+    left = []
+    for process in psutil.process_iter():
+        try:
+            if process.environ().get("STEPBUS_TEST") == str(folder):
+                left.append(" ".join(process.cmdline()))
+                process.kill()
+        except (psutil.NoSuchProcess, psutil.AccessDenied):
+            continue
+    return left
+
+
+@pytest.mark.usefixtures("starts_a_process")
+@pytest.mark.parametrize(("kind", "moment"), CASES)
+def test_the_run_ends_with_the_right_word_and_leaves_nothing(tmp_path, kind, moment):
+    done = misbehave(tmp_path, kind, moment, "--in-process")
+    code = KINDS[kind].codes[moment]
+    blamed = "controller" if code else None
+    assert done.left == [], done.errors
+    assert (done.code, done.result.get("exit_code")) == (code, code), done.errors
+    assert done.result["participant"] == blamed or not code, done.errors
+    if code:
+        assert "stepbus: " in done.errors
+        assert "controller" in done.errors
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("starts_a_process")
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_thread_that_keeps_the_lock_in_the_turn_of_another_is_its_participants(tmp_path, moment):
+    done = misbehave(tmp_path, "lock_from_thread_later", moment, "--in-process")
+    assert done.left == [], done.errors
+    # Where the run is by then depends on the machine; the first turn after it may be anybody's.
+    assert done.code in {3, 6, 9}, done.errors
+    assert (done.result["exit_code"], done.result["participant"]) == (done.code, "controller")
+    assert "has a thread that kept" in done.errors or "has been computing" in done.errors
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("starts_a_process")
+@pytest.mark.parametrize("kind", ["leave_thread", "leave_exit", "leave_pool", "kill_self", "crash"])
+def test_the_verdict_is_that_of_separate_processes(tmp_path, kind):
+    verdicts = [
+        (done.code, done.result["participant"])
+        for options in ([], ["--in-process"])
+        for done in [misbehave(tmp_path / str(len(options)), kind, "step", *options)]
+    ]
+    assert verdicts[0] == verdicts[1]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("starts_a_process")
+def test_from_python_the_process_is_killed_with_a_result(tmp_path):
+    path = write_misbehaving(tmp_path / "source", "hang_with_lock", "import")
+    program = (
+        "import stepbus, sys; "
+        "stepbus.run(sys.argv[1], out=sys.argv[2], in_process=True, "
+        "set={f'controller.{d}_timeout': '1s' for d in ('spawn', 'join', 'ready')})"
+    )
+    words = [sys.executable, "-c", program, path, tmp_path / "alone"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=HANGS_S, check=False)
+    result = json.loads((tmp_path / "alone/result.json").read_text())
+    assert done.returncode == -signal.SIGKILL
+    assert (result["exit_code"], result["participant"]) == (3, "controller")
+    assert "in hang_with_lock" in done.stderr
+
+
+PRINTER = """
+import subprocess
+import stepbus
+from stepbus import Event, Participant
+
+class Printer(Participant):
+    def update(self, step):
+        if step.index == 1:
+            subprocess.run("head -c 100M /dev/zero; sleep 1", shell=True, check=True)
+        return {"event": Event(level="info", text="done")}
+
+raise SystemExit(stepbus.main(Printer))
+"""
+
+
+@pytest.mark.usefixtures("starts_a_process")
+def test_what_libraries_and_programs_print_is_bounded(tmp_path):
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "printer.py").write_text(PRINTER)
+    (source / "scenario.yaml").write_text(
+        "name: p\nstep: 10ms\nduration: 30ms\nparticipants:\n"
+        "  one: {exec: [python, printer.py], outputs: {event: Event/1}}\n"
+    )
+    words = ["run", str(source / "scenario.yaml"), "--in-process", "--no-report"]
+    done = subprocess.run(
+        [*STEPBUS, *words, "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, timeout=HANGS_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    log = tmp_path / "out/logs/native.log"
+    assert log.stat().st_size < 9 << 20
+    assert b"bytes are cut out here" in log.read_bytes()
