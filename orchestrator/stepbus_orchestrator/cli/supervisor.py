@@ -20,6 +20,7 @@ from stepbus_orchestrator.processes.turns import Stage, Turns, Word
 
 from .signals import SIGNALS
 
+_INTERNAL = 1
 _VARIABLE = "STEPBUS_TURNS"
 """Set by the parent for its child alone, which takes it away at once."""
 _PR_SET_PDEATHSIG = 1
@@ -64,16 +65,26 @@ def supervise(environment: Mapping[str, str]) -> int:
     signals = {number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN}
     signal.pthread_sigmask(signal.SIG_BLOCK, {*signals, signal.SIGCHLD})
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    file = turns.make_file()
+    try:
+        file = turns.make_file()
+        pid = _start_again(file, environment, signals)
+    except OSError as exc:
+        sys.stderr.write(
+            f"stepbus: this command needs a process more: {exc.strerror} (ulimit -u, ulimit -f)\n"
+        )
+        return _INTERNAL
+    return _Supervisor(Turns(file), pid).work(signals)
+
+
+def _start_again(file: int, environment: Mapping[str, str], signals: set[signal.Signals]) -> int:
     os.set_inheritable(file, True)
-    pid = os.posix_spawn(
+    return os.posix_spawn(
         sys.executable,
         [sys.executable, *sys.orig_argv[1:]],
         {**os.environ, **environment, _VARIABLE: f"{file} {os.getpid()}"},
         # It has no handlers yet: signals wait until it has.
         setsigmask=signals,
     )
-    return _Supervisor(Turns(file), pid).work(signals)
 
 
 class _Supervisor:

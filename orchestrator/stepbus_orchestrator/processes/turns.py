@@ -14,7 +14,9 @@ from typing import Any
 MOST = 1024
 """Participants; those beyond are one to who watches."""
 _WORDS_BYTES = 1 << 16
-_TRACE_AT = 1 << 24
+_TRACE_AT = 3 << 16
+_BYTES = 1 << 18
+"""Half of what a recording takes, where the size of files is limited."""
 _FIRST_DESCRIPTOR = 10
 """Below are the standard streams, one of which may be closed."""
 
@@ -67,7 +69,7 @@ DEADLINES = ("ready", "step", "stop")
 def make_file() -> int:
     """Return the descriptor of such a memory; it is closed when a program is started."""
     file = os.memfd_create("stepbus-turns")
-    os.ftruncate(file, 2 * _TRACE_AT)
+    os.ftruncate(file, _BYTES)
     high = fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, _FIRST_DESCRIPTOR)
     os.close(file)
     return high
@@ -102,15 +104,16 @@ class Turns:
         To be repeated whenever that changes.
         """
         words = self.words
+        if not words[Row.DEADLINE + number]:
+            words[Row.UNCOUNTED + number] = words[Row.PUBLISHED + number]
         words[Row.LIMIT + number], words[Row.DEADLINE + number] = limit_s, deadline
         words[Row.LIMIT] = max(words[Row.LIMIT], limit_s)
-        if not deadline:
-            words[Row.UNCOUNTED + number] = words[Row.PUBLISHED + number]
 
     def write(self, content: dict[str, Any]) -> None:
-        """Leave what is to be known where the process ends in the midst of the run."""
+        """Leave what is to be known where the process ends in the midst of the run, if it fits."""
         data = json.dumps(content).encode()
-        os.pwrite(self.file, len(data).to_bytes(8, "little") + data, _WORDS_BYTES)
+        if _WORDS_BYTES + 8 + len(data) < _TRACE_AT:
+            os.pwrite(self.file, len(data).to_bytes(8, "little") + data, _WORDS_BYTES)
 
     def open_trace(self) -> int:
         """Return a descriptor to write tracebacks to, which has a position of its own."""

@@ -155,6 +155,8 @@ def test_the_run_ends_with_the_right_word_and_leaves_nothing(tmp_path, kind, mom
     if code:
         assert "stepbus: " in done.errors
         assert "controller" in done.errors
+    if moment == "step" and code not in {0, 9}:
+        assert "step 300 (t = 1.500 s): controller" in done.errors
 
 
 @pytest.mark.slow
