@@ -57,7 +57,7 @@ def test_a_planted_link_in_the_place_of_what_a_run_makes_is_refused(tmp_path, na
     out.mkdir()
     (out / name).symlink_to(victim / "new" if "." in name else victim)
     done = run("two_link", out, "--in-process", "--set", "checkpoint=50ms")
-    assert done.returncode == 8, done.stdout
+    assert done.returncode == (8 if name == "checkpoints" else 2), done.stdout
     assert "Traceback" not in done.stderr
     assert list(victim.iterdir()) == []
 

@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli.command import Command, add_overrides, add_recordi
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
-from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, draw_variants, variants
 from stepbus_orchestrator.viewing.page import page_line
@@ -204,7 +204,7 @@ def _fields(branch: Branch, found: Diff | None) -> dict[str, Any]:
 def _execute_variants(args: argparse.Namespace, out: Path, trusted: str) -> int:
     found = variants(args.vary)
     if out.exists() and any(out.iterdir()):
-        raise RecordingFailed(f"{out} is not empty; choose another --out")
+        raise OutputExists(f"{out} is not empty; choose another --out")
     if args.debug:
         raise WiringError("--debug: choose one of the variants, with --set")
     branches: list[tuple[Variant, Branch]] = []

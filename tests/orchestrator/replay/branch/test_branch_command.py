@@ -83,7 +83,7 @@ def test_a_folder_that_is_in_use_is_refused(recorded, tmp_path, capsys):
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "notes").touch()
     words = ["--at", "2", "--vary", "controller.params.kp=1,2"]
-    assert run_command(recorded, tmp_path, *words) == ExitCode.RECORDING
+    assert run_command(recorded, tmp_path, *words) == ExitCode.SCENARIO
     assert "is not empty" in capsys.readouterr().err
 
 
