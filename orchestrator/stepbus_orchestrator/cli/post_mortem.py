@@ -4,6 +4,7 @@ Started by who watched it: `post_mortem DESCRIPTOR PID NUMBER HOW`. Its exit cod
 """
 
 import contextlib
+import os
 import re
 import signal
 import sys
@@ -17,8 +18,9 @@ from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.processes.turns import DEADLINES, Row, Stage, Turns, Word
 from stepbus_orchestrator.recording.recover import recover
 from stepbus_orchestrator.run.reports.result import RESULT_FILE, Result, file_sha256
+from stepbus_participant import append_to
 
-from .terminal.output import print_error
+from .terminal.output import print_error, visible
 
 _LATE = {"ready": ExitCode.START, "step": ExitCode.STEP_TIMEOUT, "stop": ExitCode.STOP_TIMEOUT}
 _DIED = {"ready": ExitCode.START, "step": ExitCode.DIED, "stop": ExitCode.DIED}
@@ -81,6 +83,7 @@ class _End:
             at = f"step {self.step} (t = {self.step * step_ns * 1e-9:.3f} s)"
         kind, _, number = self.how.partition(" ")
         if kind in {"late", "interrupted"}:
+            at = f"interrupted by the user; {at}" if kind == "interrupted" else at
             return f"{at}: {who} {self._kept(number)}{log}"
         ended = f"exited with code {number}"
         if kind == "signal":
@@ -88,7 +91,7 @@ class _End:
         return f"{at}: {who} {ended}, and the process that it shares with it{log}"
 
     def _kept(self, held_s: str) -> str:
-        if self.number != self.turns.words[Word.TURN]:
+        if not self.number or self.number != self.turns.words[Word.TURN]:
             return f"has a thread that kept Python's lock for {held_s} s: the process was killed"
         limit_s = self.turns.words[Row.LIMIT + self.number]
         return (
@@ -150,12 +153,10 @@ def _main() -> int:
     result = _result(will, is_over=end.is_over)
     trace = turns.trace()
     if trace:
-        sys.stderr.write(trace + "\n")
-        if end.name:
-            with (
-                contextlib.suppress(OSError),
-                Path(will["logs"], f"{end.name}.log").open("a") as log,
-            ):
+        sys.stderr.write(visible(trace) + "\n")
+        with contextlib.suppress(OSError):
+            file = append_to(Path(will["logs"], f"{end.name or 'native'}.log"))
+            with os.fdopen(file, "a", encoding="utf-8") as log:
                 log.write(trace + "\n")
     if result.exit_code:
         # It had failed before.

@@ -18,6 +18,7 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from stepbus_orchestrator.processes.activity import activity_of
 from stepbus_orchestrator.processes.turns import Row, Stage, Turns, Word
 
 TICK_S = 0.1
@@ -35,6 +36,8 @@ _LEFT_S = 0.2
 _INTERRUPTED_S = 1.0
 _IDLE_S = 0.5
 """How long it waits for another run of the same process [s]."""
+_END_S = 5.0
+_PAUSE_S = 0.005
 _SWITCHES = 5
 """Times that a thread gives its processor away while the tracebacks are written: one that waits
 for Python's lock asks for it 200 times a second."""
@@ -78,7 +81,13 @@ class TurnWatchdog:
         self._held_s = self._held_s + elapsed_s if state == self._state else 0.0
         self._mute_s = self._mute_s + elapsed_s if pulse == self._pulse else 0.0
         self._state, self._pulse = state, pulse
-        return stage != Stage.BEFORE and self._is_overdue(turn)
+        if stage == Stage.BEFORE or not self._is_overdue(turn):
+            return False
+        if not self._is_owner and activity_of(self._pid).is_stopped:
+            # By Ctrl-Z, which does not reach us: that is no participant's.
+            self._held_s = 0.0
+            return False
+        return True
 
     def _is_overdue(self, turn: int) -> bool:
         limit_s = self._turns.words[Row.LIMIT + turn]
@@ -146,11 +155,19 @@ def watch(turns: Turns, pid: int) -> None:
     while os.getppid() == pid and not _is_idle(turns, idle_s):
         if watchdog.is_late() and watchdog.trace():
             os.kill(pid, signal.SIGKILL)
+            _await_end(pid)
             path = turns.read().get("path", [])
             report(turns, pid, watchdog.culprit, f"late {watchdog.held_s:.1f}", path)
             return
         idle_s = idle_s + TICK_S if turns.words[Word.STAGE] == Stage.OVER else 0.0
         time.sleep(TICK_S)
+
+
+def _await_end(pid: int) -> None:
+    """Wait for the end of our parent, which still writes its recording."""
+    give_up = time.monotonic() + _END_S
+    while os.getppid() == pid and time.monotonic() < give_up:
+        time.sleep(_PAUSE_S)
 
 
 def _is_idle(turns: Turns, idle_s: float) -> bool:

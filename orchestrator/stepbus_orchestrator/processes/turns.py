@@ -107,7 +107,7 @@ class Turns:
         if not words[Row.DEADLINE + number]:
             words[Row.UNCOUNTED + number] = words[Row.PUBLISHED + number]
         words[Row.LIMIT + number], words[Row.DEADLINE + number] = limit_s, deadline
-        words[Row.LIMIT] = max(words[Row.LIMIT], limit_s)
+        words[Row.LIMIT], words[Row.DEADLINE] = max(words[Row.LIMIT], limit_s), deadline
 
     def write(self, content: dict[str, Any]) -> None:
         """Leave what is to be known where the process ends in the midst of the run, if it fits."""

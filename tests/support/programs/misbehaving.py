@@ -116,6 +116,10 @@ def stop_self() -> None:
     os.kill(os.getpid(), signal.SIGSTOP)
 
 
+def stop_in_c() -> None:
+    signal.raise_signal(signal.SIGSTOP)
+
+
 def crash() -> None:
     ctypes.string_at(0)
 

@@ -44,6 +44,7 @@ KINDS = {
     "catch_everything": LATE,
     "ignore_signals_and_sleep": LATE,
     "lock_from_thread": LATE,
+    "stop_in_c": LATE,
     "leave_thread": LEFT,
     "leave_pool": LEFT,
     "leave_exit": LEFT,
