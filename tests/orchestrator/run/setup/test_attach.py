@@ -360,7 +360,7 @@ def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
 @pytest.mark.parametrize(
     ("options", "overrides", "sentence"),
     [
-        ({"in_process": True}, [], "leave out --in-process"),
+        ({"in_process": True}, [], "leave out `in_process`"),
         ({"debug": ("controller",)}, [], "--no-deadline controller"),
         ({}, ["faults=['freeze controller at 7']"], "sends no signal to a process"),
         ({"tickets": {"controler": Path("x")}}, [], "did you mean 'controller'"),
