@@ -55,6 +55,7 @@ def test_a_participant_without_its_extra_is_one_sentence_before_the_start(
     folder = tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
+    monkeypatch.setenv("TMPDIR", str(folder))
     command, *options = words
     code, text = stepbus(command, "two_link", *options)
     assert code == 2

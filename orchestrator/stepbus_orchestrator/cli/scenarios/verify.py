@@ -1,8 +1,10 @@
 """`stepbus verify`: the same result under different conditions, or the first step that differs."""
 
 import argparse
+import contextlib
 import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import diff
@@ -48,7 +50,7 @@ def _execute(args: argparse.Namespace) -> int:
         if not args.json:
             say(_line(trial, len(trials)))
 
-    with interruptible() as interrupt:
+    with _removed_if_empty(folder), interruptible() as interrupt:
         found = verify(
             scenario,
             trials,
@@ -67,6 +69,17 @@ def _execute(args: argparse.Namespace) -> int:
     elif not args.json:
         say(f"the runs are in {folder}")
     return _code(found)
+
+
+@contextlib.contextmanager
+def _removed_if_empty(folder: Path) -> Iterator[None]:
+    """Remove the folder where the first run could not even begin."""
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+        raise
 
 
 def _folder(keep: Path | None) -> Path:
