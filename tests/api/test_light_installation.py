@@ -45,7 +45,12 @@ def stepbus(*words):
 
 
 @pytest.mark.parametrize(
-    "words", [("validate",), ("run", "--out", "run"), ("describe",), ("verify",)]
+    "words",
+    [
+        ("validate",),
+        ("run", "--out", "run"),
+        *(pytest.param(words, marks=pytest.mark.slow) for words in [("describe",), ("verify",)]),
+    ],
 )
 @pytest.mark.parametrize(("module", "who"), [("pybullet", "plant"), ("pinocchio", "controller")])
 def test_a_participant_without_its_extra_is_one_sentence_before_the_start(

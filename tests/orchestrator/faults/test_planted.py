@@ -62,6 +62,7 @@ def test_a_planted_link_in_the_place_of_what_a_run_makes_is_refused(tmp_path, na
     assert list(victim.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_with_a_umask_of_0_nobody_else_may_write_to_what_a_run_leaves(tmp_path):
     out = tmp_path / "runs" / "here" / "out"
     done = run("two_link", out, "--set", "checkpoint=50ms", "--profile", umask=0)

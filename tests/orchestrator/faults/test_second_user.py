@@ -143,7 +143,10 @@ def run_under(attack, tmp_path, *words, scenario="two_link", is_other=True):
 
 @pytest.mark.parametrize(
     ("is_other", "who"),
-    [pytest.param(True, "user nobody", marks=needs_second_user), (False, "another process")],
+    [
+        pytest.param(True, "user nobody", marks=needs_second_user),
+        pytest.param(False, "another process", marks=pytest.mark.slow),
+    ],
 )
 def test_a_port_that_somebody_takes_first_is_the_fault_of_no_participant(tmp_path, is_other, who):
     code, error, result = run_under(SQUAT, tmp_path, scenario=held_scenario, is_other=is_other)
@@ -160,6 +163,7 @@ def test_nonsense_from_the_start_is_the_fault_of_no_participant(tmp_path):
     assert code == 0 or (code == 7 and "user nobody connects to the TCP ports of the run" in error)
 
 
+@pytest.mark.slow
 @needs_second_user
 def test_no_run_starts_over_links_that_lead_through_somebody_else(tmp_path):
     code, error, result = run_under(RELAY, tmp_path, scenario=passed_scenario)

@@ -107,6 +107,7 @@ def test_what_only_one_of_two_codecs_reads_fails_with_a_sentence(hurried_inputs,
     )
 
 
+@pytest.mark.slow
 def test_where_the_plain_run_fails_only_that_check_does(hurried_inputs, tmp_path):
     names = ["join", "steps", "log", "windows", "stop-at-end"]
     results = outcomes(

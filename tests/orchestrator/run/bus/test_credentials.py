@@ -116,7 +116,10 @@ participants:
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-@pytest.mark.parametrize("name", ["plant", "controller", "mission"])
+@pytest.mark.parametrize(
+    "name",
+    ["mission", *(pytest.param(name, marks=pytest.mark.slow) for name in ("plant", "controller"))],
+)
 def test_no_participant_takes_a_stop_from_another_one(tmp_path, name, transport):
     (tmp_path / "forger.py").write_text(FORGER)
     scenario = tmp_path / "forged.yaml"

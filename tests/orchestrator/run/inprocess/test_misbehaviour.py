@@ -76,9 +76,7 @@ EVERY = (*BEFORE, "step", "stop")
 ALWAYS = {
     ("hang_with_lock", "step"),
     ("leave_thread", "close"),
-    ("leave_exit", "start"),
     ("fork_twice", "step"),
-    ("crash", "import"),
     ("leave_child", "step"),
 }
 """A handful for every run of the tests; all of them take some minutes."""
