@@ -43,16 +43,23 @@ def _zenoh() -> Any:
     return importlib.import_module("zenoh")
 
 
+_opening = threading.Lock()
+
+
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
-    """Open a first session with a single thread: Zenoh reads that from the environment only."""
-    added = {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
-    os.environ.update(added)
-    try:
-        yield
-    finally:
-        for name in added:
-            os.environ.pop(name, None)
+    """Open a session with a single thread: Zenoh reads that from the environment only.
+
+    One session opens at a time: the environment is the whole process's.
+    """
+    with _opening:
+        added = {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
+        os.environ.update(added)
+        try:
+            yield
+        finally:
+            for name in added:
+                del os.environ[name]
 
 
 _kept = threading.local()

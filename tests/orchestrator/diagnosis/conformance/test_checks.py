@@ -177,7 +177,8 @@ def test_ctrl_c_ends_the_kit_in_the_middle_of_a_check(inputs, tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_each_mistake_fails_exactly_the_checks_that_find_it(two_link_recording, tmp_path):
-    inputs = material(two_link_recording)
+    deadlines = ("controller.step_timeout=10s", "controller.stop_timeout=10s")
+    inputs = material(two_link_recording, "controller", *deadlines)
 
     def run(mistake):
         words = program("wrong_controller.py", mistake)
