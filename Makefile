@@ -13,7 +13,7 @@ help:
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
-	@echo "make robots     install the models that baxter needs (414 MB)"
+	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
 	@echo "make campaign   345 faults from outside, 2,000 damaged recordings, 64 sales, judged (2 h)"
 	@echo "make bench      measure steps/s and processor time, beside HELICS, mosaik and chains by hand"
 	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
@@ -54,6 +54,7 @@ check: setup
 	@$(PYTHON) -m ruff check .
 	@$(PYTHON) -m mypy
 	@.venv/bin/lint-imports
+	@PYTHONPATH=store .venv/bin/lint-imports --config store/pyproject.toml
 	@$(PYTHON) -m stepbus_schemas.generate --check
 	@$(PYTHON) -m stepbus_orchestrator.scenario.describe --check
 	@$(PYTHON) scripts/check_changelog.py
@@ -89,7 +90,7 @@ examples-rust:
 		nice cargo build --release --quiet --manifest-path examples/controllers/rust/Cargo.toml
 
 robots: setup
-	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,robots]'
+	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e store
 
 clean:
 	rm -rf .venv .coverage* .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist
@@ -99,4 +100,4 @@ clean:
 # it would compile it each time too, which was a quarter of a start.
 setup:
 	@scripts/setup_venv.sh
-	@$(PYTHON) -m compileall -q api orchestrator participant scenarios schemas services
+	@$(PYTHON) -m compileall -q api orchestrator participant scenarios schemas services store

@@ -146,7 +146,7 @@ def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]
 
 @cache
 def _items(seed: int) -> Mapping[str, Item]:
-    folder = package_path("package://stepbus_scenarios/store")
+    folder = package_path("package://stepbus_store/scenarios/store")
     return load_world(folder / "world.yaml", StockParams(seed=seed)).items
 
 

@@ -36,6 +36,9 @@ root_doc = "docs/index"
 include_patterns = [
     "docs/**",
     "scenarios/*/*/*.md",
+    "store/*.md",
+    "store/docs/**",
+    "store/*/scenarios/*/*.md",
     "examples/README.md",
     "benchmarks/README.md",
     "CONTRIBUTING.md",

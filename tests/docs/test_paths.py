@@ -11,6 +11,7 @@ PAGES = sorted(
         "*.md",
         "docs/**/*.md",
         "scenarios/*/*/*.md",
+        "store/**/*.md",
         "examples/**/*.md",
         "benchmarks/*.md",
     )
@@ -20,6 +21,7 @@ PAGES = sorted(
 ROOTS = (
     "api", "benchmarks", "clients", "docs", "examples", "orchestrator", "participant", "scenarios",
     "schemas", "scripts", "services", "tests", ".ci",
+    *(f"store/{name}" for name in ("docs", "schemas", "scripts", "stepbus_store", "tests")),
 )  # fmt: skip
 NAMED = re.compile(rf"`((?:{'|'.join(map(re.escape, ROOTS))})/[\w./*-]*)`")
 

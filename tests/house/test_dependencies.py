@@ -3,10 +3,14 @@ import tomllib
 
 from support.paths import CHECKOUT
 
-PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PROJECTS = [
+    tomllib.loads((CHECKOUT / name).read_text(encoding="utf-8"))["project"]
+    for name in ("pyproject.toml", "store/pyproject.toml")
+]
 DIRECT = {
     re.split(r"[<>=\[ ]", requirement)[0]
-    for group in (PROJECT["dependencies"], *PROJECT["optional-dependencies"].values())
+    for project in PROJECTS
+    for group in (project["dependencies"], *project.get("optional-dependencies", {}).values())
     for requirement in group
     if not requirement.startswith("stepbus[")
 }

@@ -8,7 +8,7 @@ from support.paths import CHECKOUT
 
 SOURCE = (
     "api", "benchmarks", "docs", "examples", "orchestrator", "participant", "scenarios", "schemas",
-    "services",
+    "services", "store/stepbus_store",
 )  # fmt: skip
 """Where that holds. The campaign calls every reader of a recording, also those inside a package."""
 EXPORTING = {"stepbus_participant.parameters"}

@@ -56,7 +56,7 @@ def test_modules_that_are_missing_are_named_with_their_extra(source, monkeypatch
     with pytest.raises(ExtraMissing) as caught:
         need("the planner", "json", "ompl", "toppra")
     assert str(caught.value) == (
-        "the planner needs ompl and toppra, which are not installed; pip install 'stepbus[robots]'"
+        "the planner needs ompl and toppra, which are not installed; to install, run `make robots`"
     )
 
 

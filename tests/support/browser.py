@@ -103,3 +103,13 @@ def opened(address, width=800, height=600):
             yield watched
         finally:
             browser.close()
+
+
+@pytest.fixture
+def page():
+    """A page of ours, served and closed at the end."""
+    from stepbus_orchestrator.viewing.stage import open_page  # noqa: PLC0415  (it loads viser)
+
+    page = open_page("test")
+    yield page
+    page.close()

@@ -3,7 +3,8 @@
 import contextlib
 import threading
 
-from stepbus_orchestrator import Options
+from stepbus_orchestrator import Options, Recording
+from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.run.control.pace import Pace
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.viewing.live import follow
@@ -41,3 +42,7 @@ def followed(paused, page):
         paused.interrupt.set()
         paused.end()
         viewer.join()
+
+
+def calls_of(result):
+    return [(call.method, *call.args) for call in recorded_calls(Recording(result.recording))]

@@ -17,7 +17,8 @@ from .model import (
     ParticipantSpec,
     Scenario,
 )
-from .program import OURS, command, python_target, replaced_program, start_command
+from .packages import is_installed_package
+from .program import command, python_target, replaced_program, start_command
 from .reading.extend import read_data
 from .reading.locate import builtin_folders, builtin_names
 from .resolve import files, left_out, resolved
@@ -28,7 +29,6 @@ __all__ = [
     "FAULT_TYPES",
     "MESSAGE_FAULTS",
     "NEEDS",
-    "OURS",
     "PROCESS_FAULTS",
     "BridgeSpec",
     "BusSpec",
@@ -50,6 +50,7 @@ __all__ = [
     "faults_of",
     "files",
     "format_fault",
+    "is_installed_package",
     "left_out",
     "load",
     "missing",

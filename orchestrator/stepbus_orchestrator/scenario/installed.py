@@ -12,11 +12,7 @@ NEEDS = {
     "stepbus_controller": ("pinocchio",),
     "stepbus_gym": ("gymnasium",),
     "stepbus_mission.round_trip": ("pinocchio",),
-    "stepbus_motion": ("pinocchio", "ruckig"),
-    "stepbus_perception": ("pinocchio",),
-    "stepbus_planner": ("pinocchio",),
     "stepbus_plant": ("pybullet",),
-    "stepbus_world_model": ("pinocchio",),
 }
 """Package of a participant, or a module in it → what it imports at its start."""
 

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from stepbus_participant import suggest
+from stepbus_participant import extra_hint, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .files.paths import is_file, is_folder
 from .model import BridgeSpec, ParticipantSpec
+from .packages import is_installed_package
 
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",
@@ -23,27 +24,6 @@ _PACKAGES = {
     "octave-cli": "octave",
 }
 """Program → the Debian package that has it, for languages of our examples."""
-
-OURS = (
-    "stepbus",
-    "stepbus_bridge",
-    "stepbus_controller",
-    "stepbus_gym",
-    "stepbus_kinematics",
-    "stepbus_mission",
-    "stepbus_motion",
-    "stepbus_orchestrator",
-    "stepbus_participant",
-    "stepbus_perception",
-    "stepbus_planner",
-    "stepbus_plant",
-    "stepbus_pytest",
-    "stepbus_scenarios",
-    "stepbus_schemas",
-    "stepbus_selftest",
-    "stepbus_world_model",
-)
-"""Packages of this installation: no folder of that name in a scenario's folder replaces one."""
 
 PYTHON = (sys.executable, "-P")
 """Python that searches the installed packages only, not the working directory."""
@@ -71,7 +51,7 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
 
 def _runs_ours(arguments: Sequence[str]) -> bool:
     launch, name = python_target(arguments)
-    return launch == "module" and name.partition(".")[0] in OURS
+    return launch == "module" and is_installed_package(name)
 
 
 def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
@@ -167,9 +147,10 @@ def _check_module(name: str, folder: Path) -> None:
     """Raise WiringError when `python -m name` cannot work; imports nothing."""
     spec = _module_spec(name, folder)
     if spec is None:
-        raise WiringError(
-            f"no Python module {name!r}, neither installed for {sys.executable} nor in {folder}"
-        )
+        where = f"neither installed for {sys.executable} nor in {folder}"
+        if is_installed_package(name):
+            where = f"not installed for {sys.executable}{extra_hint(name)}"
+        raise WiringError(f"no Python module {name!r}, {where}")
     if spec.submodule_search_locations and not _submodule(spec, f"{name}.__main__"):
         raise WiringError(
             f"the Python package {name!r} has no __main__.py, so `python -m` cannot run it"
@@ -189,7 +170,7 @@ def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
     # A file may have been written since this process last checked.
     importlib.invalidate_caches()
     # `python -m` puts the working directory, which is the scenario's folder, first; not for ours.
-    own = None if parts[0] in OURS else PathFinder.find_spec(parts[0], [str(folder)])
+    own = None if is_installed_package(name) else PathFinder.find_spec(parts[0], [str(folder)])
     spec = own or importlib.util.find_spec(parts[0])
     for depth in range(2, len(parts) + 1):
         spec = _submodule(spec, ".".join(parts[:depth])) if spec else None

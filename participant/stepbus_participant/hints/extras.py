@@ -15,9 +15,13 @@ _EXTRAS = {
     "sweep": ("optuna", "plotly", "ray", "scipy"),
     "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),
-    "robots": ("cv2", "eaik", "example-robot-data", "ompl", "toppra", "xacro"),
 }
 """Extra of stepbus → the modules and model packages that it installs."""
+_ROBOTS = (
+    *("baxter", "cv2", "eaik", "example-robot-data", "ompl", "stepbus_store", "store", "toppra"),
+    "xacro",
+)
+"""Scenarios, modules and model packages that come with the robots, a package of its own."""
 _MISSING = re.compile(r"No module named '([\w.]+)'")
 
 
@@ -47,9 +51,12 @@ def install_command(extra: str) -> str:
 
 
 def extra_hint(module: str) -> str:
-    """Return `; pip install …` for a module or package of an extra; nothing for any other."""
+    """Return `; pip install …` for a module, package or scenario that we know; else nothing."""
+    top = module.partition(".")[0]
+    if top in _ROBOTS:
+        return "; to install, run `make robots`"
     for extra, modules in _EXTRAS.items():
-        if module.partition(".")[0] in modules:
+        if top in modules:
             return f"; {install_command(extra)}"
     return ""
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from support.messages.recordings import write
-from support.paths import TESTS
+from support.paths import GOLDEN_LOGS, TESTS
 
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.analysis.findings import _Count, findings
@@ -29,9 +29,9 @@ def found(tmp_path, *overrides):
     return findings(Recording(result.recording))
 
 
-@pytest.mark.parametrize("name", ["two_link", "baxter", "store"])
-def test_shipped_scenarios_have_none(name):
-    assert findings(Recording(TESTS / "scenarios/golden" / f"{name}.mcap")) == []
+@pytest.mark.parametrize("log", GOLDEN_LOGS, ids=lambda path: path.stem)
+def test_shipped_scenarios_have_none(log):
+    assert findings(Recording(log)) == []
 
 
 def test_a_torque_that_the_plant_cuts_is_named(tmp_path):

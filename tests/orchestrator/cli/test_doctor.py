@@ -49,9 +49,9 @@ def test_a_missing_extra_says_what_it_is_for_and_how_to_get_it(monkeypatch):
 
 
 def test_an_extra_that_includes_another_one_lists_its_own_packages(monkeypatch):
-    rows = ["numpy>=2", 'stepbus[sim]; extra == "robots"', 'ompl>=2.0; extra == "robots"']
+    rows = ["numpy>=2", 'stepbus[sim]; extra == "fast"', 'ompl>=2.0; extra == "fast"']
     monkeypatch.setattr(packages, "requires", lambda _name: rows)
-    assert packages.needed("robots") == [Requirement("ompl", "2.0")]
+    assert packages.needed("fast") == [Requirement("ompl", "2.0")]
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 from support.runs.scenario import load_text, problem_of, problems_of, write
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.scenario.describe.__main__ import SERVICES
+from stepbus_orchestrator.scenario.packages import participant_modules
 
 SCENARIO = """\
 name: own
@@ -133,7 +134,8 @@ HEAVY = {"pybullet", "pinocchio", "cv2", "ompl", "scipy", "numpy", "ruamel.yaml"
 
 
 def test_the_parameters_of_a_service_load_nothing_heavy():
-    names = [f"{name}.params" if name != "stepbus_mission" else name for name in SERVICES]
+    services = participant_modules()
+    names = [f"{name}.params" if find_spec(f"{name}.params") else name for name in services]
     code = f"import {', '.join(names)}\nimport json, sys\nprint(json.dumps(list(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert HEAVY & set(json.loads(done.stdout)) == set()

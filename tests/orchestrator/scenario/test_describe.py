@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
 
 import jsonschema
 import pytest
@@ -21,9 +20,12 @@ participants:
 """
 
 
-def schema(name):
-    text = (CHECKOUT / f"schemas/json/{name}.schema.json").read_text(encoding="utf-8")
-    return jsonschema.Draft202012Validator(json.loads(text))
+SCHEMA = CHECKOUT / "schemas/json/scenario.schema.json"
+WORLD = CHECKOUT / "schemas/json/world.schema.json"
+
+
+def schema(path):
+    return jsonschema.Draft202012Validator(json.loads(path.read_text(encoding="utf-8")))
 
 
 def found_in(validator, text):
@@ -40,10 +42,10 @@ def test_a_stale_page_is_named(tmp_path):
     page = tmp_path / "docs/page.md"
     page.parent.mkdir()
     page.write_text(
-        "<!-- parameters: stepbus_planner.params:Params -->\nold\n<!-- /parameters -->\n"
+        "<!-- parameters: stepbus_mission.goals.params:Params -->\nold\n<!-- /parameters -->\n"
     )
     text = generated_files(tmp_path)[page]
-    assert "| `latency` | duration | 200ms | From a request to its answer, " in text
+    assert "| `turns` | number | required | Counter-clockwise [-]. |" in text
     assert "old" not in text
 
 
@@ -53,14 +55,14 @@ def test_every_shipped_scenario_names_the_schema_and_keeps_to_it(name):
     text = scenario.file.read_text(encoding="utf-8")
     first = text.partition("\n")[0]
     assert first.startswith(COMMENT)
-    assert (scenario.folder / first.removeprefix(COMMENT)).is_file()
-    assert found_in(schema("scenario"), text) == []
+    named = (scenario.folder / first.removeprefix(COMMENT)).resolve()
+    assert found_in(schema(named), text) == []
 
 
-@pytest.mark.parametrize("name", ["baxter", "store", "two_link"])
+@pytest.mark.parametrize("name", sorted({name.partition("/")[0] for name in builtin_names()}))
 def test_every_shipped_world_keeps_to_the_schema(name):
-    world = resources.files("stepbus_scenarios") / name / "world.yaml"
-    assert found_in(schema("world"), world.read_text(encoding="utf-8")) == []
+    world = shipped(name).folder / "world.yaml"
+    assert found_in(schema(WORLD), world.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize(
@@ -73,5 +75,5 @@ def test_every_shipped_world_keeps_to_the_schema(name):
     ],
 )
 def test_the_schema_of_a_scenario_knows_the_parameters_of_a_service(params, message):
-    (found,) = found_in(schema("scenario"), SCENARIO.format(params=params))
+    (found,) = found_in(schema(SCHEMA), SCENARIO.format(params=params))
     assert message in found

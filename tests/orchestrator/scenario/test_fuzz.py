@@ -70,17 +70,16 @@ participants:
   sine:
     exec: [python, -m, stepbus_mission]
     params: {task: sine, joints: [a, b], amplitude: 1, omega: [1, 2], phase: {a: 0, b: 1}}
-  store:
-    exec: [python, -m, stepbus_mission.store]
+  goals:
+    exec: [python, -m, stepbus_mission.goals]
     params:
-      orders: [cola, {item: cola_a1_3}]
-      shelves: {a: {front: [1, 0], yaw: 0}}
-      outlet: {position: [0, 0, 0.3], pitch: 0.12}
-      tuck: {shoulder: 1}
-      waits: {still: 1}
-  perception:
-    exec: [python, -m, stepbus_perception]
-    params: {source: truth, period: 0.1, joints: [a]}
+      goals:
+        - {type: move_joints, joints: {shoulder: 1}, duration: 2}
+        - {type: move_to_pose, tip: hand, position: [0, 0, 0.3], rpy: [0, 0.12, 0], touches: [crate]}
+        - {type: grip, width: 0.1, force: 3}
+  position:
+    exec: [python, -m, stepbus_controller.position]
+    params: {joints: [a]}
 bus: {transport: tcp, port: 7447, low_latency: false}
 faults: [kill plant at 3]
 """

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import sys
-
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, write
 
@@ -12,8 +10,11 @@ from stepbus_orchestrator.scenario import (
     OutputSpec,
     ScenarioError,
     builtin_names,
+    is_installed_package,
     load,
 )
+from stepbus_orchestrator.scenario.packages import declared
+from stepbus_orchestrator.scenario.reading.locate import locate, package_url
 
 
 def test_a_scenario_becomes_frozen_types(tmp_path):
@@ -94,29 +95,44 @@ def test_a_missing_file_is_refused():
 
 
 @pytest.fixture
-def builtin(tmp_path, monkeypatch):
-    folder = tmp_path / "site/stepbus_scenarios"
-    write(folder, "", "__init__.py")
-    write(folder / "two_link")
-    write(folder / "two_link", "extends: scenario.yaml\nname: pd\n", "pd.yaml")
-    write(folder / "two_link", "gravity: [0, 0, -9.81]\n", "world.yaml")
-    monkeypatch.syspath_prepend(folder.parent)
-    monkeypatch.delitem(sys.modules, "stepbus_scenarios", raising=False)
+def acme(tmp_path, monkeypatch):
+    """A package that declares a participant and scenarios of its own."""
+    site = tmp_path / "site"
+    folder = site / "acme_robots/scenarios/acme"
+    write(site / "acme_robots", "raise SystemExit('imported')\n", "__init__.py")
+    write(folder)
+    write(folder, "extends: scenario.yaml\nname: pd\n", "pd.yaml")
+    write(folder, "gravity: [0, 0, -9.81]\n", "world.yaml")
+    write(site / "acme-1.0.dist-info", "Name: acme\nVersion: 1.0\n", "METADATA")
+    groups = "[stepbus.participants]\narm = acme_robots.arm\n[stepbus.scenarios]\na = acme_robots.scenarios\nb = acme_gone\n"
+    write(site / "acme-1.0.dist-info", groups, "entry_points.txt")
+    monkeypatch.syspath_prepend(site)
+    declared.cache_clear()
+    yield
+    monkeypatch.undo()
+    declared.cache_clear()
 
 
-@pytest.mark.usefixtures("builtin")
-def test_built_in_scenarios_are_found_by_name():
-    assert builtin_names() == ("two_link", "two_link/pd")
-    assert (load("two_link").name, load("two_link/pd").name) == ("arm", "pd")
+@pytest.mark.usefixtures("acme")
+def test_scenarios_of_installed_packages_are_found_by_name_without_an_import():
+    assert set(builtin_names()) >= {"acme", "acme/pd", "two_link", "two_link/pd"}
+    assert (load("acme").name, load("acme/pd").name) == ("arm", "pd")
+    assert package_url(locate("acme/pd")) == "package://acme_robots/scenarios/acme/pd.yaml"
 
 
-@pytest.mark.usefixtures("builtin")
-def test_built_in_scenarios_are_found_without_an_import():
-    load("two_link")
-    assert "stepbus_scenarios" not in sys.modules
+@pytest.mark.usefixtures("acme")
+def test_no_folder_replaces_a_package_that_declares_participants():
+    assert is_installed_package("acme_robots.arm")
+    assert not is_installed_package("acme")
 
 
-@pytest.mark.usefixtures("builtin")
+@pytest.mark.parametrize("name", ["store", "baxter/round_trip", "store/truth"])
+def test_a_scenario_of_a_package_that_is_not_installed_says_what_installs_it(monkeypatch, name):
+    monkeypatch.setattr("stepbus_orchestrator.scenario.reading.locate.scenario_folders", dict)
+    with pytest.raises(ScenarioError, match=f"^{name}: that scenario .*run `make robots`$"):
+        load(name)
+
+
 def test_an_unknown_name_is_answered_with_the_nearest():
     with pytest.raises(ScenarioError, match=r"did you mean 'two_link'\?; .*given by path"):
         load("two_lnk")

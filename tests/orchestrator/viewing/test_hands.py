@@ -6,28 +6,19 @@ import shutil
 import numpy as np
 import pytest
 from support.browser import needs_chromium, opened
-from support.paused import Paused, followed
+from support.paused import Paused, calls_of, followed
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.control.calls import recorded_calls
 from stepbus_orchestrator.scenario.reading.locate import locate
 from stepbus_orchestrator.viewing.live.link import newest
-from stepbus_orchestrator.viewing.stage import open_page
 
 CRATE = """<robot name="crate"><link name="crate">
 <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
 </inertial>
 <visual><geometry><box size="0.4 0.4 0.4"/></geometry></visual>
 <collision><geometry><box size="0.4 0.4 0.4"/></geometry></collision></link></robot>"""
-
-
-@pytest.fixture
-def page():
-    page = open_page("test")
-    yield page
-    page.close()
 
 
 def with_crate(folder):
@@ -43,10 +34,6 @@ def with_crate(folder):
     assert ports in scenario
     (folder / "scenario.yaml").write_text(scenario.replace(ports, f"{ports}, poses: Poses/1"))
     return load(folder / "scenario.yaml", ["duration=100ms"])
-
-
-def calls_of(result):
-    return [(call.method, *call.args) for call in recorded_calls(Recording(result.recording))]
 
 
 def again(result, folder):
@@ -115,22 +102,3 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
         assert poses.position[-1, poses.names.index("crate")] == pytest.approx((x, y, z), abs=1e-4)
         assert abs(recording["plant.joint_state"].velocity[-1]).max() < 0.05
     assert again(paused.result, tmp_path / "again") == paused.result.sha256
-
-
-@pytest.mark.slow
-@needs_chromium
-@pytest.mark.timeout(600)
-def test_an_item_is_ordered_from_the_store_on_the_page(tmp_path, page):
-    paused = Paused(tmp_path / "run", load("store", ["duration=160ms"]))
-    with opened(page.address, 400, 300) as watched, followed(paused, page):
-        shown = watched.page
-        paused.pace.step(3)
-        watched.wait(lambda: shown.get_by_text("step 3 of").count() > 0, "step 3")
-        shown.get_by_role("tab", name="Steer").press("Enter")
-        watched.wait(lambda: shown.get_by_text("order it").count() > 0, "what can be ordered")
-        shown.get_by_role("button", name="order it").press("Enter")
-        watched.wait(lambda: shown.get_by_text("mission order cola").count() > 0, "the order")
-        shown.get_by_role("button", name="resume").press("Enter")
-        watched.wait(lambda: not paused.thread.is_alive(), "the run to end")
-        assert not watched.errors
-    assert calls_of(paused.result) == [("order", "cola")]

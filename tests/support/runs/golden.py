@@ -3,13 +3,14 @@
 import pytest
 
 
-def golden(log, participant, tolerance="tolerance.yaml", **options):
-    """Return a test: a participant does what it did when a log of tests/scenarios/golden was made.
+def golden(
+    log, participant, tolerance="tolerance.yaml", folder="../../scenarios/golden", **options
+):
+    """Return a test: a participant does what it did when a golden log was made.
 
-    log: its name, or a pattern. tolerance: file beside it. options: of `stepbus_replay`. The test
-    stands in a folder two levels below `tests`.
+    log: its name, or a pattern. tolerance: file beside it. folder: of both, from that of the test.
+    options: of `stepbus_replay`.
     """
-    folder = "../../scenarios/golden"
 
     @pytest.mark.stepbus_logs(f"{folder}/{log}", participant=participant)
     def test(stepbus_replay):

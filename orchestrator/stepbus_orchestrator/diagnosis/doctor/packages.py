@@ -14,11 +14,10 @@ from stepbus_participant import install_command
 from .finding import Finding
 
 EXTRAS = {
-    "sim": "physics and dynamics: the plant, the controller, motion and planning that ship",
+    "sim": "physics and dynamics: the plant and the controller that ship",
     "report": "the plots of a run, report.png",
     "export": "tables, video, and files for ROS 2 and Foxglove",
     "view": "3D: `stepbus view`, `run --view`, `export --scene`",
-    "robots": "models, inverse kinematics, planning, vision: the scenarios baxter and store",
     "sweep": "many runs of one scenario: tables, a page, an optimizer, a cluster",
     "gym": "environments of Gymnasium",
     "docs": "the documentation site",

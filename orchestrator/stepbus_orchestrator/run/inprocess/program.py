@@ -11,7 +11,12 @@ from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.run.setup.seat import Seat
-from stepbus_orchestrator.scenario import OURS, ParticipantSpec, Scenario, python_target
+from stepbus_orchestrator.scenario import (
+    ParticipantSpec,
+    Scenario,
+    is_installed_package,
+    python_target,
+)
 from stepbus_participant import main, read_file
 from stepbus_schemas import WiringError
 
@@ -171,4 +176,4 @@ class Program:
         file = content.get("__file__") or ""
         is_below = file.startswith(self._path + os.sep) and "site-packages" not in file
         # A scenario may lie in a checkout of stepbus, or above it.
-        return is_below and name.partition(".")[0] not in OURS
+        return is_below and not is_installed_package(name)

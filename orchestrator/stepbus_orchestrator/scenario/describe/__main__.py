@@ -1,8 +1,10 @@
 """Write what follows from declared parameters: `python -m stepbus_orchestrator.scenario.describe`.
 
 That is `schemas/json/scenario.schema.json` and `world.schema.json`, and in the pages of `docs/`
-the tables between markers such as `<!-- parameters: stepbus_plant.params:Params -->`. With
-`--check` nothing is written; the exit code is 1 when a file is out of date.
+the tables between markers such as `<!-- parameters: stepbus_plant.params:Params -->`. A package
+of this checkout with participants of its own has all that but the world in its own folder; where it
+is not installed, that is left alone. With `--check` nothing is written; the exit code is 1 when a
+file is out of date.
 """
 
 import argparse
@@ -11,10 +13,11 @@ import importlib.util
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.scenario.packages import participant_modules
 from stepbus_orchestrator.scenario.reading.declaration import ParticipantRow, ScenarioFile
 from stepbus_participant import Settings
 
@@ -26,56 +29,57 @@ _BLOCK = re.compile(
     r"(<!-- parameters: ([\w.]+):(\w+)( only)? -->\n).*?(<!-- /parameters -->)", re.DOTALL
 )
 _WORLD = "stepbus_plant.world.declaration:WorldFile"
-SERVICES = (
-    "stepbus_plant",
-    "stepbus_controller",
-    "stepbus_controller.position",
-    "stepbus_motion.arm",
-    "stepbus_motion.mobile",
-    "stepbus_mission",
-    "stepbus_mission.goals",
-    "stepbus_mission.round_trip",
-    "stepbus_mission.store",
-    "stepbus_perception",
-    "stepbus_planner",
-    "stepbus_world_model",
-)
-"""What `python -m` runs; their `params` are in the schema of a scenario."""
 
 
 def generated_files(root: Path) -> dict[Path, str]:
     """Return path → content of every generated file."""
-    folder = root / "schemas/json"
     world = SchemaWriter().document(_class(_WORLD), "A world of stepbus")
-    files = {
-        folder / "scenario.schema.json": _indented(scenario_schema()),
-        folder / "world.schema.json": _indented(world),
-    }
-    for page in sorted((root / "docs").rglob("*.md")):
-        text = page.read_text(encoding="utf-8")
-        if _BLOCK.search(text):
-            files[page] = _BLOCK.sub(_block, text)
+    files = {root / "schemas/json/world.schema.json": _indented(world)}
+    own = {name: _project(name) for name in participant_modules()}
+    for project in sorted({Path(), *filter(None, own.values())}):
+        services = [name for name, at in own.items() if at in (Path(), project)]
+        schema = root / project / "schemas/json/scenario.schema.json"
+        files[schema] = _indented(scenario_schema(services))
+        for page in sorted((root / project / "docs").rglob("*.md")):
+            text = page.read_text(encoding="utf-8")
+            if _BLOCK.search(text):
+                files[page] = _BLOCK.sub(_block, text)
     return files
 
 
-def scenario_schema() -> dict[str, Any]:
-    """Return the schema of a scenario, with the parameters of what ships with stepbus."""
+def _project(module: str) -> Path | None:
+    """Return the folder of the checkout whose pyproject.toml packs a module; None: elsewhere."""
+    spec = importlib.util.find_spec(module.partition(".")[0])
+    above = Path(spec.origin).resolve().parents if spec is not None and spec.origin else ()
+    found = (folder for folder in above if (folder / "pyproject.toml").is_file())
+    project = next(found, None)
+    if project is None or not project.is_relative_to(CHECKOUT):
+        return None
+    return project.relative_to(CHECKOUT)
+
+
+def scenario_schema(services: Iterable[str]) -> dict[str, Any]:
+    """Return the schema of a scenario, with the parameters that services declare."""
     writer = SchemaWriter(partial=True)
     schema = writer.document(ScenarioFile, "A scenario of stepbus")
     row = writer.definitions[writer.reference(ParticipantRow)["$ref"].rpartition("/")[2]]
     row["allOf"] = [
         {
             "if": {"properties": {"exec": {"const": ["python", "-m", name]}}, "required": ["exec"]},
-            "then": {"properties": {"params": writer.reference(_params(name))}},
+            "then": {"properties": {"params": writer.reference(params)}},
         }
-        for name in SERVICES
+        for name in services
+        if (params := _params(name)) is not None
     ]
     return schema
 
 
-def _params(service: str) -> type[Settings]:
+def _params(service: str) -> type[Settings] | None:
+    """Return the class of a service's parameters; None where it declares none."""
     own = importlib.util.find_spec(f"{service}.params")
-    return _class(f"{service}.params:Params" if own else f"{service}:Params")
+    module = importlib.import_module(f"{service}.params" if own else service)
+    found: type[Settings] | None = getattr(module, "Params", None)
+    return found
 
 
 def _class(name: str) -> type[Settings]:

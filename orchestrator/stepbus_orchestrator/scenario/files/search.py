@@ -13,7 +13,8 @@ from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
 from ..model import ParticipantSpec, Scenario
-from ..program import OURS, python_target
+from ..packages import is_installed_package
+from ..program import python_target
 from .languages import declared_files, is_virtual, language, loaded_files
 from .names import FileUnreadable, modules_in, names_in
 from .paths import is_file, is_folder
@@ -71,7 +72,7 @@ class FileSearch:
     def module(self, keys: Keys, module: str, bases: list[Path]) -> None:
         """Look for the Python file, or the files of the package, that a module's name means."""
         top = module.partition(".")[0]
-        if top in OURS:
+        if is_installed_package(module):
             return
         for base in bases:
             if is_file(base / f"{top}.py"):

@@ -1,12 +1,12 @@
 """Where a scenario is: a file, a folder, or one of those that ship with stepbus."""
 
-import importlib.util
 from pathlib import Path
 
-from stepbus_participant import suggest
+from stepbus_participant import extra_hint, suggest
 from stepbus_participant.parameters import fatal
 
 from ..files.paths import is_file, is_folder, is_scenario
+from ..packages import scenario_folders
 
 MAIN_FILE = "scenario.yaml"
 
@@ -37,9 +37,10 @@ def locate_from(name: str, folder: Path) -> Path | None:
 
 def package_url(file: Path) -> str | None:
     """Return the `package://` name of a file that ships with stepbus; None of any other."""
-    for folder in builtin_folders():
+    for package, folder in scenario_folders().items():
         if file.is_relative_to(folder):
-            return f"package://{folder.name}/{file.relative_to(folder).as_posix()}"
+            path = file.relative_to(folder).as_posix()
+            return f"package://{package.replace('.', '/')}/{path}"
     return None
 
 
@@ -49,6 +50,9 @@ def builtin_names() -> tuple[str, ...]:
 
 
 def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
+    hint = extra_hint(name.partition("/")[0])
+    if hint and not path.suffix:
+        return f"that scenario is not installed{hint}"
     if is_folder(path):
         return f"the folder has no {MAIN_FILE}"
     if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
@@ -61,10 +65,7 @@ def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
 
 def builtin_folders() -> tuple[Path, ...]:
     """Return the folders of the scenarios that ship with stepbus."""
-    # Found without an import: the orchestrator must not depend on any scenario.
-    spec = importlib.util.find_spec("stepbus_scenarios")
-    folders = list(spec.submodule_search_locations or ()) if spec is not None else []
-    return tuple(Path(folder).resolve() for folder in folders)
+    return tuple(scenario_folders().values())
 
 
 def _builtin_files() -> dict[str, Path]:

@@ -3,13 +3,13 @@
 import csv
 import math
 from collections import Counter
-from pathlib import Path
 
 import duckdb
 import polars as pl
 import pyarrow.parquet as parquet
 import pytest
 from support.messages.recordings import messages, write
+from support.paths import GOLDEN_LOGS
 
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.errors import ExitCode
@@ -50,9 +50,9 @@ def recording(tmp_path):
     )
 
 
-@pytest.fixture(params=["two_link", "baxter", "store"])
+@pytest.fixture(params=GOLDEN_LOGS, ids=lambda path: path.stem)
 def golden(request):
-    return Path(__file__).parents[3] / "scenarios" / "golden" / f"{request.param}.mcap"
+    return request.param
 
 
 def export(recording, *words):

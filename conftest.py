@@ -1,0 +1,159 @@
+"""Fixtures that several test files share."""
+
+import gc
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from support.browser import page  # noqa: F401
+from support.disks import small_disk  # noqa: F401
+from support.properties import DEFAULT
+from support.surroundings import left_as_found, no_thread_is_left, nothing_is_left  # noqa: F401
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.run.run_scenario import run
+
+collect_ignore = [] if find_spec("stepbus_store") else ["store/tests"]
+ROBOTS_MISSING = re.compile(r"run `make robots`")
+
+
+def pytest_addoption(parser):
+    """Add `--unit` (`make test-unit`) and `--fresh-examples` (part of `make test-slow`)."""
+    parser.addoption("--unit", action="store_true", help="skip tests that start a process")
+    text = "property tests draw from a fresh seed, and ten times as many examples"
+    parser.addoption("--fresh-examples", action="store_true", help=text)
+
+
+# The tests that pytest has rewritten are kept, also where PYTHONDONTWRITEBYTECODE is set: each of
+# its processes needs 5 s for them.
+sys.dont_write_bytecode = False
+
+
+def pytest_configure(config):
+    """Draw the same examples for the same commit, unless fresh ones are asked for."""
+    settings.register_profile("fixed", derandomize=True, deadline=None)
+    settings.register_profile("fresh", max_examples=10 * DEFAULT, deadline=None, print_blob=True)
+    settings.load_profile("fresh" if config.getoption("--fresh-examples") else "fixed")
+
+
+# Who starts the tests in the background or with nohup ignores signals, and so would all processes
+# of a test that sends them some.
+for _number, _handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+    (signal.SIGTERM, signal.SIG_DFL),
+):
+    if signal.getsignal(_number) == signal.SIG_IGN:
+        signal.signal(_number, _handler)
+
+
+def pytest_collection_finish():
+    """Leave what was collected out of each later search for garbage: that takes a tenth less."""
+    gc.freeze()
+
+
+MOST_CLIENTS = 1024
+"""Of PyBullet in one process."""
+
+
+REFUSED: list[int] = []
+"""An entry for each process that this test was not allowed to start."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_processes(request):
+    """With `--unit`, skip whoever starts a process, at the moment it does."""
+    if not request.config.getoption("--unit"):
+        yield
+        return
+
+    def refuse(_self, *_args, **_kwargs):
+        REFUSED.append(1)
+        pytest.skip("starts a process")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(subprocess.Popen, "__init__", refuse)
+        patch.setattr(subprocess.Popen, "__del__", lambda _self: None)
+        yield
+
+
+@pytest.fixture
+def starts_a_process(request):
+    """With `--unit`, skip the test, where nothing else lets it: a run says the skip is a fault."""
+    if request.config.getoption("--unit"):
+        pytest.skip("starts a process")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    """Skip what fails for want of the robots, as the sentence says that a user gets.
+
+    And, with `--unit`, what was refused a process: the code under test may have caught the skip.
+    """
+    REFUSED.clear()
+    try:
+        return (yield)
+    except Exception as exc:
+        if REFUSED:
+            pytest.skip("starts a process")
+        if collect_ignore and ROBOTS_MISSING.search(str(exc)):
+            pytest.skip("needs stepbus-store")
+        raise
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say which tests were not even looked at."""
+    if collect_ignore:
+        terminalreporter.write_line("skipped store/tests, which need stepbus-store: `make robots`")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_state(tmp_path_factory):
+    """Keep what runs of tests remember out of the user's home; return the folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("state")
+        patch.setenv("XDG_STATE_HOME", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def two_link_recording(tmp_path_factory):
+    """Return run.mcap of 0.3 s of two_link, with its run's folder around it; do not change it."""
+    out = tmp_path_factory.mktemp("two_link") / "run"
+    result = run(load("two_link", ["duration=300ms"]), Options(out=out))
+    assert result.exit_code == 0, result.reason
+    return result.recording
+
+
+@pytest.fixture
+def own_temp(monkeypatch):
+    """Return a folder for temporary files of this test and its processes, which must stay empty.
+
+    Its path is short: that of a Unix socket holds at most 107 bytes.
+    """
+    with tempfile.TemporaryDirectory(prefix="sb-") as folder:
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        monkeypatch.setenv("TMPDIR", folder)
+        yield Path(folder)
+        monkeypatch.undo()
+
+
+def physics_clients():
+    """Return the clients of PyBullet that this process has open."""
+    pybullet = sys.modules.get("pybullet")
+    return set() if pybullet is None else set(filter(pybullet.isConnected, range(MOST_CLIENTS)))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _physics_is_closed():
+    """Close each physics client that the tests of a file have opened: one takes 25 MB and more."""
+    before = physics_clients()
+    yield
+    for client in physics_clients() - before:
+        sys.modules["pybullet"].disconnect(client)

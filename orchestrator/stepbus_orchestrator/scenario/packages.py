@@ -1,0 +1,47 @@
+"""What installed packages add to stepbus, its own included: participants and scenarios."""
+
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+
+@cache
+def declared(group: str) -> tuple[str, ...]:
+    """Return the modules of an entry point group, such as `stepbus.participants`, sorted."""
+    # It takes longer to load than all else here, and only some commands need it.
+    from importlib.metadata import entry_points  # noqa: PLC0415
+
+    return tuple(sorted({point.value for point in entry_points(group=group)}))
+
+
+def participant_modules() -> tuple[str, ...]:
+    """Return the modules that packages declare as participants: what `python -m` runs."""
+    return declared("stepbus.participants")
+
+
+def is_installed_package(module: str) -> bool:
+    """Return whether a module is one of ours or of a package that declares participants.
+
+    No folder of that name in a scenario's folder replaces one. Names that begin with `stepbus_`
+    are ours.
+    """
+    top = module.partition(".")[0]
+    if top == "stepbus" or top.startswith("stepbus_"):
+        return True
+    return any(top == name.partition(".")[0] for name in participant_modules())
+
+
+def scenario_folders() -> dict[str, Path]:
+    """Return package → folder of the scenarios that installed packages declare."""
+    folders = {name: _folder(name) for name in declared("stepbus.scenarios")}
+    return {name: folder for name, folder in folders.items() if folder is not None}
+
+
+def _folder(package: str) -> Path | None:
+    """Return the folder of a package; imports nothing."""
+    top, *below = package.split(".")
+    spec = find_spec(top)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    folder = Path(next(iter(spec.submodule_search_locations)), *below).resolve()
+    return folder if folder.is_dir() else None

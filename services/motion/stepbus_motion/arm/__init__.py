@@ -1,1 +1,0 @@
-"""`python -m stepbus_motion.arm`: goals of an arm."""

@@ -1,0 +1,249 @@
+"""The parameters of the mission of a store: goods, shelves, outlet, tolerances."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Literal
+
+import msgspec
+
+from stepbus_participant import Count, File, Finite, Positive, Settings, Text, Vector3, suggest
+from stepbus_participant.parameters import Keys
+
+from .geometry import Spot
+from .goods.catalog import types_in
+
+
+class Order(Settings):
+    """An order: any item of a type, or one specific item; the other field is empty."""
+
+    short = "type"
+
+    type: str = ""
+    """Item type, e.g. `cola`."""
+    item: str = ""
+    """Name of an item, e.g. `cola_a1_3`."""
+
+    def __str__(self) -> str:
+        return self.item or self.type
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield an order without content, or with both."""
+        if bool(self.type) == bool(self.item):
+            yield (), "needs an item type, `type: cola`, or an item, `item: cola_a1_3`"
+
+
+class Shelf(Settings):
+    """A shelf."""
+
+    front: tuple[Finite, Finite]
+    """x and y of a point of its front line [m]."""
+    yaw: Finite = 0.0
+    """Heading that faces it [rad]."""
+
+    @property
+    def spot(self) -> Spot:
+        """Return the point of its front line, with the heading that faces it."""
+        return Spot(x=self.front[0], y=self.front[1], yaw=self.yaw)
+
+
+class Outlet(Settings):
+    """Where the robot puts sold items: a spot per order, from left to right, the back row first."""
+
+    position: Vector3
+    """Middle of the rows, on top of the outlet [m]."""
+    yaw: Finite = math.pi / 2
+    """Heading that faces it [rad]."""
+    pitch: Positive = 0.12
+    """Distance between spots [m]."""
+    length: Positive = 0.5
+    """Length of a row of spots [m]."""
+    rows: Count = 1
+    """Number of rows."""
+    depth: Positive = 0.14
+    """Distance between rows [m]."""
+    link: Text = "outlet_top"
+    """Its link, which the gripper may touch while it puts an item down."""
+
+
+class Tolerances(Settings):
+    """Largest errors."""
+
+    found: Positive = 0.06
+    """Of a detection from the expected position [m]."""
+    steady: Positive = 0.002
+    """Between two detections in a row [m]."""
+    placed: Positive = 0.01
+    """Of an item from its spot [m]."""
+    moved: Positive = 0.002
+    """Displacement of any other item [m]."""
+    tilt: Positive = 0.1
+    """Of a placed item from the vertical [rad]."""
+
+
+class Waits(Settings):
+    """Durations and timeouts."""
+
+    answer: Positive = 2.0
+    """For the controller to answer a goal [s]."""
+    motion: Positive = 60.0
+    """For a motion to end [s]."""
+    camera: Positive = 3.0
+    """For the first detections [s]."""
+    still: Positive = 0.2
+    """After a motion, before detections count [s]."""
+    rest: Positive = 0.5
+    """Everything is at rest for this long, before a measurement and in an emergency stop [s]."""
+    halt: Positive = 10.0
+    """For everything to come to rest [s]."""
+    lost: Positive = 0.1
+    """Without a grip, until a carried item counts as dropped [s]."""
+
+
+class Params(Settings):
+    """Parameters of `stepbus_store.mission`."""
+
+    orders: Annotated[tuple[Order, ...], msgspec.Meta(min_length=1)]
+    """List of item types; also `type: cola` or `item: juice_b2_3`."""
+    shelves: dict[str, Shelf]
+    """Name → shelf. The item `cola_a1_3` is on the shelf whose name starts its slot `a1_3`."""
+    outlet: Outlet
+    """Where the robot puts sold items."""
+    tuck: dict[str, Finite]
+    """Joint → position of the arm while the base drives without an item [rad]."""
+    catalog: File | None = None
+    """World file whose `stock.types` may be ordered, sold out or not. Default: the types of the
+    items that the plant has."""
+    home: Vector3 = (0.0, 0.0, 0.0)
+    """x, y, yaw of the base before the outlet [m, m, rad]."""
+    stand: Positive = 0.45
+    """Distance of the base from a front line [m]."""
+    reverse: Positive = 0.3
+    """How far the base backs up from there before it turns [m]."""
+    carry: tuple[Finite, Finite] = (0.45, 0.0)
+    """Where an item is carried: ahead and to the left of the base [m]."""
+    verification: Literal["camera", "truth"] = "truth"
+    """Who says where a sold item stands, and whether others were moved: `camera`: what is seen from
+    above the outlet, others are not checked; `truth`: the plant's poses, for comparison."""
+    prefix: str = ""
+    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
+    a world. All other parameters name joints and links without it."""
+    base_frame: Text = "chassis"
+    """Link that detections are given in."""
+    tip: Text = "grasp"
+    """Frame of the gripper: z along the approach, y along the opening."""
+    gripper_yaw: Finite = 0.0
+    """Rotation of the gripper about the vertical, e.g. π to have the camera on the other side
+    [rad]."""
+    force: Positive = 15.0
+    """Largest force of each finger [N]; as much of it is used as slip and weight need."""
+    opening: Positive = 0.09
+    """Width of the open gripper [m]."""
+    grasp_depth: Positive = 0.015
+    """Depth of the tip below the upper end of the body [m]."""
+    grasp_reach: Positive = 0.065
+    """How far an item may extend into the gripper beyond the tip [m]."""
+    width_tolerance: Positive = 0.008
+    """How much thinner than expected a held item may be [m]."""
+    down: Positive = 1.5
+    """Duration of the motions down and up [s]."""
+    view_height: Positive = 0.2
+    """Height of the tip above the item for detection [m]."""
+    approach_height: Positive = 0.1
+    """Height of the tip above the grip, and above the release [m]."""
+    lift_height: Positive = 0.1
+    """How far to lift an item [m]."""
+    safe_height: Positive = 0.6
+    """Largest height of the tip while the base carries an item [m]."""
+    recover: bool = False
+    """After a failure, bring the arm back to where it is tucked in, or with an item to `carry` at
+    `safe_height`, once everything is at rest."""
+    together: bool = False
+    """Move the arm while the base drives, where that is free. Otherwise it is tucked in, or has
+    lowered the item, before the base moves."""
+    lower_step: Positive = 0.1
+    """Step in which to lower an item [m]."""
+    drop_height: Positive = 0.003
+    """Height of the item above the outlet at the release [m]."""
+    attempts: Count = 2
+    """Attempts to grasp an item."""
+    corrections: Count = 3
+    """Corrections per approach, at most."""
+    views: Count = 3
+    """Views without the item before it counts as missing."""
+    tolerances: Tolerances = Tolerances()
+    """Largest errors."""
+    waits: Waits = Waits()
+    """Durations and timeouts."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong between orders, shelves and outlet."""
+        for key in ("shelves", "tuck"):
+            if not getattr(self, key):
+                yield (key,), "is empty"
+        yield from self._unknown_types()
+        items = [order.item for order in self.orders if order.item]
+        for name in dict.fromkeys(items):
+            if items.count(name) > 1:
+                yield ("orders",), f"item {name!r} is sold twice"
+        outlet = self.outlet
+        count = self._in_a_row
+        if count * outlet.pitch > outlet.length + 1e-9:
+            text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
+            if outlet.rows > 1:
+                text = f"{outlet.rows} rows for {len(self.orders)} orders: {text}"
+            yield ("outlet",), text
+
+    def _unknown_types(self) -> Iterator[tuple[Keys, str]]:
+        if self.catalog is None:
+            return
+        try:
+            types = types_in(self.catalog)
+        except ValueError as exc:
+            yield ("catalog",), str(exc)
+            return
+        for number, order in enumerate(self.orders):
+            if order.type and order.type not in types:
+                yield ("orders", number), unknown_type(order.type, types)
+
+    @property
+    def home_spot(self) -> Spot:
+        """Return where the base stands before the outlet."""
+        x, y, yaw = self.home
+        return Spot(x=x, y=y, yaw=yaw)
+
+    @property
+    def _in_a_row(self) -> int:
+        """Return the largest number of orders in a row of the outlet."""
+        return -(-len(self.orders) // self.outlet.rows)
+
+    def outlet_spot(self, number: int, planned: int) -> Spot:
+        """Return the spot of an order in the outlet; number: counted from 0.
+
+        planned: how many orders there were at the start; further ones stand beside those, on the
+        right and on the left in turn, so that no spot of an item that stands there moves.
+        """
+        outlet = self.outlet
+        x, y, _ = outlet.position
+        width = -(-planned // outlet.rows)
+        row, column = divmod(number, width)
+        if number >= planned:
+            further, row = divmod(number - planned, outlet.rows)
+            column = -1 - further // 2 if further % 2 else width + further // 2
+        left = outlet.pitch * ((width - 1) / 2 - column)
+        behind = outlet.depth * ((outlet.rows - 1) / 2 - row)
+        return Spot(x=x, y=y, yaw=outlet.yaw).ahead(behind, left=left)
+
+    def is_in_outlet(self, number: int, planned: int) -> bool:
+        """Return whether the spot of an order is on the outlet, as of `outlet_spot`."""
+        outlet = self.outlet
+        spot = self.outlet_spot(number, planned)
+        away = math.hypot(spot.x - outlet.position[0], spot.y - outlet.position[1])
+        widest = math.hypot(outlet.length / 2 - outlet.pitch / 2, outlet.depth * outlet.rows / 2)
+        along = widest if outlet.rows > 1 else outlet.length / 2 - outlet.pitch / 2
+        return away <= along + 1e-9
+
+
+def unknown_type(given: str, types: Sequence[str]) -> str:
+    """Return the sentence about an order of a type that the shop does not have."""
+    known = suggest(given, types) or f"; it has {', '.join(types) or 'no items at all'}"
+    return f"type {given!r} is unknown{known}"

@@ -1,0 +1,1 @@
+"""`python -m stepbus_store.motion.arm`: goals of an arm."""

@@ -1,0 +1,204 @@
+"""Asks a planner for the route of a base, and for another one where that is blocked."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from msgspec.structs import replace
+
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
+from stepbus_store.motion.goals.outcome import Outcome, Refused
+
+from .motion import BaseMotion
+from .route import base_route, first_part
+
+
+@dataclass(kw_only=True)
+class _Trip:
+    """A goal that needs a route; asked_at: when the newest request was made, None: not yet [s]."""
+
+    goal: Goal
+    held: str
+    number: int = -1
+    asked_at: float | None = None
+    drives: bool = False
+    replans: int = 0
+    route: list[Point] | None = None
+    is_cut: bool = False
+    alone_since: float | None = None
+
+
+class Navigator:
+    """Lets a base drive to a pose along a planner's route; one goal at a time.
+
+    next_id: makes the ids of requests, which the arm's share. timeout: for an answer [s].
+    replans: how often a goal may get another route. step: after which the base stops and asks for
+    the rest of its route anew, unless it goes together with the arm; 0: it does not [m].
+    """
+
+    def __init__(
+        self,
+        base: BaseMotion,
+        next_id: Callable[[], int],
+        timeout: float,
+        replans: int,
+        *,
+        step: float = 0.0,
+    ) -> None:
+        self._step = step
+        self._base = base
+        self._next_id = next_id
+        self._timeout = timeout
+        self._most = replans
+        self._trip: _Trip | None = None
+        self._unsent: PlanRequest | None = None
+        self._verdict: Outcome | None = None
+        self.waits = False
+        """Whether the base stays where it is until the arm may move."""
+        self.is_accompanied = False
+        """Whether the goal of the arm has come that the base waits for."""
+
+    @property
+    def has_route(self) -> bool:
+        """Return whether it is known where the base goes."""
+        trip = self._trip
+        return trip is None or trip.drives or trip.route is not None
+
+    @property
+    def drives(self) -> bool:
+        """Return whether the base follows a route to its goal."""
+        return self._trip is not None and self._trip.drives
+
+    def ahead(self) -> list[tuple[float, Point]]:
+        """Return poses along the route, and how far each is from its end [m]."""
+        trip = self._trip
+        if trip is None or trip.drives or trip.route is None:
+            return self._base.ahead()
+        state, position = self._base.state, self._base.position
+        return self._base.ahead(base_route(trip.goal, state, position, trip.route).segments)
+
+    def go(self) -> None:
+        """Wait no longer, and drive the route that is known."""
+        self.waits = False
+        trip = self._trip
+        if trip is not None and trip.route is not None and not trip.drives:
+            self._drive(trip, trip.route)
+
+    def pause(self) -> None:
+        """Stop, and wait with the rest of the route until the arm has moved."""
+        self.waits, trip = True, self._trip
+        if trip is not None and trip.drives and not self._base.is_halting:
+            trip.drives, trip.asked_at, trip.route = False, None, None
+            self._base.stop()
+
+    def wait_again(self) -> None:
+        """Wait for another goal of the arm, as long as for the first one."""
+        self.is_accompanied = False
+        if self._trip is not None:
+            self._trip.alone_since = None
+
+    def start(self, goal: Goal, held: str, t: float, state: BaseState) -> str:
+        """Start a go_to or go_together at a time [s]; raises Refused for one without sense."""
+        text = self._base.check_goal(goal, state)
+        self.cancel()
+        self._base.stop()
+        self._trip = _Trip(goal=goal, held=held)
+        self.waits = goal.type == "go_together"
+        self.is_accompanied = False
+        self._ask(self._trip, t)
+        return text
+
+    def cancel(self) -> None:
+        """Forget the goal."""
+        self._trip, self._unsent, self._verdict, self.waits = None, None, None, False
+
+    @property
+    def awaits_route(self) -> bool:
+        """Return whether the planner has been asked, and has not answered yet."""
+        trip = self._trip
+        is_asked = trip is not None and trip.asked_at is not None and self._unsent is None
+        return is_asked and trip is not None and trip.route is None and self._verdict is None
+
+    def pop(self) -> PlanRequest | None:
+        """Return what to ask the planner, once."""
+        request, self._unsent = self._unsent, None
+        return request
+
+    def take_plan(self, plan: Plan) -> None:
+        """Follow a route, or fail the goal that has none; other answers are ignored."""
+        trip = self._trip
+        if trip is None or trip.drives or plan.id != trip.number:
+            return
+        if plan.cause:
+            self._verdict = Outcome(state="failed", cause="no_path", text=plan.text)
+            return
+        trip.route = plan.route
+        if not self.waits:
+            self._drive(trip, plan.route)
+
+    def _drive(self, trip: _Trip, route: list[Point]) -> None:
+        state = self._base.state
+        # The arm beside it counts on the whole route.
+        steps = self._step > 0.0 and trip.goal.type != "go_together"
+        cut = first_part((state.x, state.y, state.yaw), route, self._step) if steps else None
+        trip.is_cut = cut is not None
+        goal = trip.goal if cut is None else replace(trip.goal, base=cut[-1])
+        try:
+            self._base.start(goal, state, cut or route)
+        except Refused as exc:
+            self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
+            return
+        trip.drives = True
+
+    def replan(self, why: str) -> str:
+        """Ask for another route once the base stands; return a sentence, or nothing: no more."""
+        trip = self._trip
+        if trip is None or trip.replans >= self._most:
+            return ""
+        trip.replans += 1
+        trip.drives, trip.asked_at, trip.route = False, None, None
+        return f"{why}; asked for another route ({trip.replans} of {self._most})"
+
+    def check(self, end: Outcome | None, t: float) -> Outcome | None:
+        """Return how the goal ended at a time [s]; end: of the base's motion."""
+        trip = self._trip
+        if trip is not None and trip.drives and trip.is_cut and end and end.state == "succeeded":
+            trip.drives, trip.asked_at, trip.route = False, None, None
+            return None
+        if trip is None or trip.drives:
+            return end
+        if self._verdict is not None:
+            verdict, self._verdict = self._verdict, None
+            return verdict
+        if trip.asked_at is None:
+            if not self._base.is_moving:
+                self._ask(trip, t)
+        elif trip.route is None and t - trip.asked_at > self._timeout:
+            text = f"the planner has not answered for {self._timeout:g} s; is it running?"
+            return Outcome(state="failed", cause="no_plan", text=text)
+        return self._wait(trip, t)
+
+    def _wait(self, trip: _Trip, t: float) -> Outcome | None:
+        """Return a failure where no goal of the arm has come, or come again, for too long."""
+        if not self.waits or self.is_accompanied or trip.route is None:
+            trip.alone_since = None
+            return None
+        if trip.alone_since is None:
+            trip.alone_since = t
+        if t - trip.alone_since <= self._timeout:
+            return None
+        text = f"no goal of the arm has come for {self._timeout:g} s"
+        return Outcome(state="failed", cause="invalid", text=text)
+
+    def _ask(self, trip: _Trip, t: float) -> None:
+        now, goal = self._base.state, trip.goal
+        if self._base.is_moving or goal.base is None:
+            return
+        trip.number, trip.asked_at = self._next_id(), t
+        self._unsent = PlanRequest(
+            id=trip.number,
+            start=[],
+            goal=[],
+            held=trip.held,
+            touches=list(goal.touches),
+            base=((now.x, now.y, now.yaw), goal.base),
+        )

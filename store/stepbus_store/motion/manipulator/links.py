@@ -1,0 +1,63 @@
+"""Where the links of a robot are, and how fast they move."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_schemas import Point, Quaternion
+from stepbus_store.motion.motions.joint_motion import JointMotion
+
+_LINK_RADIUS = 0.1
+"""How far the points of a link are from the axis about which it turns [m]."""
+
+
+class Links:
+    """The links of a robot in its base; what is none of them, such as what it holds, is at the tip.
+
+    tip: frame at the end of the arm.
+    """
+
+    def __init__(self, robot: RobotModel, tip: str) -> None:
+        self._robot = robot
+        self._tip = tip
+
+    def tip_pose(self, q: Vector) -> tuple[Point, Quaternion]:
+        """Return position and orientation of the tip in the base at q, shape (n,) [rad, m]."""
+        pose = self._robot.frame_pose(q, self._tip)
+        x, y, z = pose.translation.tolist()
+        a, b, c, d = pin.Quaternion(pose.rotation).coeffs().tolist()
+        return (x, y, z), (a, b, c, d)
+
+    def position(self, link: str, q: Vector) -> Vector:
+        """Return where a link is in the base at q, shape (n,) [rad], as shape (3,) [m]."""
+        found: Vector = self._robot.frame_pose(q, self._frame(link)).translation.copy()
+        return found
+
+    def speeds(self, now: JointMotion, rate: float) -> Callable[[str], tuple[float, float]]:
+        """Return a function: link → its speed now, and at the full rate of the motion [m/s].
+
+        now: the motion at its full rate, which it makes at the share `rate`. A turning link counts
+        as wide as 0.1 m.
+        """
+        if not now.velocity.any():
+            return lambda _: (0.0, 0.0)
+        twist_of = self._robot.twists(now.position, now.velocity)
+        known: dict[str, tuple[float, float]] = {}
+
+        def speeds(link: str) -> tuple[float, float]:
+            frame = self._frame(link)
+            if frame not in known:
+                full = _speed(twist_of(frame))
+                known[frame] = (full * rate, full)
+            return known[frame]
+
+        return speeds
+
+    def _frame(self, link: str) -> str:
+        return link if link in self._robot.links else self._tip
+
+
+def _speed(twist: Vector) -> float:
+    return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))

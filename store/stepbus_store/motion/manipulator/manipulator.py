@@ -1,0 +1,394 @@
+"""Moves an arm: to joints and poses, along lines and spirals; stops it and backs it off."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, RunError
+from stepbus_store.motion.goals.outcome import Outcome, Refused
+from stepbus_store.motion.motions.fitting import fitted
+from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.motions.plan import planned
+from stepbus_store.motion.motions.player import MotionPlayer
+from stepbus_store.motion.motions.trajectory import AlongPath, Rest, Trajectory
+from stepbus_store.motion.paths.joint_path import joint_path
+
+from .back_off import BackOffPath
+from .beside import Beside, about_as_near
+from .links import Links
+from .options import ManipulatorOptions
+from .search.candidates import Candidate, CandidateFinder
+from .search.planner_search import PlannerQueries, PlannerSearch, refusal_of
+from .search.routes import Router
+from .segments import SegmentFitter
+from .settling import SettleWatch, Settling
+
+
+class Manipulator:
+    """Carries out the goals of an arm, one at a time; it knows nothing of the bus.
+
+    In every step, in this order: `advance` the clock where motions may be slowed down, `check` what
+    was measured, `take_plan`, `start`, publish `request()`, command `at(t)`.
+
+    limits: of the joints. router: finds motions to candidates; None: a planner does, which is
+    asked with `request()`. collisions: of the robot with itself when it stops; None: not checked.
+    Vectors are of shape (n,) [rad, rad/s, rad/s²].
+    """
+
+    def __init__(
+        self,
+        finder: CandidateFinder,
+        limits: MotionLimits,
+        settling: Settling,
+        options: ManipulatorOptions,
+        *,
+        router: Router | None = None,
+        collisions: SelfCollisions | None = None,
+    ) -> None:
+        robot = finder.robot
+        self._robot: RobotModel = robot
+        self.links = Links(robot, options.tip)
+        self._finder = finder
+        self._limits = limits
+        self._settling = settling
+        self._options = options
+        self._router = router
+        self._segments = SegmentFitter(robot, limits, options.tip_limits, options.effort_share)
+        self._player = MotionPlayer(
+            robot,
+            limits,
+            period=options.period,
+            brake_acceleration=options.brake_acceleration,
+            brake_jerk=options.brake_jerk,
+            tip=options.tip,
+            grip_acceleration=options.grip_acceleration,
+            collisions=collisions,
+        )
+        self._queries = PlannerQueries(options.plan_timeout)
+        self._settle: SettleWatch | None = None
+        self._tip = options.tip
+        self._verdict: Outcome | None = None
+        self._route: PlannerSearch | None = None
+        self._route_ends = 0.0
+        self._blocked = ""
+        self._behind = BackOffPath(robot, options.tip)
+        self._backs_off = False
+        self._keeps_held = False
+        self._ready: tuple[list[Trajectory], PlannerSearch] | None = None
+        self._beside = Beside()
+        self._began_at = 0.0
+        self.took: float | None = None
+        """How long the last motion took, once it is over [s]."""
+        self.caution = ""
+        """Cause for which the motion under way will probably fail; empty: none."""
+
+    @property
+    def follows_plan(self) -> bool:
+        """Return whether the arm is on a planner's path, which `replan` can replace."""
+        is_under_way = self._player.clock.s < self._route_ends
+        return self._route is not None and self._queries.search is None and is_under_way
+
+    @property
+    def blocked(self) -> str:
+        """Return what the planner reports to block the path under way; empty: nothing."""
+        is_under_way = self._queries.search is None and self._player.late(self._player.clock.t) < 0
+        return self._blocked if self._route is not None and is_under_way else ""
+
+    def carry(self, load: float) -> None:
+        """Move with a mass at the tip from the next goal on [kg]."""
+        if load != self._queries.load:
+            self._queries.load = load
+            self._robot.carry(load, self._options.tip)
+
+    def hold(self, q: Vector) -> None:
+        """Stand still at q."""
+        self._route = None
+        self._forget()
+        self._player.rest(q)
+
+    def advance(self, dt: float, scale: float) -> None:
+        """Move the motion on by dt [s] of simulation; its time runs `scale` times as fast.
+
+        scale: 0 (stand) to 1. It is approached so that the joints keep their acceleration limits.
+        """
+        q = self._player.advance(dt, scale)
+        if not self._backs_off:
+            self._behind.record(q)
+
+    def at(self, t: float) -> JointMotion:
+        """Return what to command at a time [s]."""
+        return self._player.command(t)
+
+    @property
+    def tip(self) -> str:
+        """Return the frame whose path counts when the arm backs off."""
+        return self._options.tip
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether the motion under way moves the joints now."""
+        return bool(self._player.nominal().velocity.any())
+
+    def link_speeds(self) -> Callable[[str], tuple[float, float]]:
+        """Return a function: link → its speed now, and at the full rate of the motion [m/s]."""
+        return self.links.speeds(self._player.nominal(), self._player.clock.rate)
+
+    def start(
+        self,
+        goal: Goal,
+        q: Vector,
+        base: BaseState,
+        t: float,
+        *,
+        held: str = "",
+        beside: Beside | None = None,
+    ) -> str:
+        """Start a goal and return a sentence for its status; the one before is forgotten.
+
+        q: measured. base: odometry. held: link of the world in the gripper. beside: the base moves
+        meanwhile. Raises Refused for a goal that cannot be carried out; then the arm comes to rest.
+        """
+        now = self._player.catch_up(t)
+        self._route = None
+        self._forget()
+        self._beside = beside or Beside()
+        self._tip = (goal.tip or self._options.tip) if self._options.tip else ""
+        try:
+            if not (math.isfinite(goal.duration) and goal.duration >= 0):
+                text = f"duration is {goal.duration:g} s; it must be finite and not negative"
+                raise Refused("invalid", text)
+            return self._begin(goal, now, q, base, held)
+        except RunError as exc:
+            self._brake(now)
+            if isinstance(exc, Refused):
+                raise
+            raise Refused("invalid", str(exc)) from exc
+
+    @property
+    def is_ready(self) -> bool:
+        """Return whether a path waits for `release`, or none is needed."""
+        return self._ready is not None or (
+            self._settle is not None and self._queries.search is None
+        )
+
+    def release(self) -> None:
+        """Move along the path that is known, or as soon as it is."""
+        self._beside = Beside()
+        ready, self._ready = self._ready, None
+        if ready is not None:
+            self._follow(*ready)
+
+    def next_request_id(self) -> int:
+        """Return the id of a request to the planner that somebody else makes."""
+        return self._queries.next_id()
+
+    @property
+    def awaits_plan(self) -> bool:
+        """Return whether the planner has been asked, and has not answered yet."""
+        return self._queries.search is not None
+
+    def request(self) -> PlanRequest | None:
+        """Return what to ask the planner, once."""
+        return self._queries.pop()
+
+    def take_plan(self, plan: Plan, t: float) -> None:
+        """Follow a planner's answer, or record that its path is blocked; older ones are ignored."""
+        search = self._queries.answered(plan)
+        if search is None:
+            if self._queries.search is None:
+                self._block(plan)
+            return
+        try:
+            if plan.cause:
+                raise refusal_of(plan)
+            parts = self._parts(plan, search)
+        except Refused as exc:
+            self._fail(self._queries.try_next(search, exc, t))
+            return
+        self._queries.cancel()
+        if self._beside.waits:
+            self._ready = (parts, search)
+        else:
+            self._follow(parts, search)
+
+    def _block(self, plan: Plan) -> None:
+        """Record that the path under way is blocked, or forget the one that waits."""
+        if self._route is not None and plan.id == self._route.request.id:
+            self._blocked = plan.text if plan.cause else ""
+        elif self._ready is not None and plan.id == self._ready[1].request.id and plan.cause:
+            self._ready = None
+            self._fail(Refused("blocked", plan.text))
+
+    def _follow(self, parts: list[Trajectory], search: PlannerSearch) -> None:
+        self._route = search
+        self._then(parts)
+        # What follows the plan is a given path, such as a line: no other one can replace it.
+        after = sum(part.duration for part in parts[len(parts) - len(search.candidate.paths) :])
+        self._route_ends = self._player.trajectory.duration - after
+
+    def _parts(self, plan: Plan, search: PlannerSearch) -> list[Trajectory]:
+        """Return the motions of an answered search; raises Refused."""
+        candidate = search.candidate
+        parts = self._segments.along(candidate)
+        if not candidate.is_at(search.rest):
+            parts.insert(0, planned(plan, search.rest, candidate.target, self._robot))
+        return self._segments.fitted(parts, search.goal.duration)
+
+    def replan(self, t: float, *, touches: bool = False) -> None:
+        """Come to rest as fast as the motors can, and ask for another path to the same goal.
+
+        What the gripper holds is kept, unless the robot touches something, or is about to.
+        `take_plan` continues from there. Raises RunError without a planner's path, under way or
+        left by `back_off` or `stop`.
+        """
+        route = self._route
+        if route is None:
+            raise RunError("there is no planned path to replace")
+        now = self._player.catch_up(t)
+        self._forget()
+        rest = self._brake(now, hard=True, touches=touches)
+        candidates = itertools.chain([route.candidate], route.candidates)
+        self._search(route.goal, route.held, rest, candidates)
+
+    def stop(self, t: float, *, touches: bool = False, keeps_route: bool = False) -> None:
+        """Come to rest as fast as the motors can, whatever the scale; `check` reports when.
+
+        What the gripper holds is kept, unless the robot touches something, or is about to.
+        keeps_route: `replan` will continue.
+        """
+        now = self._player.catch_up(t)
+        self._route = self._route if keeps_route else None
+        self._forget()
+        self._brake(now, hard=True, touches=touches)
+        self._watch()
+
+    def stop_harder(self, t: float) -> None:
+        """Stop as hard as the motors can, where a stop is under way that keeps what is held."""
+        if not (self._keeps_held and self.is_moving):
+            return
+        if self._route is not None and self._queries.search is not None:
+            self.replan(t, touches=True)
+        else:
+            self.stop(t, touches=True, keeps_route=True)
+
+    def back_off(self, t: float, distance: float) -> float:
+        """Go back along the path the arm came, whatever the scale; return its length [m].
+
+        distance: of the tip, wanted [m]; the recorded path may be shorter. Raises Refused where
+        there is none.
+        """
+        now = self._player.catch_up(t)
+        self._forget()
+        rest = self._brake(now, hard=True, touches=True)
+        points, length = self._behind.take(rest, distance)
+        slow = MotionLimits.of_one(
+            self._options.back_off_share * float(self._limits.velocity.min()),
+            float(self._limits.acceleration.min()),
+            float(self._limits.jerk.min()),
+        )
+        self._then([fitted(AlongPath(joint_path(points), slow), self._robot, self._limits)])
+        # Slow by itself, and it leads away from what the robot has touched.
+        self._player.ignores_scale = self._backs_off = True
+        return length
+
+    def check(self, q: Vector, v: Vector, t: float) -> Outcome | None:
+        """Compare with what was measured; return how the goal ended, once it has."""
+        self._fail(self._queries.overdue(t))
+        if self._verdict is not None:
+            verdict, self._verdict = self._verdict, None
+            return verdict
+        late = self._player.late(t)
+        if self._settle is None or late < 0:
+            return None
+        if self.took is None:
+            self.took = t - late - self._began_at
+        outcome = self._settle.check(q, v, t, late)
+        if outcome is not None:
+            self._settle = None
+            if outcome.state == "failed":
+                # What is out of reach is given up: the next motion starts where the joints are.
+                self.hold(q)
+        return outcome
+
+    # From a goal to a motion
+
+    def _begin(self, goal: Goal, now: JointMotion, q: Vector, base: BaseState, held: str) -> str:
+        if goal.type == "move_linear":
+            return self._line(goal, self._brake(now), q, base, held)
+        rest = now.position if self._router is not None else self._brake(now)
+        found = self._finder.candidates(goal, rest, q, base)
+        if self._beside.bases:
+            # Later, while the base stands, the arm may go the short way.
+            found = about_as_near(found, rest)
+        candidates = itertools.islice(found, self._options.most_candidates)
+        if self._router is None:
+            return self._search(goal, held, rest, candidates)
+        route = self._router.route(now, candidates, goal.duration)
+        self._start(route.trajectory)
+        self.caution = "" if route.candidate.holds else "not_holdable"
+        return route.text
+
+    def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:
+        path = self._finder.line(goal, rest, q, base)
+        if path is None:
+            self._then([Rest(rest)])
+            return "the tip is there already"
+        parts = self._segments.fitted([self._segments.timed(path)], goal.duration)
+        ends = (self._robot.frame_pose(path.q[i], goal.tip).translation for i in (0, -1))
+        length = float(np.linalg.norm(np.subtract(*ends)))
+        text = f"straight path of {length:.3f} m; {parts[0].duration:.2f} s of motion"
+        if self._router is not None:
+            self._then(parts)
+            return text
+        return self._search(
+            goal, held, rest, iter([Candidate(target=rest, paths=(path,), text=text)])
+        )
+
+    def _search(self, goal: Goal, held: str, rest: Vector, candidates: Iterator[Candidate]) -> str:
+        bases = self._beside.bases
+        search = self._queries.make(goal, held, rest, candidates, self._player.clock.t, bases=bases)
+        candidate = search.candidate
+        if candidate.is_at(rest) and not candidate.paths:
+            self._then([Rest(rest)])
+            return candidate.text or "the joints are there already"
+        self._queries.ask(search)
+        return f"{candidate.text}; asked the planner" if candidate.text else "asked the planner"
+
+    def _fail(self, refusal: Refused | None) -> None:
+        if refusal is not None:
+            self._verdict = Outcome(state="failed", cause=refusal.cause, text=str(refusal))
+
+    # The motion under way
+
+    def _forget(self) -> None:
+        self._queries.cancel()
+        self._settle, self._verdict = None, None
+        self._blocked, self._route_ends, self.caution = "", 0.0, ""
+        self._backs_off = False
+        self._ready, self._beside = None, Beside()
+
+    def _brake(self, now: JointMotion, *, hard: bool = False, touches: bool = False) -> Vector:
+        self._backs_off = False
+        holds = self._queries.load > 0.0 and not touches
+        self._keeps_held = hard and holds
+        return self._player.brake(now, hard=hard, holds=holds)
+
+    def _start(self, trajectory: Trajectory) -> None:
+        self._keeps_held = False
+        self._player.start(trajectory)
+        self._watch()
+
+    def _then(self, parts: list[Trajectory]) -> None:
+        self._keeps_held = False
+        self._player.then(parts)
+        self._watch()
+
+    def _watch(self) -> None:
+        trajectory = self._player.trajectory
+        self._began_at, self.took = self._player.clock.t, None
+        self._settle = SettleWatch(self._robot, self._settling, trajectory, self._tip)

@@ -1,0 +1,50 @@
+"""How an arm moves."""
+
+from dataclasses import dataclass
+
+from stepbus_store.motion.motions.joint_motion import MotionLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManipulatorOptions:
+    """How an arm moves.
+
+    period: between two commands [s]. tip: frame whose path counts when the arm backs off, and whose
+    error is reported; empty: errors of joints only. tip_velocity, tip_acceleration, tip_jerk: of
+    lines and spirals [m/s, m/s², m/s³]. tip_turning: fastest turn of the tip [rad/s].
+    plan_timeout: for the planner's answer [s of simulation]. most_candidates: solutions that are
+    tried. singular_below: smallest singular value of the tip's Jacobian that is accepted.
+    effort_share: of the effort limits that motions may need. raise_by, most_raises: of the points
+    of a spiral that are out of reach [m]. back_off_share: of the largest velocity, when the arm
+    backs off. brake_acceleration, brake_jerk: of the hardest stop; the limits of the motion where
+    they are larger [rad/s², rad/s³]. grip_acceleration: of the tip in a stop while the gripper
+    holds something, unless the robot touches something: harder, it would swing out of the pads
+    [m/s²].
+    """
+
+    period: float
+    tip: str
+    tip_velocity: float = 0.25
+    tip_acceleration: float = 0.5
+    tip_jerk: float = 5.0
+    tip_turning: float = 1.0
+    plan_timeout: float = 5.0
+    most_candidates: int = 4
+    singular_below: float = 0.01
+    effort_share: float = 0.9
+    raise_by: float = 0.05
+    most_raises: int = 10
+    back_off_share: float = 0.3
+    brake_acceleration: float = 15.0
+    brake_jerk: float = 1000.0
+    grip_acceleration: float = 6.0
+
+    @property
+    def turn_radius(self) -> float:
+        """Return the length that a turn of 1 rad counts on a path of the tip [m]."""
+        return self.tip_velocity / self.tip_turning
+
+    @property
+    def tip_limits(self) -> MotionLimits:
+        """Return the limits along a path of the tip, shape (1,) [m/s, m/s², m/s³]."""
+        return MotionLimits.of_one(self.tip_velocity, self.tip_acceleration, self.tip_jerk)

@@ -1,0 +1,55 @@
+"""From the parameters of an arm to its robot, limits and settling."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stepbus_kinematics import RobotModel
+from stepbus_participant import PerName, Problems
+from stepbus_store.motion.motions.joint_motion import MotionLimits
+
+from .params import JointParams
+from .settling import Settling
+
+_VELOCITY_SHARE = 0.8
+"""Of the URDF's velocity limits, by default."""
+
+
+def make_robot(
+    params: JointParams, problems: Problems, posture: Mapping[str, float] | None = None
+) -> RobotModel:
+    """Return the robot of the arm; raises SettingsError with what is wrong with its model.
+
+    posture: positions of other joints [rad or m].
+    """
+    robot = problems.attempt(
+        ("model",),
+        lambda: RobotModel(params.model, params.joints, posture=posture, bounded=True),
+    )
+    if robot is None:
+        raise problems.error()
+    return robot
+
+
+def make_limits(
+    params: JointParams, robot: RobotModel, acceleration: PerName, jerk: PerName
+) -> MotionLimits:
+    """Return the limits of the joints; acceleration, jerk: [rad/s², rad/s³]."""
+    velocity = _VELOCITY_SHARE * robot.velocity_limit
+    if params.velocity_limit is not None:
+        velocity = np.array(params.velocity_limit.of(robot.joints))
+    return MotionLimits(
+        velocity=velocity,
+        acceleration=np.array(acceleration.of(robot.joints)),
+        jerk=np.array(jerk.of(robot.joints)),
+    )
+
+
+def make_settling(params: JointParams) -> Settling:
+    """Return when a motion counts as done."""
+    return Settling(
+        position=params.settle_position,
+        velocity=params.settle_velocity,
+        steps=params.settle_steps,
+        timeout=params.settle_timeout,
+    )

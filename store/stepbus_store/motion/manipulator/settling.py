@@ -1,0 +1,76 @@
+"""When joints have come to rest at the end of a motion."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_store.motion.goals.outcome import Outcome
+from stepbus_store.motion.motions.trajectory import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settling:
+    """When a motion counts as done.
+
+    position: largest error of a joint [rad]. velocity: largest that counts as still [rad/s].
+    steps: in a row. timeout: after the end of the motion [s].
+    """
+
+    position: float
+    velocity: float
+    steps: int
+    timeout: float
+
+
+class SettleWatch:
+    """Watches the joints that a motion moves, from its end on.
+
+    tip: frame whose error is reported; empty: errors of joints only.
+    """
+
+    def __init__(
+        self, robot: RobotModel, settling: Settling, trajectory: Trajectory, tip: str = ""
+    ) -> None:
+        self._robot = robot
+        self._settling = settling
+        self._tip = tip
+        self._target = trajectory.at(trajectory.duration).position
+        shift = self._target - trajectory.at(0.0).position
+        self._moved = np.flatnonzero(shift) if shift.any() else np.arange(len(shift))
+        self._ended_at: float | None = None
+        self._steps = 0
+
+    def check(self, q: Vector, v: Vector, t: float, late: float) -> Outcome | None:
+        """Return how the motion ended, once it has.
+
+        q, v: measured, shape (n,) [rad, rad/s], at a time t [s]. late: time since the end of the
+        motion, for the first call [s].
+        """
+        self._ended_at = t - late if self._ended_at is None else self._ended_at
+        late = t - self._ended_at
+        settling, error = self._settling, (self._target - q)[self._moved]
+        is_there = float(np.abs(error).max()) <= settling.position
+        is_still = float(np.abs(v[self._moved]).max()) <= settling.velocity
+        self._steps = self._steps + 1 if is_there and is_still else 0
+        if self._steps >= settling.steps:
+            text = f"settled {late:.2f} s after the motion; {self._off(error, q)}"
+            return Outcome(state="succeeded", text=text)
+        if late < settling.timeout:
+            return None
+        text = f"not settled {late:.2f} s after the motion: {self._off(error, q)}"
+        return Outcome(state="failed", cause="not_settled", text=text)
+
+    def _off(self, error: Vector, q: Vector) -> str:
+        worst = int(np.argmax(np.abs(error)))
+        joint, off = self._robot.joints[self._moved[worst]], float(error[worst])
+        slides = self._robot.unit(joint) == "m"
+        text = f"{joint} is {f'{1e3 * off:.3f} mm' if slides else f'{math.degrees(off):.3f}°'}"
+        if not self._tip:
+            return f"{text} off"
+        wanted, got = (
+            self._robot.frame_pose(joints, self._tip).translation for joints in (self._target, q)
+        )
+        miss = float(np.linalg.norm(wanted - got)) * 1e3
+        return f"{text} and {self._tip} {miss:.2f} mm off"

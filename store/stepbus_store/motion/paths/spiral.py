@@ -1,0 +1,170 @@
+"""Spiral goals: points out of reach are raised, then the joints follow on one branch."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_schemas import Goal
+from stepbus_store.motion.goals.outcome import FARTHEST, Refused
+from stepbus_store.motion.ik.branches import BranchSolver
+
+from .follow import Lost, follow
+from .joint_path import JointPath
+from .spiral_curve import SpiralCurve
+from .tip_path import line
+
+_POINTS_PER_TURN = 24
+_MOST_TURNS = 100
+_MOST_STARTS = 16
+"""Solutions at the first point that are tried; full turns of joints count."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpiralSettings:
+    """How points out of reach are raised.
+
+    raise_by: height that is added at a time [m]. most_raises: of one point. singular_below: see
+    `BranchSettings`. turn_radius: see `line`.
+    """
+
+    raise_by: float = 0.05
+    most_raises: int = 10
+    singular_below: float = 0.01
+    turn_radius: float = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpiralPath:
+    """Joints along a spiral: from its first point to its last, then straight to the end.
+
+    start: shape (n,) [rad]. paths: over the length of the tip's path [m]. text: a description.
+    """
+
+    start: Vector
+    paths: list[JointPath]
+    text: str
+
+
+class SpiralPlanner:
+    """Finds joints along spirals, for each solution at the first point."""
+
+    def __init__(self, robot: RobotModel, solver: BranchSolver, settings: SpiralSettings) -> None:
+        self._robot = robot
+        self._solver = solver
+        self._settings = settings
+
+    def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[SpiralPath]:
+        """Return paths that the joints can follow, the one nearest to q, shape (n,) [rad], first.
+
+        frame: of the goal, target: of the tip at the end, both `pinocchio.SE3` in the robot's base.
+        Raises Refused for a goal that is no spiral, and where the joints can follow none.
+        """
+        spiral = self._raised(goal.tip, self._read(goal, frame, target, q), q)
+        starts = self._solver.solve(goal.tip, spiral.at(0.0)[0], q)
+        problem: Refused | None = None
+        works = False
+        for start in starts[:_MOST_STARTS]:
+            try:
+                path = self._path(goal.tip, spiral, start, target)
+            except Refused as exc:
+                problem = problem or exc
+                continue
+            works = True
+            yield path
+        if not works and problem is not None:
+            raise problem
+
+    def _read(self, goal: Goal, frame: Any, target: Any, q: Vector) -> SpiralCurve:
+        wanted = goal.spiral
+        if wanted is None:
+            raise Refused("invalid", "type spiral needs spiral: centre, radius, turns")
+        numbers = (*wanted.centre, *wanted.radius, wanted.turns, wanted.rise)
+        if not all(map(math.isfinite, numbers)) or min(wanted.radius) <= 0 or wanted.turns == 0:
+            raise Refused(
+                "invalid",
+                f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no "
+                "spiral: radii above 0 and turns other than 0 are needed",
+            )
+        if max(map(abs, numbers)) > FARTHEST or abs(wanted.turns) > _MOST_TURNS:
+            text = f"turns {wanted.turns:g}, at most {_MOST_TURNS}; lengths up to {FARTHEST:g} m"
+            raise Refused("invalid", f"the spiral is too large: {text}")
+        centre = frame.act(np.array(wanted.centre))
+        beside = self._robot.frame_pose(q, goal.tip).translation - centre
+        # From the side where the tip is; right above the centre any side is as good.
+        near = math.hypot(beside[0], beside[1]) < 1e-3
+        points = max(math.ceil(_POINTS_PER_TURN * abs(wanted.turns)), 2)
+        return SpiralCurve(
+            centre=centre,
+            radius=wanted.radius,
+            turns=wanted.turns,
+            rise=wanted.rise,
+            starts_at=0.0 if near else math.atan2(beside[1], beside[0]),
+            rotation=target.rotation,
+            raised=np.zeros(points + 1),
+        )
+
+    def _raised(self, tip: str, spiral: SpiralCurve, q: Vector) -> SpiralCurve:
+        """Return the spiral with its points raised until each is within reach."""
+        raised = spiral.raised.copy()
+        gaps = len(raised) - 1
+        for index in range(gaps + 1):
+            pose, _ = spiral.at(index / gaps)
+            while not self._solver.is_reachable(tip, pose, q):
+                if raised[index] >= self._most - 1e-9:
+                    self._explain(tip, spiral.at(index / gaps)[0], q, index)
+                raised[index] += self._settings.raise_by
+                pose.translation = pose.translation + np.array([0, 0, self._settings.raise_by])
+        return replace(spiral, raised=raised)
+
+    @property
+    def _most(self) -> float:
+        return self._settings.raise_by * self._settings.most_raises
+
+    def _explain(self, tip: str, pose: Any, q: Vector, index: int) -> None:
+        try:
+            self._solver.solve(tip, pose, q)
+        except Refused as exc:
+            x, y, z = pose.translation
+            text = f"point {index} of the spiral at ({x:.3f}, {y:.3f}, {z:.3f}) m is {exc}"
+            raise Refused(
+                exc.cause, f"{text}; raising it by {self._most:g} m did not help"
+            ) from exc
+
+    def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralPath:
+        spiral, around = self._around(tip, spiral, start)
+        paths = [around]
+        rest = line(spiral.at(1.0)[0], target, self._settings.turn_radius)
+        if rest:
+            least = self._settings.singular_below
+            paths.append(follow(self._robot, tip, rest, around.q[-1], least))
+        count = int(np.count_nonzero(spiral.raised))
+        text = f"spiral of {spiral.turns:g} turns and {float(around.u[-1]):.2f} m"
+        if count:
+            by = float(spiral.raised.max())
+            text += f", {count} of its {len(spiral.raised)} points raised by up to {by:.2f} m"
+        if rest:
+            text += f", then {rest[-1].u:.2f} m straight"
+        return SpiralPath(start=start, paths=paths, text=text)
+
+    def _around(
+        self, tip: str, spiral: SpiralCurve, start: Vector
+    ) -> tuple[SpiralCurve, JointPath]:
+        """Return the joints along a spiral; raises the points where they cannot follow."""
+        gaps = len(spiral.raised) - 1
+        while True:
+            poses = spiral.poses()
+            try:
+                least = self._settings.singular_below
+                return spiral, follow(self._robot, tip, poses, start, least)
+            except Lost as exc:
+                index = min(exc.index * gaps // (len(poses) - 1), gaps - 1)
+                raised = spiral.raised.copy()
+                # The first point stays: this solution is for it.
+                raised[max(index, 1) : index + 2] += self._settings.raise_by
+                if exc.cause == "limits" or raised.max() > self._most + 1e-9:
+                    raise
+                spiral = replace(spiral, raised=raised)

@@ -1,0 +1,96 @@
+"""The table of states: complete, walked through by the tests, and as the documentation shows it."""
+
+import pytest
+from support.services.mission_sale import sell
+from support.services.mission_store import FakeStore, shelf_a
+from support.store_paths import STORE_DOCS
+
+from stepbus_store.mission.states.checks import CHECKS
+from stepbus_store.mission.states.goals import GOALS
+from stepbus_store.mission.states.table import LAST, STATES, diagram
+
+GOODS = (("cola", 2), ("cola", 3))
+PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}
+
+
+_DOWN = [("down", number) for number in range(1, 9)]
+
+
+_TOGETHER = {"depart", "fold", "ready", "reach", "return", "draw_in", "bring"}
+
+
+def walked(params=None, **faults):
+    return set(sell(FakeStore(shelf_a(*GOODS), **faults), **(params or {})).walked)
+
+
+def test_every_way_leads_to_a_state_of_the_table():
+    assert {to for _, _, to in PASSAGES} == set(STATES)
+
+
+def test_every_state_but_the_last_ones_leads_on():
+    assert [state for state, row in STATES.items() if not row.then] == list(LAST)
+
+
+def test_every_state_asks_for_something_or_looks_at_something():
+    assert set(GOALS) | set(CHECKS) == set(STATES) - set(LAST)
+
+
+@pytest.mark.parametrize(
+    "state", [state for state in STATES if state not in {*LAST, "stop", "recover"}]
+)
+def test_the_stop_can_be_reached_from_every_state(state):
+    assert "stop" in _reachable(state)
+
+
+def _reachable(state):
+    found, left = set(), [state]
+    while left:
+        for to in STATES[left.pop()].then.values():
+            if to not in found:
+                found.add(to)
+                left.append(to)
+    return found
+
+
+def test_every_passage_of_the_table_is_walked():
+    params = {"attempts": 2, "safe_height": 0.25}
+    found = walked({"safe_height": 0.25})
+    for state in GOALS:
+        if "failed" in STATES[state].then:
+            faults = {"noise": 0.006} if state == "shift" else {}
+            faults = {"slips": 1} if state in {"release", "back_off"} else faults
+            blocked = _DOWN[:6] if state == "narrow" else []
+            fails = {**dict.fromkeys(blocked, "blocked"), (state, 1): "invalid"}
+            together = {"together": state in _TOGETHER}
+            found |= walked(params | together, fails=fails, **faults)
+        if "dropped" in STATES[state].then:
+            together = {"safe_height": 0.25, "together": state in _TOGETHER}
+            found |= walked(together, drops=((state, 1),))
+    late = {"verification": "camera", "waits": {"lost": 0.3}}
+    found |= walked(late, drift=(0.0, 0.0, 0.0), drops=(("above", 1),))
+    found |= walked(fails=dict.fromkeys(_DOWN[:6], "blocked"))
+    found |= walked(noise=0.006) | walked(empty_grips=1) | walked(slips=9)
+    found |= walked(hidden=("cola_a1_2", "cola_a1_3")) | walked({"opening": 0.05})
+    found |= walked({"orders": ["cola"] * 3})
+    found |= walked(dark=("order", 0)) | walked(dark=("approach", 1))
+    found |= walked(hides={("approach", 1): "cola_a1_2"}) | walked(place_shift=0.1)
+    found |= walked(fails={("drive", 1): "jammed"}, drifts=True)
+    together = {"together": True}
+    found |= walked(together) | walked(together, drops=(("bring", 1),))
+    found |= walked(together | {"waits": {"lost": 0.3}}, drops=(("bring", 1),))
+    found |= walked({"recover": True}, fails={("drive", 1): "jammed"})
+    found |= walked({"recover": True}, fails={("drive", 1): "jammed", ("recover", 1): "no_path"})
+    for state in ("depart", "return"):
+        found |= walked(together, fails_late={(state, 1): "jammed"})
+        found |= walked(together, silent=((state, 1),))
+    assert PASSAGES - found == set()
+    assert found - PASSAGES == set()
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if state not in LAST])
+def test_every_state_says_what_is_being_done(state):
+    assert STATES[state].doing
+
+
+def test_the_documentation_shows_the_table():
+    assert f"```text\n{diagram()}\n```" in (STORE_DOCS / "mission.md").read_text("utf-8")

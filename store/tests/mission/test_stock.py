@@ -1,0 +1,206 @@
+"""The stock: measures out of the plant's description, shelves out of names, moves out of poses."""
+
+import math
+
+import pytest
+
+from stepbus_schemas import Contacts, Description, Poses, RunError, WiringError
+from stepbus_store.mission.geometry import Spot, nearest_quarter, tilt_of, yaw_of
+from stepbus_store.mission.goods.stock import Stock, measures
+from stepbus_store.mission.goods.witness import Moved, Witness
+from stepbus_store.mission.report import SaleResult, summary
+
+HALF = math.sqrt(0.5)
+CAN = "cylinder 0.033 0.115 @ 0 0 0.0575 0 0 0 1"
+BOTTLE = "cylinder 0.032 0.1 @ 0 0 0.05 0 0 0 1; cylinder 0.015 0.05 @ 0 0 0.125 0 0 0 1"
+
+
+def stock(*names):
+    kinds = [name.partition("_")[0] if "_" in name else "" for name in names]
+    shapes = [CAN if kind else "" for kind in kinds]
+    details = {"type": kinds, "shape": shapes}
+    return Stock(Description(names=list(names), details=details), ["a", "b"])
+
+
+def poses(*points):
+    return Poses(position=list(points), orientation=[(0.0, 0.0, 0.0, 1.0)] * len(points))
+
+
+def test_a_bottle_has_a_body_and_a_neck():
+    bottle = measures("water", BOTTLE)
+    assert bottle.width == pytest.approx((0.064, 0.064))
+    assert (bottle.bottom, bottle.body_top, bottle.top) == pytest.approx((0.0, 0.1, 0.15))
+
+
+def test_a_shape_that_is_turned_in_its_link_is_measured_as_it_stands():
+    lying = measures("juice", f"box 0.12 0.06 0.05 @ 0 0 0 0 {HALF} 0 {HALF}")
+    assert lying.width == pytest.approx((0.05, 0.06))
+    assert lying.top - lying.bottom == pytest.approx(0.12)
+
+
+def test_items_know_their_shelf_by_their_name():
+    goods = stock("cola_a1_3", "floor", "cola_b2_1")
+    goods.take_inventory(poses((0, 0, 0.2), (0, 0, 0), (1, 0, 0.2)))
+    assert [(item.name, item.shelf) for item in goods.items.values()] == [
+        ("cola_a1_3", "a"),
+        ("cola_b2_1", "b"),
+    ]
+
+
+def watched(*points):
+    goods = stock(*(f"cola_a1_{number}" for number, _ in enumerate(points, 1)))
+    return Witness(goods, poses(*points), 0.002)
+
+
+def test_the_largest_move_leaves_out_the_item_that_is_sold():
+    witness = watched((0, 0, 0), (1, 0, 0), (2, 0, 0))
+    now = poses((0, 0.5, 0), (1, 0, 0.003), (2, 0.001, 0))
+    assert witness.watch(now, 0.1, [(1, 0, 0.1)], "cola_a1_1") == []
+    assert witness.largest(now, "cola_a1_1") == (pytest.approx(0.003), "cola_a1_2")
+
+
+def test_an_item_that_was_put_elsewhere_belongs_there():
+    witness = watched((0, 0, 0))
+    witness.settle("cola_a1_1", poses((5, 0, 0)))
+    assert witness.largest(poses((5, 0.001, 0)), "")[0] == pytest.approx(0.001)
+
+
+def test_what_the_robot_has_touched_it_has_moved():
+    witness, now = watched((0, 0, 0)), poses((0.003, 0, 0))
+    touch = Contacts(
+        pairs=[("cola_a1_1", "forearm")], force=[3.0], distance=[0.0], position=[(0, 0, 0)]
+    )
+    witness.feel(touch, ["forearm"], 0.0)
+    assert witness.watch(now, 0.1, [(9, 0, 0)], "") == []
+    assert witness.largest(now, "")[1] == "cola_a1_1"
+
+
+def test_what_the_robot_knocks_over_knocks_over_the_next_one():
+    witness = watched((0, 0, 0), (0.12, 0, 0))
+    witness.watch(poses((0.01, 0, 0), (0.12, 0, 0)), 0.1, [(-0.15, 0, 0)], "")
+    now = poses((0.04, 0, 0), (0.15, 0, 0))
+    assert witness.watch(now, 0.2, [], "") == []
+    assert witness.largest(now, "cola_a1_1") == (pytest.approx(0.03), "cola_a1_2")
+
+
+def test_what_the_robot_touched_long_ago_others_may_have_moved():
+    witness, touch = (
+        watched((0, 0, 0)),
+        Contacts(pairs=[("cola_a1_1", "pad")], force=[3.0], distance=[0.0], position=[(0, 0, 0)]),
+    )
+    witness.feel(touch, ["pad"], 0.0)
+    (moved,) = witness.watch(poses((0.003, 0, 0)), 5.0, [], "")
+    assert moved.item == "cola_a1_1"
+
+
+def test_a_post_beside_the_gripper_pushes_what_the_robot_does_not_touch():
+    witness = watched((0, 0, 0), (0.1, 0, 0))
+    # Between the pads, 34 mm from its neighbour.
+    held = [poses((0, 0, z), (0.1, y, 0)) for z, y in ((0.01, 0.0), (0.02, 0.01))]
+    assert witness.watch(held[0], 0.05, [], "cola_a1_1") == []
+    (moved,) = witness.watch(held[1], 0.1, [], "cola_a1_1")
+    assert moved.item == "cola_a1_2"
+    assert witness.largest(held[1], "cola_a1_1") == (0.0, "")
+
+
+def test_what_is_carried_pushes_what_it_comes_near():
+    witness = watched((0, 0, 0), (0.1, 0, 0))
+    assert witness.watch(poses((0.03, 0, 0), (0.1, 0, 0)), 0.05, [], "cola_a1_1") == []
+    assert witness.watch(poses((0.045, 0, 0), (0.111, 0, 0)), 0.1, [], "cola_a1_1") == []
+    assert witness.largest(poses((0.05, 0, 0), (0.12, 0, 0)), "cola_a1_1")[1] == "cola_a1_2"
+
+
+def test_what_is_carried_over_an_item_pushes_it_as_little_as_one_behind_it():
+    witness = watched((0, 0, 0.3), (0.1, 0, 0))
+    witness.watch(poses((0.05, 0, 0.3), (0.1, 0, 0)), 0.05, [], "cola_a1_1")
+    assert len(witness.watch(poses((0.09, 0, 0.3), (0.11, 0, 0)), 0.1, [], "cola_a1_1")) == 1
+
+
+def test_an_item_is_pushed_by_one_that_is_pushed_in_whatever_order_they_are_listed():
+    witness = watched((0.2, 0, 0), (0.1, 0, 0), (0, 0, 0))
+    now = poses((0.22, 0, 0), (0.14, 0, 0), (0.06, 0, 0))
+    assert witness.watch(now, 0.1, [], "cola_a1_3") == []
+    assert witness.largest(now, "cola_a1_3") == (pytest.approx(0.04), "cola_a1_2")
+
+
+def test_what_others_moved_is_reported_once_and_may_be_moved_by_the_robot_later():
+    witness, here = watched((0, 0, 0)), [(0.5, 0, 0)]
+    assert witness.watch(poses((0.5, 0, 0)), 0.1, here, "") == [
+        Moved(item="cola_a1_1", distance=0.5)
+    ]
+    assert witness.watch(poses((0.501, 0, 0)), 0.2, here, "") == []
+    assert witness.largest(poses((0.501, 0, 0)), "") == (0.0, "")
+    witness.watch(poses((0.501, 0, 0)), 0.3, here, "")
+    pushed = poses((0.504, 0, 0))
+    assert witness.watch(pushed, 0.4, here, "") == []
+    assert witness.largest(pushed, "") == (pytest.approx(0.003), "cola_a1_1")
+
+
+def test_the_width_of_a_box_depends_on_the_side_that_is_gripped():
+    details = {"type": ["juice"], "shape": ["box 0.07 0.04 0.12"]}
+    goods = Stock(Description(names=["juice_a1_1"], details=details), ["a"])
+    goods.take_inventory(poses((0, 0, 0)))
+    item = goods.items["juice_a1_1"]
+    assert [item.width_along(yaw) for yaw in (0.1, math.pi / 2 - 0.1, math.pi)] == [
+        0.07,
+        0.04,
+        0.07,
+    ]
+
+
+def test_a_box_is_turned_by_whole_quarters_to_the_nearest_side():
+    assert nearest_quarter(math.radians(100), 0.0) == pytest.approx(math.radians(10))
+    assert nearest_quarter(math.radians(50), math.radians(90)) == pytest.approx(math.radians(50))
+
+
+def test_a_thing_that_lies_is_tilted_by_a_right_angle():
+    assert tilt_of((HALF, 0.0, 0.0, HALF)) == pytest.approx(math.pi / 2)
+    assert yaw_of((0.0, 0.0, HALF, HALF)) == pytest.approx(math.pi / 2)
+
+
+def test_a_spot_is_left_of_the_heading():
+    spot = Spot(x=1.0, y=2.0, yaw=math.pi / 2).ahead(0.5, left=0.1)
+    assert (spot.x, spot.y) == pytest.approx((0.9, 2.5))
+
+
+def test_the_columns_of_the_summary_are_aligned():
+    rows = [
+        SaleResult(number=n, item=item, attempts=1, detection_error=1e-3, place_error=6e-4, moved=0.0, duration=31.2)
+        for n, item in ((1, "cola_a1_3"), (2, "juice_b2_12"))
+    ]  # fmt: skip
+    assert summary(rows, 3, 80.0, failure="sale 3 failed").splitlines() == [
+        "sale  item         attempts  detection  place   others  duration",
+        "1     cola_a1_3    1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
+        "2     juice_b2_12  1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
+        "2 of 3 sales in 80.0 s; placed within 0.6 mm, other items moved up to 0.0 mm",
+        "sale 3 failed",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (poses((0.0, 0.0, 0.0)), "2 poses expected, 1 received"),
+        (
+            poses((0.0, 0.0, 0.0), (1.0, math.nan, 0.0)),
+            r"cola_a1_1 has an invalid pose: position \(1.0, nan, 0.0\)",
+        ),
+    ],
+)
+def test_poses_that_are_none_are_refused(given, sentence):
+    found = stock("chassis", "cola_a1_1")
+    with pytest.raises(RunError, match=sentence):
+        found.check(given)
+    found.check(poses((math.nan, 0.0, 0.0), (1.0, 2.0, 3.0)))
+
+
+def test_a_description_with_too_few_kinds_is_refused():
+    details = {"type": ["cola"], "shape": [CAN]}
+    with pytest.raises(WiringError, match="1 types and 1 shapes for 2 links"):
+        Stock(Description(names=["cola_a1_1", "chassis"], details=details), ["a"])
+
+
+@pytest.mark.parametrize("shape", ["mesh", "cylinder 0 0.1", "box nan 1 1", "sphere -1", ""])
+def test_an_item_without_a_size_is_refused(shape):
+    with pytest.raises(WiringError, match="item 'cola_a1_1' has the shape"):
+        measures("cola_a1_1", shape)

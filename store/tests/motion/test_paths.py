@@ -1,0 +1,355 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.services.manipulator import DOWN, HOME, UR5, make_limits, make_robot, with_effort
+
+from stepbus_kinematics import RobotModel
+from stepbus_schemas import Plan
+from stepbus_store.motion.goals.outcome import Refused
+from stepbus_store.motion.motions.clock import MotionClock
+from stepbus_store.motion.motions.fitting import fitted
+from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits, motion_to
+from stepbus_store.motion.motions.plan import planned
+from stepbus_store.motion.motions.trajectory import AlongPath, Joined, Rest, Stretched
+from stepbus_store.motion.paths.follow import Lost, follow
+from stepbus_store.motion.paths.joint_path import JointPath, joint_path
+from stepbus_store.motion.paths.spiral_curve import SpiralCurve
+from stepbus_store.motion.paths.tip_path import line
+
+TIP = "tool0"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return make_robot()
+
+
+def cubic(count=5):
+    """Return a path of two joints that a cubic gives exactly, and the functions it is made of."""
+    u = np.linspace(0.0, 2.0, count)
+    q = np.stack([u**3, 1 - u], axis=1)
+    slope = np.stack([3 * u**2, -np.ones(count)], axis=1)
+    return JointPath(u=u, q=q, slope=slope)
+
+
+def one(velocity=1.0, acceleration=2.0, jerk=20.0):
+    rows = (np.array([x]) for x in (velocity, acceleration, jerk))
+    return MotionLimits(**dict(zip(("velocity", "acceleration", "jerk"), rows, strict=True)))
+
+
+def make_plan(motion, count=20, **changes):
+    times = np.linspace(0.0, motion.duration, count)
+    states = [motion.at(t) for t in times]
+    fields = {
+        "times": times.tolist(),
+        "position": [s.position.tolist() for s in states],
+        "velocity": [s.velocity.tolist() for s in states],
+    }
+    return Plan(id=3, **{**fields, **changes})
+
+
+def moving(robot, goal=None):
+    goal = HOME + np.array([0.8, 0.3, -0.4, 0.2, 0.1, -1.0]) if goal is None else goal
+    return motion_to(JointMotion.at_rest(HOME), goal, make_limits(robot)), goal
+
+
+def test_a_cubic_is_followed_exactly_with_both_derivatives():
+    path = cubic()
+    for u in np.linspace(0.0, 2.0, 41):
+        q, slope, curve = path.at(float(u))
+        assert np.allclose(q, [u**3, 1 - u], atol=1e-12)
+        assert np.allclose(slope, [3 * u**2, -1], atol=1e-12)
+        assert np.allclose(curve, [6 * u, 0], atol=1e-11)
+
+
+def test_beyond_its_ends_a_path_stays_there():
+    path = cubic()
+    assert np.allclose(path.at(-1.0)[0], [0, 1])
+    assert np.allclose(path.at(9.0)[0], [8, -1])
+
+
+def test_along_a_path_velocity_and_acceleration_are_derivatives_of_the_position():
+    motion = AlongPath(cubic(), one())
+    h = 1e-5
+    for t in np.linspace(0.1, motion.duration - 0.1, 20):
+        before, now, after = (motion.at(x) for x in (t - h, t, t + h))
+        assert np.allclose(now.velocity, (after.position - before.position) / (2 * h), atol=1e-5)
+        push = (after.velocity - before.velocity) / (2 * h)
+        assert np.allclose(now.acceleration, push, atol=2e-2)
+
+
+def test_a_motion_along_a_path_begins_and_ends_at_rest():
+    motion = AlongPath(cubic(), one())
+    ends = motion.at(0.0), motion.at(motion.duration)
+    assert not any(end.velocity.any() for end in ends)
+    assert np.allclose([end.position for end in ends], [[0, 1], [8, -1]])
+
+
+def test_stretched_twice_as_long_has_half_the_velocity_and_a_quarter_of_the_acceleration(robot):
+    motion, _ = moving(robot)
+    slow = Stretched(motion, 2.0)
+    was, now = motion.at(0.3), slow.at(0.6)
+    assert slow.duration == 2 * motion.duration
+    assert np.allclose(now.position, was.position)
+    assert np.allclose(now.velocity, was.velocity / 2)
+    assert np.allclose(now.acceleration, was.acceleration / 4)
+
+
+def test_joined_motions_follow_one_another(robot):
+    first, goal = moving(robot)
+    back = motion_to(JointMotion.at_rest(goal), HOME, make_limits(robot))
+    both = Joined([Rest(HOME), first, back])
+    assert both.duration == first.duration + back.duration
+    assert np.allclose(both.at(first.duration).position, goal)
+    assert np.allclose(both.at(both.duration).position, HOME)
+
+
+def test_a_motion_beyond_the_limits_is_slowed_down_to_them(robot):
+    motion, _ = moving(robot)
+    tight = MotionLimits(
+        velocity=np.full(6, 0.5), acceleration=np.full(6, 0.5), jerk=np.full(6, 5.0)
+    )
+    slow = fitted(motion, robot, tight)
+    states = [slow.at(t) for t in np.linspace(0.0, slow.duration, 500)]
+    fast = max(np.abs(s.velocity).max() for s in states)
+    hard = max(np.abs(s.acceleration).max() for s in states)
+    assert 0.48 < max(fast, hard) <= 0.5
+
+
+def test_a_motion_that_needs_too_much_torque_is_slowed_down_until_it_does_not(robot):
+    motion, _ = moving(robot)
+    static = max(
+        abs(robot.gravity_torque(motion.at(t).position)[1])
+        for t in np.linspace(0, motion.duration, 200)
+    )
+    limit = [150, static + 1.0, 150, 28, 28, 28]
+    weak = with_effort(RobotModel(UR5, robot.joints), limit)
+    slow = fitted(motion, weak, make_limits(robot))
+    torques = [
+        weak.inverse_dynamics(s.position, s.velocity, s.acceleration)
+        for s in (slow.at(t) for t in np.linspace(0, slow.duration, 500))
+    ]
+    assert slow.duration > motion.duration
+    assert np.abs(torques).max(axis=0)[1] <= limit[1]
+
+
+def test_a_motion_through_a_pose_that_cannot_be_held_is_refused(robot):
+    motion, _ = moving(robot, HOME - np.array([0, 0.3, 0.9, 0, 0, 0]))
+    here, there = (np.abs(robot.gravity_torque(motion.at(t).position))[2] for t in (0.0, 9.0))
+    weak = with_effort(RobotModel(UR5, robot.joints), [150, 150, (here + there) / 2, 28, 28, 28])
+    with pytest.raises(Refused, match="elbow_joint needs") as refused:
+        fitted(motion, weak, make_limits(robot))
+    assert refused.value.cause == "not_holdable"
+
+
+def test_a_least_duration_is_kept(robot):
+    motion, _ = moving(robot)
+    assert fitted(motion, robot, make_limits(robot), least_duration=7.0).duration == 7.0
+
+
+def test_a_plan_is_followed_between_its_samples(robot):
+    motion, goal = moving(robot)
+    timed = planned(make_plan(motion, 60), HOME, goal, robot)
+    times = np.linspace(0, motion.duration, 333)
+    errors = [np.abs(timed.at(t).position - motion.at(t).position).max() for t in times]
+    assert timed.duration == motion.duration
+    assert max(errors) < 1e-4
+
+
+def test_a_plan_begins_exactly_where_the_arm_is(robot):
+    motion, goal = moving(robot)
+    off = np.full(6, 5e-4)
+    timed = planned(make_plan(motion), HOME + off, goal, robot)
+    assert np.array_equal(timed.at(0.0).position, HOME + off)
+    assert np.array_equal(timed.at(timed.duration).position, goal)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"times": [0.0]}, "1 times, 20 positions"),
+        ({"times": [0.0, 1.0] * 10}, "do not increase from 0"),
+        ({"position": [[0.0] * 5] * 20}, "not of 6 joints"),
+        ({"velocity": [[float("nan")] * 6] * 20}, "not finite"),
+        ({"velocity": [[0.5] * 6] * 20}, "does not start and end at rest"),
+    ],
+)
+def test_a_plan_that_is_none_is_refused_by_name(robot, changes, message):
+    motion, goal = moving(robot)
+    with pytest.raises(Refused, match=message) as refused:
+        planned(make_plan(motion, **changes), HOME, goal, robot)
+    assert refused.value.cause == "bad_plan"
+
+
+def test_a_plan_from_or_to_elsewhere_or_beyond_a_limit_is_refused(robot):
+    motion, goal = moving(robot)
+    with pytest.raises(Refused, match=r"has its start at -1\.2000 rad for shoulder_lift"):
+        planned(make_plan(motion), HOME + np.array([0, 0.1, 0, 0, 0, 0]), goal, robot)
+    with pytest.raises(Refused, match="has its end at"):
+        planned(make_plan(motion), HOME, goal + 0.1, robot)
+    beyond = [*HOME[:2], 3.5, *HOME[3:]]
+    rows = [HOME.tolist(), beyond, goal.tolist()]
+    still = [[0.0] * 6] * 3
+    with pytest.raises(Refused, match=r"elbow_joint 0\.3584 rad beyond its limits"):
+        planned(Plan(id=0, times=[0, 1, 2], position=rows, velocity=still), HOME, goal, robot)
+
+
+def test_a_way_back_through_poses_touches_each_of_them():
+    points = [
+        np.array([0.0, 0.0]),
+        np.array([0.1, 0.0]),
+        np.array([0.1, 0.0]),
+        np.array([0.2, 0.3]),
+    ]
+    path = joint_path(points)
+    assert len(path.u) == 3
+    assert all(np.allclose(path.at(u)[0], q) for u, q in zip(path.u, path.q, strict=True))
+    with pytest.raises(Refused, match="the path has no length"):
+        joint_path(points[1:3])
+
+
+def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
+    start = robot.frame_pose(HOME, TIP)
+    end = pin.SE3(
+        start.rotation @ pin.exp3(np.array([0.3, 0.2, 0.5])),
+        start.translation + np.array([-0.1, 0.3, 0.1]),
+    )
+    way = line(start, end, 0.25)
+    path = follow(robot, TIP, way, HOME, 0.01)
+    whole = pin.log3(start.rotation.T @ end.rotation)
+    for share in np.linspace(0, 1, 101):
+        pose = robot.frame_pose(path.at(share * way[-1].u)[0], TIP)
+        wanted = start.translation + share * (end.translation - start.translation)
+        assert np.linalg.norm(pose.translation - wanted) < 1e-6
+        assert np.allclose(pin.log3(start.rotation.T @ pose.rotation), share * whole, atol=1e-5)
+
+
+def test_a_turn_on_the_spot_has_a_length():
+    end = pin.SE3(DOWN.rotation @ pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))
+    assert line(DOWN, end, 0.25)[-1].u == pytest.approx(0.25)
+    assert line(DOWN, DOWN, 0.25) == []
+
+
+@pytest.mark.parametrize(
+    ("to", "cause"), [([1.3, 0.1, 0.3], "singular"), ([-0.6, 0.1, 0.3], "singular")]
+)
+def test_a_line_out_of_reach_or_through_the_shoulder_is_lost_on_the_way(robot, to, cause):
+    start = robot.frame_pose(HOME, TIP)
+    way = line(start, pin.SE3(start.rotation, np.array(to)), 0.25)
+    with pytest.raises(Lost, match="m of the path") as lost:
+        follow(robot, TIP, way, HOME, 0.01)
+    assert lost.value.cause == cause
+    assert 0 < lost.value.index < len(way)
+
+
+def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
+    narrow = make_robot()
+    narrow.upper = HOME + 0.4
+    start = robot.frame_pose(HOME, TIP)
+    way = line(start, pin.SE3(start.rotation, start.translation + np.array([0, 0.4, 0])), 0.25)
+    with pytest.raises(Lost, match=r"shoulder_pan_joint would have to go to 0\.4") as lost:
+        follow(narrow, TIP, way, HOME, 0.01)
+    assert lost.value.cause == "limits"
+
+
+def make_curve(raised=()):
+    lifts = np.zeros(49)
+    for place in raised:
+        lifts[place] = 0.05
+    return SpiralCurve(
+        centre=np.array([0.45, 0.0, 0.3]),
+        radius=(0.3, 0.1),
+        turns=2.0,
+        rise=0.2,
+        starts_at=0.5,
+        rotation=DOWN.rotation,
+        raised=lifts,
+    )
+
+
+def test_a_spiral_narrows_turns_and_rises_evenly():
+    poses = make_curve().poses()
+    places = np.array([pose.pose.translation for pose in poses]) - [0.45, 0.0, 0.3]
+    radius = np.hypot(places[:, 0], places[:, 1])
+    angle = np.unwrap(np.arctan2(places[:, 1], places[:, 0]))
+    assert (radius[0], radius[-1]) == pytest.approx((0.3, 0.1))
+    assert (np.diff(radius) < 0).all()
+    assert angle[-1] - angle[0] == pytest.approx(4 * np.pi)
+    assert places[-1, 2] == pytest.approx(0.2)
+
+
+def test_the_length_of_a_spiral_is_that_of_its_way():
+    poses = make_curve().poses()
+    fine = np.array([make_curve().at(s)[0].translation for s in np.linspace(0, 1, 20001)])
+    assert poses[-1].u == pytest.approx(
+        np.linalg.norm(np.diff(fine, axis=0), axis=1).sum(), abs=1e-5
+    )
+    assert all(np.linalg.norm(pose.twist) == pytest.approx(1.0) for pose in poses)
+
+
+def test_a_raised_point_lifts_the_way_around_it_smoothly():
+    flat, raised = make_curve(), make_curve([24])
+    shares = np.linspace(0, 1, 4801)
+    lift = np.array([raised.at(s)[0].translation[2] - flat.at(s)[0].translation[2] for s in shares])
+    assert lift[2400] == pytest.approx(0.05)
+    assert not lift[(shares < 23 / 48) | (shares > 25 / 48)].any()
+    assert np.abs(np.diff(lift, 2)).max() < 3e-5
+
+
+class Swing:
+    """A joint that moves to and fro."""
+
+    duration = 100.0
+
+    def at(self, t):
+        rows = (np.array([x]) for x in (np.sin(t), np.cos(t), -np.sin(t)))
+        return JointMotion(**dict(zip(("position", "velocity", "acceleration"), rows, strict=True)))
+
+
+def test_a_clock_that_pauses_and_goes_on_keeps_the_acceleration_limit():
+    clock, dt, limit = MotionClock(np.array([2.0]), np.array([40.0])), 0.008, 2.0
+    places = []
+    for step in range(1500):
+        clock.advance(dt, 0.0 if 300 <= step < 700 else 1.0, Swing())
+        places.append(np.sin(clock.s))
+    push = np.abs(np.diff(places, 2)) / dt**2
+    assert push.max() <= 1.01 * limit
+    assert len(set(places[500:690])) == 1
+    assert clock.rate == 1.0
+
+
+def test_a_clock_at_half_the_rate_takes_twice_as_long():
+    clock = MotionClock(np.array([2.0]), np.array([40.0]))
+    clock.restart(0.5)
+    for _ in range(100):
+        clock.advance(0.01, 0.5, Swing())
+    assert clock.s == pytest.approx(0.5)
+
+
+def test_whatever_the_scale_a_motion_keeps_its_limits_of_acceleration_and_nearly_those_of_jerk():
+    one, dt, random = np.ones(6), 0.016, np.random.default_rng(0)
+    limits = MotionLimits(velocity=1.5 * one, acceleration=3.0 * one, jerk=40.0 * one)
+    for _ in range(10):
+        motion = motion_to(JointMotion.at_rest(0.0 * one), random.uniform(-1.5, 1.5, 6), limits)
+        clock, scale, wanted, rows = MotionClock(3.0 * one, 40.0 * one), 1.0, 1.0, [0.0 * one] * 3
+        while clock.s < motion.duration:
+            wanted = random.choice([0.2, 0.5, 1.0]) if random.random() < 0.1 else wanted
+            scale += min(max(wanted - scale, -4.0 * dt), 4.0 * dt)
+            rows.append(motion.at(clock.s).position)
+            clock.advance(dt, scale, motion)
+        assert np.abs(np.diff(rows, n=2, axis=0)).max() / dt**2 <= 3.0 * 1.02
+        assert np.abs(np.diff(rows, n=3, axis=0)).max() / dt**3 <= 40.0 * 1.5
+
+
+def test_a_path_is_slowed_until_it_keeps_the_limits_of_jerk():
+    robot, start = make_robot(), HOME
+    limits = make_limits(robot)
+    jerks = np.full(6, 5.0)
+    strict = MotionLimits(velocity=limits.velocity, acceleration=limits.acceleration, jerk=jerks)
+    path = joint_path([start, start + 0.3, start + np.array([0.3, 0.6, 0.3, 0.3, 0.3, 0.3])])
+    quick = AlongPath(path, MotionLimits.of_one(1.0, 3.0, 100.0))
+    motion = fitted(quick, robot, strict)
+    times = np.arange(0.0, motion.duration, 0.016)
+    pushes = np.array([motion.at(t).acceleration for t in times])
+    assert motion.duration > quick.duration
+    assert np.abs(np.diff(pushes, axis=0)).max() / 0.016 <= 1.2 * 5.0

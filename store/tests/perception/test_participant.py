@@ -1,0 +1,338 @@
+"""Perception as a participant: what it wants of a scenario, and what it publishes."""
+
+import importlib.util
+import logging
+import math
+
+import msgspec
+import numpy as np
+import pybullet as bullet
+import pytest
+from support.services.control import Stand
+from support.services.perception import JOINTS, TOPS, Item, open_store, write_robot
+
+from stepbus_participant import Config
+from stepbus_schemas import (
+    Description,
+    Image,
+    InputConfig,
+    JointState,
+    OutputConfig,
+    Poses,
+    RunError,
+    WiringError,
+    encode,
+)
+from stepbus_store.perception.catalog import read_catalog
+from stepbus_store.perception.detection.colours import Palette
+from stepbus_store.perception.geometry import rotation
+from stepbus_store.perception.participant import PerceptionParticipant
+from stepbus_store.perception.robot import CameraMount
+
+MS = 1_000_000
+TYPES = {"rgb": "Image/1", "depth": "Image/1", "joint_state": "JointState/1", "poses": "Poses/1"}
+ANGLES = [0.3, 0.2, 0.3, -0.2, 0.4, 0.1]
+CHASSIS = (1.5, -0.7, 0.0)
+YAW = 0.6
+
+
+def config(folder, inputs=tuple(TYPES), **params):
+    write_robot(folder)
+    return Config(
+        name="perception", step_ns=8 * MS, every=1, seed=0, folder=folder,
+        inputs={
+            name: InputConfig(source="plant", port=name, type=TYPES[name], bulk=name in "rgb depth")
+            for name in inputs
+        },
+        outputs={"detections": OutputConfig(type="Detections/1")},
+        params={"model": "robot.urdf", "joints": JOINTS, **params},
+    )  # fmt: skip
+
+
+def camera_pose(folder):
+    """Return where PyBullet has the camera of the robot at ANGLES on a chassis that moved."""
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        turned = bullet.getQuaternionFromEuler([0, 0, YAW])
+        robot = bullet.loadURDF(str(write_robot(folder)), CHASSIS, turned, physicsClientId=client)
+        numbers = range(bullet.getNumJoints(robot, client))
+        infos = [bullet.getJointInfo(robot, n, client) for n in numbers]
+        for info in infos:
+            if info[1].decode() in JOINTS:
+                angle = ANGLES[JOINTS.index(info[1].decode())]
+                bullet.resetJointState(robot, info[0], angle, physicsClientId=client)
+        camera = next(info[0] for info in infos if info[12] == b"camera")
+        state = bullet.getLinkState(
+            robot, camera, computeForwardKinematics=True, physicsClientId=client
+        )
+        return state[4], state[5]
+    finally:
+        bullet.disconnect(client)
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """Return images, joint state, poses and their description with the robot over some items."""
+    folder = tmp_path_factory.mktemp("store")
+    eye, orientation = camera_pose(folder)
+    with open_store(folder) as store:
+        axes = rotation(orientation)
+        floor = eye + axes[:, 2] * 0.35
+        for n, kind in enumerate(("cola", "juice", "water")):
+            x, y, _ = (floor + axes[:, 0] * 0.09 * (n - 1)).tolist()
+            store.add(Item(f"{kind}_{n}", kind, (x, y, float(floor[2]) - TOPS[kind]), YAW + 0.2))
+        images = store.see(eye, orientation)
+        state = JointState(position=[9.0, *ANGLES[::-1]])
+        yield (
+            {**images, "joint_state": state, "poses": store.poses(CHASSIS, YAW)},
+            store.description,
+        )
+
+
+def start(given, described):
+    participant = PerceptionParticipant(given)
+    names = Description(names=["wheel", *JOINTS[::-1]])
+    participant.start(
+        {name: Description() for name in TYPES} | {"joint_state": names, "poses": described}
+    )
+    return Stand(participant)
+
+
+def test_detections_are_in_the_frame_of_the_chassis(tmp_path, seen):
+    messages, described = seen
+    found = start(config(tmp_path), described).update(0, **messages)["detections"]
+    true = start(config(tmp_path, source="truth"), described).update(0, **messages)["detections"]
+    assert found.frame == true.frame == "chassis"
+    assert found.types == true.types == ["cola", "juice", "water"]
+    assert np.abs(np.subtract(found.position, true.position)).max() < 2e-3
+    assert found.orientation[1] == pytest.approx(true.orientation[1], abs=0.01)
+    assert found.orientation[0] == (0.0, 0.0, 0.0, 1.0)
+    assert min(found.confidence) > 0.8
+
+
+def test_truth_is_what_the_plant_says_seen_from_the_chassis(tmp_path, seen):
+    messages, described = seen
+    true = start(config(tmp_path, ["poses"], source="truth"), described).update(
+        0, poses=messages["poses"]
+    )
+    relative = np.subtract(messages["poses"].position[1], CHASSIS)
+    c, s = math.cos(YAW), math.sin(YAW)
+    expected = (c * relative[0] + s * relative[1], c * relative[1] - s * relative[0], relative[2])
+    assert true["detections"].position[0] == pytest.approx(expected)
+    assert true["detections"].orientation[0] == pytest.approx((0, 0, math.sin(0.1), math.cos(0.1)))
+    assert true["detections"].confidence == [1.0] * 3
+
+
+def test_truth_is_told_once_a_period(tmp_path, seen):
+    messages, described = seen
+    stand = start(config(tmp_path, ["poses"], source="truth", period=0.04), described)
+    told = [k for k in range(12) if stand.update(k, poses=messages["poses"])]
+    assert told == [0, 5, 10]
+
+
+def test_equal_images_give_equal_bytes(tmp_path, seen):
+    messages, described = seen
+    rows = [start(config(tmp_path), described).update(0, **messages) for _ in range(2)]
+    assert encode(rows[0]["detections"]) == encode(rows[1]["detections"])
+
+
+def test_nothing_is_published_without_a_new_pair_of_images(tmp_path, seen):
+    messages, described = seen
+    stand = start(config(tmp_path), described)
+    assert stand.update(0, **messages)
+    assert stand.update(1, joint_state=messages["joint_state"]) == {}
+    assert stand.update(2, rgb=messages["rgb"]) == {}
+
+
+def test_a_camera_that_is_off_is_told_once(tmp_path, seen, caplog):
+    messages, described = seen
+    stand = start(config(tmp_path, timeout=0.04), described)
+    stand.update(0, **messages)
+    with caplog.at_level(logging.WARNING):
+        for k in range(1, 20):
+            stand.update(k)
+    assert [record.getMessage() for record in caplog.records] == [
+        "perception: step 5: no new images on rgb and depth for 0.04 s; is the camera on?"
+    ]
+
+
+def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
+    messages, described = seen
+    stand = start(config(tmp_path), described)
+    rgb, depth = messages["rgb"], messages["depth"]
+    cut = {**messages, "rgb": msgspec.structs.replace(rgb, data=rgb.data[:-3])}
+    with pytest.raises(
+        RunError,
+        match=r"^perception: step 3: input 'rgb': 320 x 240 pixels of rgb8 are 230400 bytes, 230397 received$",
+    ):
+        stand.update(3, **cut)
+    twice = {**messages, "depth": rgb}
+    with pytest.raises(RunError, match=r"'rgb' is rgb8, 'depth' is rgb8$"):
+        stand.update(4, **twice)
+    small = Image(
+        width=2, height=1, encoding="32FC1", data=bytes(8), focal=depth.focal, centre=(0, 0)
+    )
+    with pytest.raises(RunError, match="of different cameras"):
+        stand.update(5, **{**messages, "depth": small})
+    for changes, sentence in (
+        ({"focal": (math.nan, 300.0)}, r"focal length \(nan, 300.0\) is not positive"),
+        ({"centre": (0.0, math.inf)}, r"centre \(0.0, inf\) is not finite"),
+    ):
+        odd = {**messages, "rgb": msgspec.structs.replace(rgb, **changes)}
+        with pytest.raises(RunError, match=sentence):
+            stand.update(6, **odd)
+
+
+def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
+    messages, described = seen
+    stand = start(config(tmp_path), described)
+    with pytest.raises(
+        RunError, match="input 'joint_state': carries 1 position values for 7 joints"
+    ):
+        stand.update(0, **{**messages, "joint_state": JointState(position=[0.0])})
+    truth = start(config(tmp_path, ["poses"], source="truth"), described)
+    with pytest.raises(RunError, match="input 'poses': 4 poses expected, 0 received"):
+        truth.update(0, poses=Poses(position=[], orientation=[]))
+
+
+def test_joint_states_and_poses_that_are_not_finite_are_refused(tmp_path, seen):
+    messages, described = seen
+    lost = JointState(position=[math.nan] * 7)
+    with pytest.raises(RunError, match=r"input 'joint_state': .*nan.* are not all finite numbers"):
+        start(config(tmp_path), described).update(0, **{**messages, "joint_state": lost})
+    poses = messages["poses"]
+    truth = start(config(tmp_path, ["poses"], source="truth"), described)
+    nowhere = msgspec.structs.replace(poses, position=[(math.nan, 0.0, 0.0)] * 4)
+    with pytest.raises(RunError, match=r"input 'poses': .* has an invalid pose: .*nan"):
+        truth.update(0, poses=nowhere)
+    unturned = msgspec.structs.replace(poses, orientation=[(0.0, 0.0, 0.0, 0.0)] * 4)
+    with pytest.raises(RunError, match=r"input 'poses': chassis has an invalid pose"):
+        truth.update(0, poses=unturned)
+
+
+def test_a_joint_may_be_called_like_the_cameras_link(tmp_path):
+    path = write_robot(tmp_path)
+    path.write_text(path.read_text().replace('<joint name="mount"', '<joint name="camera"'))
+    placed = CameraMount(path, JOINTS, "camera", "chassis").pose(ANGLES)
+    usual = CameraMount(write_robot(tmp_path), JOINTS, "camera", "chassis").pose(ANGLES)
+    np.testing.assert_array_equal(placed.position, usual.position)
+
+
+def test_a_black_thing_that_is_no_item_hides_no_item_and_is_none():
+    details = {
+        "type": ["", "can"],
+        "color": ["0 0 0", "1 0 0"],
+        "shape": ["", "cylinder 0.03 0.1;"],
+    }
+    catalog = read_catalog("poses", Description(names=["tyre", "can_1"], details=details))
+    palette = Palette([item_type.color for item_type in catalog.types], catalog.others)
+    pixels = np.array([[[0, 0, 0], [200, 0, 0]]], dtype=np.uint8)
+    assert palette.classify(pixels).tolist() == [[-1, 0]]
+
+
+def test_a_world_without_items_and_colours_shows_nothing(tmp_path, seen):
+    details = {"type": [""], "color": [""], "shape": [""]}
+    stand = start(config(tmp_path), Description(names=["chassis"], details=details))
+    assert stand.update(0, **seen[0])["detections"].types == []
+
+
+def problems(given, described=None):
+    with pytest.raises(WiringError) as refused:
+        start(given, described)
+    return str(refused.value).splitlines()
+
+
+def test_all_that_is_wrong_with_the_scenario_is_told_at_once(tmp_path):
+    params = {"joints": [*JOINTS, "joint_7"], "camera": "camra", "timeout": 0, "min_confidence": 2}
+    rows = problems(config(tmp_path, ["rgb", "joint_state", "poses"], **params, sorce="camera"))
+    where = "participants.perception"
+    assert rows == [
+        f"{where}.inputs: 1 are of type Image/1; source camera needs colour and depth",
+        f"{where}.params.timeout: must be above 0, not 0",
+        f"{where}.params.min_confidence: must be at most 1, not 2",
+        f"{where}.params.sorce: unknown key 'sorce'; did you mean 'source'?",
+    ]
+
+
+def test_all_that_the_model_lacks_is_told_at_once(tmp_path):
+    rows = problems(config(tmp_path, joints=[*JOINTS, "joint_7"], camera="camra"))
+    assert [row.partition(";")[0] for row in rows] == [
+        "participants.perception.params.model: joint 'joint_7' is not in robot.urdf",
+        "participants.perception.params.model: link 'camra' is not in robot.urdf",
+    ]
+
+
+def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch):
+    real = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *a: None if name == "cv2" else real(name, *a)
+    )
+    (row,) = problems(config(tmp_path))
+    sentence = "params.source: camera needs cv2 (OpenCV), which is not installed; pip install "
+    assert sentence in row
+    PerceptionParticipant(config(tmp_path, ["poses"], source="truth"))
+
+
+@pytest.mark.parametrize(
+    ("details", "sentence"),
+    [
+        ({}, "describes no items: its details type, color, shape are missing or empty"),
+        ({"type": ["cola"]}, "describes no items: its details color, shape are missing or empty"),
+        ({"type": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
+        ({"type": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "item type 'cola': shape 'cone' is not supported"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "item type 'cola': shape 'box a 1 1' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "color '1 0 nan' of 'cola' is not `red green blue`"),
+        ({"type": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
+        ({"type": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "item type 'cola': shape 'cylinder 0 1' cannot be read"),
+        ({"type": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details type, color, shape are missing"),
+    ],
+)  # fmt: skip
+def test_a_description_that_cannot_be_used_is_refused(tmp_path, details, sentence):
+    (row,) = problems(config(tmp_path), Description(names=["item"], details=details))
+    assert row.startswith("perception: input 'poses'")
+    assert sentence in row
+
+
+def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
+    details = {
+        "type": ["", "ball"],
+        "color": ["", "1 0 0"],
+        "shape": ["", "sphere 1 @ 0 0 1 0 0 0 1"],
+    }
+    described = Description(names=["chassis", "ball_1"], details=details)
+    (row,) = problems(config(tmp_path), described)
+    assert row.startswith(
+        "perception: ball: the camera detects items by an upright box or cylinder"
+    )
+    poses = Poses(position=[(0, 0, 0), (2, 0, 0)], orientation=[(0, 0, 0, 1)] * 2)
+    told = start(config(tmp_path, ["poses"], source="truth"), described).update(0, poses=poses)
+    assert told["detections"].position == [(2, 0, 1)]
+
+
+def test_a_joint_that_is_not_sensed_is_named(tmp_path, seen):
+    participant = PerceptionParticipant(config(tmp_path))
+    inputs = {"joint_state": Description(names=JOINTS[1:]), "poses": seen[1]}
+    with pytest.raises(WiringError, match="perception: input 'joint_state' has no joint 'joint_0'"):
+        participant.start(inputs)
+
+
+def test_a_frame_that_the_plant_lacks_is_named(tmp_path, seen):
+    (row,) = problems(config(tmp_path, ["poses"], source="truth", frame="chasis"), seen[1])
+    assert row == "perception: input 'poses' has no link 'chasis'; did you mean 'chassis'?"
+
+
+def test_versions_name_what_shapes_the_result(tmp_path):
+    assert list(PerceptionParticipant(config(tmp_path)).versions()) == ["numpy", "pin", "opencv"]
+    truth = PerceptionParticipant(config(tmp_path, ["poses"], source="truth"))
+    assert list(truth.versions()) == ["numpy", "pin"]
+
+
+def test_a_model_that_cannot_be_expanded_says_why(tmp_path, monkeypatch):
+    def refuse(path):
+        raise WiringError(f"{path} needs xacro; run `make robots`")
+
+    monkeypatch.setattr("stepbus_kinematics.urdf.read_urdf_text", refuse)
+    with pytest.raises(WiringError, match=r"robot\.urdf needs xacro; run `make robots`"):
+        PerceptionParticipant(config(tmp_path))

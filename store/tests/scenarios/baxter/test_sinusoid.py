@@ -1,0 +1,165 @@
+"""The scenario `baxter`: two joints follow a sinusoid, the rest stands, and nothing is silent."""
+
+import json
+
+import numpy as np
+import pybullet
+import pytest
+from support.store_paths import SCENARIOS
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
+from stepbus_orchestrator.analysis.signals import read_tracking
+from stepbus_orchestrator.analysis.sinusoid import JointMotions
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_plant import Params, Plant, load_world
+
+WORLD = SCENARIOS / "baxter/world.yaml"
+JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+ARMS = [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
+
+
+def run_baxter(folder, *overrides, in_process=True):
+    return run(load("baxter", overrides), Options(out=folder, in_process=in_process))
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return run_baxter(tmp_path_factory.mktemp("baxter") / "run")
+
+
+@pytest.fixture(scope="module")
+def tracking(result):
+    return read_tracking(Recording(result.recording))
+
+
+@pytest.fixture(scope="module")
+def motions(tracking):
+    found = JointMotions()
+    found.take(tracking)
+    return found
+
+
+def test_both_joints_follow_within_two_percent_and_five_milliseconds(result, tracking, motions):
+    assert result.exit_code == 0
+    fits = {fit.joint: fit for fit in motions.fits([tracking], after_s=2.0)}
+    assert {joint: round(np.degrees(fit.wanted), 6) for joint, fit in fits.items()} == {
+        "left_s0": 10.0,
+        "right_s0": 5.0,
+    }
+    assert max(abs(fit.excess) for fit in fits.values()) < 0.02
+    assert max(abs(fit.lag_s) for fit in fits.values()) < 0.005
+
+
+def test_no_other_joint_moves_more_than_half_a_degree(motions):
+    _, angle = motions.at_rest()
+    assert 0 < np.degrees(angle) < 0.5
+
+
+def test_it_starts_without_a_jump(tracking):
+    errors = np.abs([tracking.error(joint)[:20] for joint in ARMS])
+    assert np.degrees(errors.max()) < 0.2
+
+
+def test_targets_and_measurements_of_all_fourteen_are_recorded(tracking):
+    assert list(tracking.state.names) == ARMS
+    assert tracking.state.fields["target"].shape == tracking.state.fields["position"].shape
+    assert tracking.state.fields["target"].shape == (201, 14)
+    # Positions that are commanded are no torques to plot.
+    curves = TrackingCurves()
+    curves.take(tracking)
+    assert curves.torques == []
+
+
+def test_the_summary_gives_amplitude_and_lag_in_degrees_and_milliseconds(tracking, motions):
+    lines = motions.lines([tracking], after_s=2.0)
+    assert [line.split(":")[0] for line in lines[:2]] == ["sinusoid  left_s0", "sinusoid  right_s0"]
+    assert "° of 10.000° (" in lines[0]
+    assert "lag " in lines[0]
+
+
+def test_the_order_of_joints_of_one_participant_changes_nothing(tracking, tmp_path):
+    backwards = f"[{', '.join(reversed(ARMS))}]"
+    for name in ("plant", "controller"):
+        result = run_baxter(tmp_path / name, f"{name}.params.joints={backwards}", "duration=2s")
+        state = read_tracking(Recording(result.recording)).state
+        for joint in ARMS:
+            first = tracking.state.of("position", joint)[: len(state.t)]
+            assert (state.of("position", joint) == first).all()
+
+
+def test_it_is_the_same_to_the_byte_in_whatever_window_and_processes(tmp_path):
+    narrow = ("duration=500ms", "window=1", "batch=1")
+    first = run_baxter(tmp_path / "1", *narrow, in_process=False)
+    second = run_baxter(tmp_path / "64", "duration=500ms")
+    assert (first.exit_code, first.sha256) == (0, second.sha256)
+
+
+def test_what_the_mission_begins_is_recorded_as_an_event(result):
+    ((step, event),) = Recording(result.recording).messages("mission/events")
+    assert (step, event.level, event.text.split(" of ")[0]) == (0, "info", "sine")
+
+
+def test_the_srdf_rules_398_pairs_out_and_nothing_touches_at_rest(monkeypatch):
+    ruled_out = []
+    real = pybullet.setCollisionFilterPair
+    monkeypatch.setattr(
+        pybullet, "setCollisionFilterPair", lambda *a, **k: (ruled_out.append(a), real(*a, **k))
+    )
+    plant = Plant(load_world(WORLD), Params(world=WORLD.name), 50_000_000, 0)
+    client = plant.physics.client
+    pybullet.performCollisionDetection(client)
+    assert (len(ruled_out), pybullet.getContactPoints(physicsClientId=client)) == (398, ())
+    plant.close()
+
+
+def test_two_joints_swapped_in_the_mission_are_told(tmp_path):
+    changes = ["mission.params.offset.left_s1=1.94", "mission.params.offset.left_e1=-1.0"]
+    told = [row.text for row in run_baxter(tmp_path / "run", "duration=200ms", *changes).warnings]
+    assert told[0].startswith("step 0: joints left_s1 and left_e1: are at -1 and 1.94 rad")
+    assert told[1:] == [
+        "step 0: joint left_s1: target 1.94 rad is beyond its stop at 1.047; limited to it",
+        "step 0: joint left_e1: target -1 rad is beyond its stop at -0.05; limited to it",
+    ]
+
+
+def test_describe_lists_the_motor_of_every_joint(capsys):
+    off = "plant.params.effort.left_e0=0"
+    assert main(["describe", "baxter", "--json", "--set", off]) == 0
+    plant = json.loads(capsys.readouterr().out)[0]
+    rows = plant["outputs"][0]["joints"]
+    assert [row["name"] for row in rows] == ARMS
+    assert [row["name"] for row in rows if not row["motor"]] == ["left_e0"]
+    assert rows[1] == {
+        "index": 1, "name": "left_s1", "type": "revolute", "mode": "position", "lower": -2.147,
+        "upper": 1.047, "velocity": 1.5, "effort": 50.0, "motor": True,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("joints", "sentence"),
+    [
+        ("[left_s0, left_s0]", "participants.plant.params.joints: names 'left_s0' twice"),
+        ("[left_so]", "params.joints: 'left_so' is unknown; did you mean 'left_s1'"),
+    ],
+)
+def test_joints_there_twice_or_unknown_are_errors(joints, sentence, capsys, own_temp):
+    assert main(["describe", "baxter", "--set", f"plant.params.joints={joints}"]) != 0
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_warning_is_shown_counted_and_recorded(tmp_path, capsys):
+    out = tmp_path / "run"
+    orders = ["plant.params.effort.left_e0=0", "mission.params.offset.left_w0=90", "duration=500ms"]
+    sets = [word for order in orders for word in ("--set", order)]
+    assert main(["run", "baxter", "--in-process", "--out", str(out), "--no-report", *sets]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    effort = "step 0: joint left_e0: has an effort limit of 0 N·m; nothing moves it"
+    degrees = "is it in degrees? 90° is 1.5708 rad"
+    assert (shown.count(effort), shown.count(degrees)) == (2, 2)
+    assert "warnings 2" in shown
+    assert json.loads((out / "result.json").read_text())["warning_count"] == 2
+    ((step, event),) = Recording(out / "run.mcap").messages("plant/events")
+    assert (step, event.level, len(event.text.splitlines())) == (1, "warning", 2)

@@ -1,0 +1,41 @@
+"""Runs of the store, and what their recordings show."""
+
+import numpy as np
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of
+
+NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
+OTHERS = {"store": NAMES, "store/spiral": ("plant", "goals", "controller", "planner")}
+TRUTH = tuple(name for name in NAMES if name != "world")
+
+
+def store(folder, *overrides, scenario="store/truth", in_process=True):
+    """Run the store; in one process it takes half the time, and records the same bytes."""
+    names = OTHERS.get(scenario, TRUTH)
+    loaded = load(scenario, [*(f"{name}.spawn_timeout=120s" for name in names), *overrides])
+    # Only a process can be killed.
+    in_process = in_process and not faults_of(loaded.faults, PROCESS_FAULTS)
+    return run(loaded, Options(out=folder / "out", in_process=in_process))
+
+
+def last(recording, topic):
+    """Return the last message of a port."""
+    return list(recording.messages(topic))[-1][1]
+
+
+def texts(recording, topic):
+    return [
+        message.text for _, message in recording.messages(topic) if getattr(message, "text", "")
+    ]
+
+
+def moves(recording):
+    """Return how far each item has moved from beginning to end [m]."""
+    described = recording.ports["plant/poses"].description
+    poses = [message for _, message in recording.messages("plant/poses")]
+    before, after = np.array(poses[0].position), np.array(poses[-1].position)
+    ways = np.linalg.norm(after - before, axis=1)
+    rows = zip(described.names, described.details["type"], ways, strict=True)
+    return {name: way for name, kind, way in rows if kind}
