@@ -12,11 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator import (
+    External,
     Observer,
     Options,
     Pace,
     ParticipantDescription,
+    RealTime,
     Result,
+    RunExtension,
     Verification,
     as_external,
     check_installed,
@@ -78,6 +81,7 @@ def run(
     external: Mapping[str, str | PathLike[str]] | None = None,
     real_time: float | None = None,
     report: bool = False,
+    extensions: Sequence[RunExtension] = (),
 ) -> Result:
     """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
 
@@ -89,7 +93,7 @@ def run(
     `stepbus join`, each with the path of its ticket (docs/guide/running/attach.md); the tickets of
     others with `start: external` are in `out`. real_time: let steps begin on the grid of the wall
     clock, so many times as fast (docs/guide/running/real_time.md); `result.real_time` has how late
-    they were.
+    they were. extensions: features of your own (docs/guide/writing/extension.md).
 
     Raises ScenarioError when the scenario cannot run, ExtraMissing when a package that one of our
     participants needs is not installed, OutputExists when `out` holds a run already,
@@ -102,13 +106,15 @@ def run(
     loaded = as_external(loaded, tickets)
     check_installed(loaded)
     folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
+    found: list[RunExtension] = [External(tickets), *extensions]
+    if pace is not None:
+        found.append(pace)
+    if real_time is not None:
+        found.append(RealTime(loaded.step_ns, float(real_time)))
     options = Options(
         out=folder,
-        pace=pace,
         in_process=in_process,
-        admits_external=True,
-        tickets=tickets,
-        real_time=None if real_time is None else float(real_time),
+        extensions=found,
     )
     result = run_scenario(loaded, options, observer, interrupt)
     if report and result.steps and result.recording.exists():

@@ -25,15 +25,17 @@ from .replay import replay as replay_participant
 from .replay.branch import Branch
 from .replay.branch import branch as branch_recording
 from .replay.rerun import Preparation, Rerun
-from .run.control.live_file import call
-from .run.control.pace import Pace
 from .run.describe.describe import ParticipantDescription, describe
 from .run.episode import Episode
+from .run.extension import RunExtension
+from .run.extensions.external import External, as_external
+from .run.extensions.pace import Pace
+from .run.extensions.real_time import RealTime
+from .run.live_file import call
 from .run.reports.progress import Observer, Progress
 from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
-from .run.setup.external import as_external
 from .run.setup.folder import first_new
 from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
 from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
@@ -50,6 +52,7 @@ __all__ = [
     "Episode",
     "ExitCode",
     "Exported",
+    "External",
     "Interrupted",
     "Observer",
     "Options",
@@ -61,12 +64,14 @@ __all__ = [
     "Preparation",
     "Problem",
     "Progress",
+    "RealTime",
     "Recording",
     "RecordingFailed",
     "Recovery",
     "ReplayResult",
     "Rerun",
     "Result",
+    "RunExtension",
     "RunFailure",
     "Scenario",
     "ScenarioError",

@@ -22,7 +22,7 @@ from .bus.ticket import (
 from .calls.methods import CallError, Method
 from .calls.steering import Steering
 from .config import Config, Ports
-from .config.plugins import make_plugin
+from .config.plugins import load_class, make_plugin
 from .files import (
     append_to,
     find_file,
@@ -129,6 +129,7 @@ __all__ = [
     "irregular",
     "is_shared",
     "last_error",
+    "load_class",
     "load_ticket",
     "load_types",
     "main",

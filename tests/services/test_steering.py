@@ -10,7 +10,8 @@ from stepbus_orchestrator import Options, Recording, cli, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
@@ -25,7 +26,7 @@ def steered(folder, *calls, scenario="two_link/pid", overrides=()):
         for who, method, *args in calls
     ]
     checked = load(scenario, ["duration=1s", *overrides])
-    result = run(checked, Options(out=folder, new_calls=planned, in_process=True))
+    result = run(checked, Options(out=folder, extensions=[Calls(new=planned)], in_process=True))
     assert result.exit_code == 0, result.reason
     return result.recording
 
@@ -181,7 +182,7 @@ def test_a_second_terminal_steers_a_run_of_processes(tmp_path, capsys):
         ["call", str(out), "controller", "get", "kp"],
     ]
     asker = Asker(pace, [partial(cli.main, line) for line in words])
-    result = run(load("two_link/pid", ["duration=1s"]), Options(out=out, pace=pace), asker)
+    result = run(load("two_link/pid", ["duration=1s"]), Options(out=out, extensions=[pace]), asker)
     assert asker.answers == [0, 0, 0]
     assert capsys.readouterr().out.split() == ["200", "null", "400"]
     assert reference(result.recording).position[-1][0] == pytest.approx(math.radians(30))

@@ -4,8 +4,8 @@ import contextlib
 import threading
 
 from stepbus_orchestrator import Options, Recording
-from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extensions.calls import recorded_calls
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.viewing.live import follow
 
@@ -20,7 +20,7 @@ class Paused:
         self.thread.start()
 
     def work(self, scenario, options):
-        options = Options(out=self.out, pace=self.pace, **options)
+        options = Options(out=self.out, extensions=[self.pace], **options)
         self.result = run(scenario, options, interrupt=self.interrupt)
 
     def end(self):

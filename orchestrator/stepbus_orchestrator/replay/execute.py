@@ -19,11 +19,11 @@ from stepbus_orchestrator.processes.links.endpoints import (
 )
 from stepbus_orchestrator.recording import Recorder, Recording, TimingRecorder, layout
 from stepbus_orchestrator.run.bus.session import Session, open_bus
-from stepbus_orchestrator.run.control.calls import recorded_calls
+from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.kernel.participants import Process
-from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.run.phases import run_phases
-from stepbus_orchestrator.run.reports.progress import Observer, Silent
+from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
@@ -87,11 +87,6 @@ def replay(
     check_limits(1)
     is_copy = recorded or program is not None
     tree = None if is_copy else find_work_tree(opened, participant, source)
-    controls = Controls(
-        observer=observer or Silent(),
-        interrupt=interrupt or threading.Event(),
-        calls=recorded_calls(opened, participant),
-    )
     with scratch_folder("replay") as folder:
         prepared = prepare(
             opened,
@@ -111,8 +106,8 @@ def replay(
                 step_ns=scenario.step_ns,
                 reference=reference,
             )
-            run = _Replay(opened, participant, program, bridge, folder)
-            wall_s, steps = run.execute(scenario, check, reference, controls)
+            run = _Replay(opened, participant, program, bridge, folder, observer, interrupt)
+            wall_s, steps = run.execute(scenario, check, reference)
     found = check.divergence
     copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
     return ReplayResult(
@@ -152,10 +147,12 @@ class _Replay:
     program: Sequence[str] | None
     bridge: BridgeFormat | None
     folder: Path
+    observer: Observer | None
+    interrupt: threading.Event | None
     token: str = field(default_factory=new_token)
 
     def execute(
-        self, scenario: Scenario, check: Check, reference: Recorder | None, controls: Controls
+        self, scenario: Scenario, check: Check, reference: Recorder | None
     ) -> tuple[float, int]:
         """Return how long it took [s], and how many steps it were; close whatever happens."""
         run, folder, logs = new_token(), private_folder(), self.folder / "logs"
@@ -173,7 +170,16 @@ class _Replay:
             stack.callback(session.announcer.close)
             start = partial(self._start, launcher, mesh, spec, scenario.folder)
             strategy = self._strategy(session, spec, start, reference, mesh)
-            loop = RunLoop(session, strategy, Records(recorder=check, timing=timing), controls)
+            loop = RunLoop(
+                session,
+                strategy,
+                check,
+                timing,
+                out=self.folder,
+                observer=self.observer,
+                interrupt=self.interrupt,
+                extensions=[Calls(recorded_calls(self.recording, spec.name))],
+            )
             run_phases(loop)
         # From here on, nothing is expected of the participant.
         end = scenario.steps or 0

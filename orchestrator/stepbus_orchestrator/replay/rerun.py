@@ -12,7 +12,7 @@ from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
-from stepbus_orchestrator.run.control.calls import recorded_calls
+from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -250,7 +250,8 @@ class Preparation:
         self, observer: Observer | None = None, interrupt: threading.Event | None = None
     ) -> Rerun:
         """Run, and compare with the recording; observer, interrupt: as of `run`."""
-        options = Options(out=self._out, prefix=self._prefix(), calls=self._origin.calls)
+        extensions = [*self._prefix(), Calls(self._origin.calls)]
+        options = Options(out=self._out, extensions=extensions)
         result = run(self.scenario, options, observer, interrupt)
         now = read_origin(result.recording).versions
         later = [
@@ -268,12 +269,13 @@ class Preparation:
             notes=[*self.notes, *later],
         )
 
-    def _prefix(self) -> RecordedPrefix | None:
+    def _prefix(self) -> list[RecordedPrefix]:
         """Return the steps that a branch has from its recording; only there can they come from."""
         changed = self._origin.counts_from
         if not changed:
-            return None
-        return RecordedPrefix(Recording(self._origin.recording), max(changed.values()), changed)
+            return []
+        recording = Recording(self._origin.recording)
+        return [RecordedPrefix(recording, max(changed.values()), changed)]
 
     def _is_part(self, result: Result) -> bool:
         """Return whether the recording has less than this run without being different."""

@@ -6,7 +6,7 @@ from typing import Any
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Process
-from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import Bus
 from stepbus_schemas import Decoder, MessageError, Outputs
@@ -52,11 +52,9 @@ class Replay:
         except MessageError:
             return -1
 
-    def launch(self, state: RunState) -> None:
+    def launch(self, run: RunLoop) -> None:
         """Start the participant."""
-        process = self._start()
-        participant = ParticipantState(self._spec, process, self.newest_step)
-        state.participants = {self._spec.name: participant}
+        run.started(ParticipantState(self._spec, self._start(), self.newest_step))
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how all outputs were described when they were recorded."""

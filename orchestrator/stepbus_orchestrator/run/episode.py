@@ -19,10 +19,11 @@ from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
 
+from .extensions.debug import Debug
+from .extensions.hosted_caller import HostedCaller, Room
 from .reports.result import Result
 from .run_scenario import run
 from .setup.options import Options
-from .setup.seat import Room
 
 Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()
@@ -62,7 +63,10 @@ class Episode:
         self.result: Result | None = None
         self._make = make
         self._options = Options(
-            out=out, in_process=True, no_deadline=[name], seat=self, is_recorded=is_recorded
+            out=out,
+            in_process=True,
+            is_recorded=is_recorded,
+            extensions=[HostedCaller(self), Debug(no_deadline=[name])],
         )
         # Nobody branches from an episode.
         self._scenario = dataclasses.replace(scenario, checkpoint_steps=0)

@@ -5,7 +5,7 @@ import dataclasses
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -20,51 +20,37 @@ from stepbus_orchestrator.processes.links.endpoints import (
     private_folder,
 )
 from stepbus_orchestrator.recording import (
-    CheckpointWriter,
     McapFile,
     Recorder,
-    Sink,
     TimingRecorder,
     layout,
 )
 from stepbus_orchestrator.scenario import (
-    FaultSpec,
     Scenario,
     Schedule,
     builtin_folders,
     check_installed,
-    format_fault,
     left_out,
 )
-from stepbus_participant import Bus, is_shared, make_new_folder
+from stepbus_participant import Bus, is_shared
 
 from .bus.session import Session, open_bus
-from .control.injector import Injector
-from .control.invitations import Invitations
-from .control.live_file import Live, forget
-from .control.real_time import RealTime
-from .kernel.gates import Gate
-from .loop.loop import Controls, Records, RunLoop
+from .extension import overriding
+from .extensions import with_defaults
+from .live_file import Live, forget
+from .loop.loop import RunLoop
 from .loop.strategy import Strategy
 from .phases import run_phases
 from .reports.events import Events
 from .reports.progress import Observer, Silent
 from .reports.result import Result, file_sha256, own_versions
-from .setup.external import as_children, check_external, external_names
 from .setup.folder import LOGS_FOLDER, attach, claim, default_folder
 from .setup.live_run import LiveRun
 from .setup.opened_files import OpenedFiles
-from .setup.options import PROFILE_FOLDER, Options, without_deadlines
+from .setup.options import Options
 from .setup.unrecorded import NoRecorder, NoTiming
 
-__all__ = [
-    "Options",
-    "default_folder",
-    "external_names",
-    "run",
-    "run_with",
-    "without_deadlines",
-]
+__all__ = ["Options", "default_folder", "run"]
 
 _SHARED = (
     "{folder} may be written by every user of this machine, who could put files of theirs in the "
@@ -83,46 +69,26 @@ def run(
     observer: is notified of progress. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
     to, StartFailed when it may not open enough files, ExtraMissing where a package that one of our
-    participants needs is not installed, WiringError for a name in `options` that no participant
-    has, and for what cannot be done to one that somebody else starts.
+    participants needs is not installed, WiringError where an extension cannot do its work in this
+    scenario.
     """
-    return run_with(lambda live: live, scenario, options, observer, interrupt)
-
-
-def run_with(
-    adapt: Callable[[Strategy], Strategy],
-    scenario: Scenario,
-    options: Options,
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> Result:
-    """Run a scenario with another strategy than that of a run, which `adapt` gets; see `run`."""
-    if not options.admits_external:
-        scenario = as_children(scenario)
-    check_external(scenario, options)
-    if options.real_time is not None:
-        # Each step begins when all have finished the one before, and its time has come.
+    extensions = with_defaults(scenario, options.extensions, is_recorded=options.is_recorded)
+    for extension in extensions:
+        scenario = extension.prepare(scenario)
+    if overriding(extensions, "completed"):
         scenario = dataclasses.replace(scenario, window=1, batch=1)
-    scenario = without_deadlines(scenario, [*options.debug, *options.no_deadline])
     check_installed(scenario)
     check_limits(len(scenario.participants))
-    return _Run(
-        adapt, scenario, options, observer or Silent(), interrupt or threading.Event()
-    ).execute()
+    options = dataclasses.replace(options, extensions=extensions)
+    return _Run(scenario, options, observer or Silent(), interrupt or threading.Event()).execute()
 
 
 class _Run:
     """One execution: opens everything, goes through the phases, closes everything in reverse."""
 
     def __init__(
-        self,
-        adapt: Callable[[Strategy], Strategy],
-        scenario: Scenario,
-        options: Options,
-        observer: Observer,
-        interrupt: threading.Event,
+        self, scenario: Scenario, options: Options, observer: Observer, interrupt: threading.Event
     ) -> None:
-        self._adapt = adapt
         self._scenario = scenario
         self._options = options
         self._observer = observer
@@ -137,8 +103,6 @@ class _Run:
 
             check_scenario(scenario)
         claim(options.out)
-        if options.profile:
-            make_new_folder(options.out / PROFILE_FOLDER)
         # A run in one process works in the scenario's folder.
         out = options.out.resolve()
         self._file = McapFile(out / layout.RUN_FILE) if options.is_recorded else None
@@ -147,30 +111,15 @@ class _Run:
         )
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         self._events = Events(observer)
-        self._invitations = Invitations(out, observer)
         if is_shared(out):
             self._events.add_warning(
                 "orchestrator", _SHARED.format(folder=options.out, out=argument("--out"))
             )
-        factor = options.real_time
-        self._real_time = None if factor is None else RealTime(scenario.step_ns, factor)
         self._recorder = (
             NoRecorder(order, self._events.take)
             if self._file is None
             else Recorder(self._file, order, scenario.step_ns, self._events.take, scenario.types)
         )
-        self._checkpoints = (
-            CheckpointWriter(out) if scenario.checkpoint_steps and options.is_recorded else None
-        )
-        self._injected: list[str] = []
-        faults = self._live_scenario().faults
-        self._injector = Injector(faults, self._add_fault) if faults else None
-
-    def _add_fault(self, fault: FaultSpec) -> None:
-        text = format_fault(fault)
-        self._injected.append(text)
-        self._timing.event("fault injected", fault.participant, text)
-        self._observer.event("warning", fault.participant, fault.step, f"fault injected: {text}")
 
     def execute(self) -> Result:
         """Run, close whatever happens, and return the result."""
@@ -195,24 +144,19 @@ class _Run:
             result.save()
         except OSError as exc:
             self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
-        self._finish_checkpoints(result)
+        for extension in self._options.extensions:
+            try:
+                extension.finish(result)
+            except RecordingFailed as exc:
+                self._observer.event("error", "orchestrator", result.steps, str(exc))
         return result
-
-    def _finish_checkpoints(self, result: Result) -> None:
-        """Bind the checkpoints to the recording; without, they are of no use, and no more."""
-        try:
-            if self._checkpoints is not None:
-                self._checkpoints.finish(result.sha256)
-        except RecordingFailed as exc:
-            self._observer.event("error", "orchestrator", result.steps, str(exc))
 
     def _recorded(self, file: McapFile) -> str:
         names = attach(file, self._scenario)
-        if self._options.prefix is not None and self._options.prefix.counts_from:
-            rows = self._options.prefix.counts_from.items()
-            content = {name: str(step) for name, step in rows}
-            file.add_metadata(layout.BRANCH_METADATA, content)
-        if self._options.seat is not None:
+        for extension in self._options.extensions:
+            for name, content in extension.metadata().items():
+                file.add_metadata(name, content)
+        if any(extension.is_hosting for extension in self._options.extensions):
             # What our caller reads is not what the run reads.
             return self._with_participants()
         with OpenedFiles(self._own_folder(), self._options.out) as opened:
@@ -267,7 +211,6 @@ class _Run:
             run=self._run,
             token=self._token,
             logs=logs,
-            timing=self._timing,
             options=self._options,
             interrupt=self._interrupt,
             result=lambda: msgspec.json.encode(self._result("", None)),
@@ -293,7 +236,7 @@ class _Run:
         folder = private_folder()
         launcher = Launcher(run=self._run, token=self._token, folder=folder, logs=logs)
         try:
-            is_star = self._options.prefix is not None
+            is_star = any(item.is_star for item in self._options.extensions)
             mesh = make_mesh(self._scenario, folder, self._run, is_star=is_star)
             with self._options.around(launcher.children):
                 return self._with_bus(launcher, mesh)
@@ -309,54 +252,30 @@ class _Run:
             live_file = Live(run=self._run, token=self._token, endpoint=mesh.caller)
             live_file.save(self._options.out)
             stack.callback(forget, self._options.out)
-            stack.callback(self._invitations.close)
-            live = LiveRun(launcher, mesh, self._timing, self._options, self._invitations)
-            return self._run_phases(bus, live)
+            return self._run_phases(bus, LiveRun(launcher, mesh, self._options))
 
-    def _run_phases(self, bus: Bus, live: Strategy) -> str:
-        session = Session(self._live_scenario(), bus, self._token)
-        strategy, gate = self._adapt(live), None
-        recorder: Sink = self._recorder
-        if self._options.prefix is not None:
-            strategy, recorder, gate = self._options.prefix.join(
-                strategy, session, recorder, self._timing
-            )
+    def _run_phases(self, bus: Bus, strategy: Strategy) -> str:
+        adapted = self._scenario
+        for extension in self._options.extensions:
+            adapted = extension.adapt(adapted)
         loop = self._loop = RunLoop(
-            session,
+            Session(adapted, bus, self._token),
             strategy,
-            Records(recorder=recorder, timing=self._timing, checkpoints=self._checkpoints),
-            self._controls(gate),
+            self._recorder,
+            self._timing,
+            out=self._options.out,
+            observer=self._observer,
+            interrupt=self._interrupt,
+            extensions=self._options.extensions,
         )
         try:
             return run_phases(loop)
         finally:
-            if self._injector is not None:
-                self._injector.close(loop.state.steps)
-
-    def _live_scenario(self) -> Scenario:
-        """Return the scenario without the faults that a recording has the outcome of."""
-        prefix = self._options.prefix
-        first = 0 if prefix is None else prefix.at
-        faults = tuple(fault for fault in self._scenario.faults if fault.step >= first)
-        # Whoever has a seat sees the outcome of the last step, and ends the run there.
-        steps = self._scenario.steps if self._options.seat is None else None
-        return dataclasses.replace(self._scenario, faults=faults, steps=steps)
-
-    def _controls(self, prefix: Gate | None) -> Controls:
-        return Controls(
-            observer=self._observer,
-            interrupt=self._interrupt,
-            injector=self._injector,
-            pace=self._options.pace,
-            prefix=prefix,
-            calls=self._options.calls,
-            new_calls=self._options.new_calls,
-            invitations=self._invitations,
-            real_time=self._real_time,
-        )
+            loop.close()
 
     def _result(self, reason: str, failure: RunFailure | None) -> Result:
         loop, scenario = self._loop, self._scenario
+        extensions = self._options.extensions if loop else ()
         steps = loop.state.steps if loop else 0
         started = loop.state.started_at if loop and loop.state.started_at else None
         wall_s = loop.ended_at - started if loop and started else 0.0
@@ -381,11 +300,10 @@ class _Run:
             folder=str(self._options.out),
             unauthenticated=loop.state.unauthenticated if loop else 0,
             drops=loop.progress().drops if loop else {},
-            faults=self._injected,
             warning_count=self._events.count,
             warnings=self._events.warnings,
             versions=own_versions(),
             file=str(scenario.file),
             overrides=scenario.overrides,
-            real_time=None if self._real_time is None else self._real_time.lateness(),
+            **{name: value for item in extensions for name, value in item.result().items()},
         )

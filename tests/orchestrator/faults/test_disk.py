@@ -116,7 +116,7 @@ def overwrite(recording):
 def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
     """The run is paused at a step while it is changed."""
     pace = Pace(50)
-    options = Options(out=tmp_path / "run", pace=pace, in_process=True)
+    options = Options(out=tmp_path / "run", extensions=[pace], in_process=True)
     changer = Changer(lambda: change(recording), pace)
     recording = tmp_path / "run" / "run.mcap"
     result = run_scenario(load("two_link", ["duration=500ms"]), options, changer)

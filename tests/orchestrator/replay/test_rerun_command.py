@@ -11,7 +11,7 @@ from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator import Options, cli, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
 
@@ -87,7 +87,7 @@ def test_of_a_recording_that_is_cut_off_what_is_there_is_compared(tmp_path, caps
 def test_of_a_run_that_was_interrupted_its_steps_are_compared(tmp_path, capsys):
     source = write_scenario(tmp_path / "source")
     stop = threading.Event()
-    options = Options(out=tmp_path / "out", pace=Pace(50), in_process=True)
+    options = Options(out=tmp_path / "out", extensions=[Pace(50)], in_process=True)
     run(load(source, ["duration=1s"]), options, Stopper(stop), stop)
     assert cli.main(["rerun", str(tmp_path / "out"), "--out", str(tmp_path / "again")]) == 0
     said = capsys.readouterr().out

@@ -8,6 +8,7 @@ import pytest
 from stepbus_orchestrator import Options, load, run_scenario
 from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.run.extensions.profile import Profile
 
 STEPS = 40
 PARTICIPANTS = ("controller", "mission", "plant")
@@ -20,7 +21,7 @@ def runs(tmp_path_factory):
     scenario = load("two_link", [f"duration={STEPS * 5}ms"])
     plain = run_scenario(scenario, Options(out=folder / "plain", in_process=True))
     options = Options(
-        out=folder / "profiled", in_process=True, profile=True, speedscope=["controller"]
+        out=folder / "profiled", in_process=True, extensions=[Profile(["controller"])]
     )
     return plain, run_scenario(scenario, options)
 

@@ -17,8 +17,8 @@ from support.paused import Paused
 from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.control.live_file import LIVE_FILE
+from stepbus_orchestrator.run.extensions.calls import recorded_calls
+from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.viewing.live import follow
 from stepbus_orchestrator.viewing.stage import open_page
 

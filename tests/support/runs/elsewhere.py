@@ -8,7 +8,8 @@ from pathlib import Path
 
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import Options, Pace, load
+from stepbus_orchestrator import External, Options, Pace, RealTime, load
+from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
 
@@ -89,7 +90,12 @@ def run_with_external(
     pace = Pace(at=30) if paused else None
     watcher = Watcher(pace, invited, paused, words)
     options = Options(
-        out=folder / "out", admits_external=True, tickets=tickets or {}, pace=pace,
-        no_deadline=no_deadline, real_time=real_time,
-    )  # fmt: skip
+        out=folder / "out",
+        extensions=[
+            External(tickets or {}),
+            Debug(no_deadline=no_deadline),
+            *([pace] if pace else []),
+            *([RealTime(scenario.step_ns, real_time)] if real_time else []),
+        ],
+    )
     return run(scenario, options, watcher, interrupt or threading.Event()), watcher.told

@@ -9,7 +9,7 @@ from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.loop.loop import Controls, Records, RunLoop
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.scenario import (
@@ -260,10 +260,9 @@ class Launched:
     def __init__(self, bus):
         self._bus = bus
 
-    def launch(self, state):
-        for spec in state.scenario.participants:
-            member = ParticipantState(spec, self._bus.processes[spec.name])
-            state.participants = {**state.participants, spec.name: member}
+    def launch(self, run):
+        for spec in run.state.scenario.participants:
+            run.started(ParticipantState(spec, self._bus.processes[spec.name]))
         self._bus.launched()
 
     def descriptions(self, participants):
@@ -279,8 +278,9 @@ class RunInMemory:
         self.sink = Transcript(scenario)
         self.timing = Timing()
         session = Session(scenario, self.bus, TOKEN)
-        records = Records(recorder=self.sink, timing=self.timing)
-        self.loop = RunLoop(session, Launched(self.bus), records, Controls(**controls))
+        self.loop = RunLoop(
+            session, Launched(self.bus), self.sink, self.timing, out=Path("no folder"), **controls
+        )
         self.phases = [self.loop.state.phase.value]
         enter = self.loop.state.enter
 

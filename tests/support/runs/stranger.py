@@ -112,6 +112,8 @@ def open_bus(ticket, links):
 def disturbed(folder, temp, act, *settings):
     """Return the result of a run that a stranger has disturbed."""
     stranger = Stranger(temp, act)
-    result = run_joints(folder, *PATIENT, *settings, around=stranger.around, pace=stranger.pace)
+    result = run_joints(
+        folder, *PATIENT, *settings, around=stranger.around, extensions=[stranger.pace]
+    )
     assert stranger.acted, result.reason
     return result

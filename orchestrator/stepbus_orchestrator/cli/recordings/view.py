@@ -13,7 +13,7 @@ from stepbus_orchestrator.cli.command import Command, add_foxglove, add_recordin
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.control.live_file import LIVE_FILE
+from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.viewing.access import open_in_browser
 from stepbus_schemas import WiringError
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.terminal.output import say, say_json, visible
-from stepbus_orchestrator.run.control.live_file import call
+from stepbus_orchestrator.run.live_file import call
 from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError

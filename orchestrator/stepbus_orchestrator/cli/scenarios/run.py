@@ -13,17 +13,20 @@ from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.debug import Debug, check_names, without_deadlines
+from stepbus_orchestrator.run.extensions.external import External, external_names
+from stepbus_orchestrator.run.extensions.loading import load_extension
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.profile import Profile
+from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports.lateness import Lateness, in_units
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_orchestrator.run.run_scenario import (
     Options,
     default_folder,
-    external_names,
     run,
-    without_deadlines,
 )
-from stepbus_orchestrator.run.setup.options import check_names
 from stepbus_orchestrator.scenario import Scenario, check_installed, load
 from stepbus_schemas import WiringError
 
@@ -102,6 +105,14 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--degrees",
         action="store_true",
         help="show the measured angles of all joints in degrees while it runs",
+    )
+    parser.add_argument(
+        "--with",
+        action="append",
+        default=[],
+        dest="extensions",
+        metavar="FILE.py:CLASS",
+        help="add an extension of your own to the run (docs/guide/writing/extension.md)",
     )
     parser.add_argument(
         "--profile",
@@ -193,16 +204,9 @@ def _execute(args: argparse.Namespace) -> int:
     pace = Pace(args.pause_at)
     options = Options(
         out=out,
-        pace=pace,
-        debug=args.debug,
-        no_deadline=args.no_deadline,
-        admits_external=True,
-        real_time=args.real_time,
-        tickets={name: Path(path) for name, path in _externals(args).items() if path},
         in_process=args.in_process,
         owns_descriptors=args.in_process and not args.debug,
-        profile=args.profile,
-        speedscope=args.speedscope,
+        extensions=[pace, *_extensions(args, scenario)],
     )
     with interruptible() as interrupt:
         display = displayed(
@@ -224,6 +228,17 @@ def _execute(args: argparse.Namespace) -> int:
                 _summarise(result, lines)
             settle()
     return result.exit_code
+
+
+def _extensions(args: argparse.Namespace, scenario: Scenario) -> list[RunExtension]:
+    tickets = {name: Path(path) for name, path in _externals(args).items() if path}
+    extensions: list[RunExtension] = [External(tickets), Debug(args.debug, args.no_deadline)]
+    if args.real_time is not None:
+        extensions.append(RealTime(scenario.step_ns, args.real_time))
+    extensions += [load_extension(name) for name in args.extensions]
+    if args.profile:
+        extensions.append(Profile(args.speedscope))
+    return extensions
 
 
 def _views(args: argparse.Namespace) -> list[list[str]]:

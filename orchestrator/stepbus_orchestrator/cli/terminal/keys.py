@@ -9,7 +9,7 @@ import threading
 import tty
 from collections.abc import Iterator
 
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extensions.pace import Pace
 
 HELP = "p or space: pause and continue · s or Enter: one step · q: stop"
 _POLL_S = 0.2

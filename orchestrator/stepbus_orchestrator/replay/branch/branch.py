@@ -8,6 +8,8 @@ from pathlib import Path
 from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
+from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -108,12 +110,13 @@ class BranchPlan:
         prefix = RecordedPrefix(self._recording, found.at, found.counts_from, restored)
         options = Options(
             out=self._out,
-            prefix=prefix,
-            calls=to_be_made(found.calls, restored),
-            new_calls=found.new_calls,
-            debug=debug,
             in_process=in_process,
             owns_descriptors=owns_descriptors,
+            extensions=[
+                prefix,
+                Calls(to_be_made(found.calls, restored), found.new_calls),
+                Debug(debug),
+            ],
         )
         result = run(self.scenario, options, observer, interrupt)
         return Branch(

@@ -1,23 +1,20 @@
 """The prefix of a run from a recording: each participant repeats what is recorded of it."""
 
+import dataclasses
 import time
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 from stepbus_orchestrator.processes.links.endpoints import Mesh
-from stepbus_orchestrator.recording import (
-    Descriptions,
-    Recording,
-    SavedState,
-    Sink,
-    TimingRecorder,
-)
-from stepbus_orchestrator.run.bus.session import Session
-from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.kernel.gates import Gate
+from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink, layout
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.participants import Participants
-from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.run.loop.strategy import Strategy
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_participant import CheckpointOrder
 
 from .expected import Expected
 from .relay import Relay
@@ -27,7 +24,7 @@ WINDOW = 256
 """How many steps participants may be apart while each repeats its own [steps]."""
 
 
-class RecordedPrefix:
+class RecordedPrefix(RunExtension):
     """The steps of a recording below `at`, as the beginning of a run.
 
     counts_from: participants that are not those of the recording, each with the step (at most
@@ -49,14 +46,25 @@ class RecordedPrefix:
         self.took_s = 0.0
         self._recording = recording
 
-    def join(
-        self, live: Strategy, session: Session, recorder: Sink, timing: TimingRecorder
-    ) -> tuple[Strategy, Sink, Gate]:
-        """Return strategy, sink and gate of the run."""
-        scenario = session.scenario
+    is_star = True
+
+    def adapt(self, scenario: Scenario) -> Scenario:
+        """Return the scenario without the faults that the recording has the outcome of."""
+        faults = tuple(fault for fault in scenario.faults if fault.step >= self.at)
+        return dataclasses.replace(scenario, faults=faults)
+
+    def metadata(self) -> Mapping[str, Mapping[str, str]]:
+        """Return whose steps are those of the recording."""
+        if not self.counts_from:
+            return {}
+        return {layout.BRANCH_METADATA: {name: str(at) for name, at in self.counts_from.items()}}
+
+    def wrap(self, strategy: Strategy, sink: Sink, run: RunLoop) -> tuple[Strategy, Sink]:
+        """Return the strategy that plays the recording first, and the sink that compares."""
+        scenario = run.state.scenario
         expected = Expected(self._recording, scenario.participants, self.at)
-        sink = PrefixSink(
-            recorder,
+        compared = PrefixSink(
+            sink,
             self._recording,
             scenario,
             expected,
@@ -65,44 +73,51 @@ class RecordedPrefix:
             restored=self.restored,
             calls=recorded_calls(self._recording),
         )
-        strategy = _Branch(live, self)
-        relay = Relay(
-            session,
+        self._relay = Relay(
+            run.session,
             expected,
-            sink,
+            compared,
             at=self.at,
             restored={name: item.step for name, item in self.restored.items()},
-            on_live=lambda: self._record_live(strategy, timing),
+            on_live=lambda: self._record_live(run),
         )
-        strategy.peers = relay
-        return strategy, sink, relay
+        return _Branch(strategy, self, self._relay), compared
 
-    def _record_live(self, strategy: "_Branch", timing: TimingRecorder) -> None:
-        if strategy.state is not None:
-            self.took_s = time.monotonic() - strategy.state.started_at
-        timing.event("live", text=f"from step {self.at}")
+    def limit(self, released: int) -> int:
+        """Return the first live step, until all have repeated what is below."""
+        return self._relay.limit(released)
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return the checkpoint that a participant starts from."""
+        saved = self.restored.get(spec.name)
+        if saved is None:
+            return {}
+        every = self.run.state.scenario.checkpoint_steps
+        order = CheckpointOrder(every=every, step=saved.step, state=str(saved.path))
+        return {"checkpoint": order}
+
+    def _record_live(self, run: RunLoop) -> None:
+        self.took_s = time.monotonic() - run.state.started_at
+        run.timing.event("live", text=f"from step {self.at}")
 
 
 class _Branch:
     """The strategy of a run that begins with recorded steps: all are started."""
 
-    peers: Relay
-
-    def __init__(self, live: Strategy, prefix: RecordedPrefix) -> None:
-        self.state: RunState | None = None
+    def __init__(self, live: Strategy, prefix: RecordedPrefix, relay: Relay) -> None:
+        self.peers = relay
         self._live = live
         self._prefix = prefix
 
-    def launch(self, state: RunState) -> None:
+    def launch(self, run: RunLoop) -> None:
         """Start the participants, as for a run, and let them be further apart than in one."""
-        self.state = self.peers.state = state
-        state.is_prefix = True
-        state.counts_from = self._prefix.counts_from
-        state.restored = self._prefix.restored
-        for name, checkpoint in state.restored.items():
+        state = self.peers.state = run.state
+        state.is_repeating = True
+        state.ends_from = self._prefix.counts_from
+        for name, checkpoint in self._prefix.restored.items():
             state.barrier.start_at(name, checkpoint.step)
         state.barrier.window = max(WINDOW, state.scenario.window)
-        self._live.launch(state)
+        self._live.launch(run)
 
     @property
     def mesh(self) -> Mesh | None:

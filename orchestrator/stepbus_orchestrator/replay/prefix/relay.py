@@ -100,7 +100,7 @@ class Relay:
         state = self.state
         if state is not None and state.barrier.completed >= self._at and self._sink.is_compared():
             self._is_live = True
-            state.is_prefix = False
+            state.is_repeating = False
             state.barrier.window = state.scenario.window
             self._on_live()
 

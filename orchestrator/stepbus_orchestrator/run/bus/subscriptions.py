@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from stepbus_orchestrator.run.control.calls import CALL_KEY, Calls
 from stepbus_orchestrator.run.fallback.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_participant import Request
@@ -12,17 +11,12 @@ from stepbus_participant import Request
 from .session import Session
 
 
-def subscribe(
-    session: Session, messages: MessageHandler, safe_stop: SafeStop, calls: Calls
-) -> None:
+def subscribe(session: Session, messages: MessageHandler, safe_stop: SafeStop) -> None:
     """Listen to all that participants send; everything goes through the session's inbox."""
     bus, into = session.bus, session.inbox.into
-    named = partial(_subscribe_named, session)
     bus.answer("join", into(lambda request: _take_join(session, messages, request)))
-    named("ready/*", messages.take_ready)
-    named("fault/*", messages.take_fault)
-    named("called/*", calls.take_called)
-    bus.answer(CALL_KEY, into(partial(_take_call, session, calls)))
+    subscribe_named(session, "ready/*", messages.take_ready)
+    subscribe_named(session, "fault/*", messages.take_fault)
     for spec in session.scenario.participants:
         # One key each: to ask every sample for its key takes longer than to decode it.
         take_log = partial(messages.take_log, spec.name)
@@ -32,8 +26,6 @@ def subscribe(
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
     if any(output.bulk for output in outputs):
         bus.subscribe("bulk/*/*", into(lambda sample: _take_bulk(session, messages, sample)))
-    if session.scenario.checkpoint_steps:
-        bus.subscribe("checkpoint/*", into(lambda s: _take_checkpoint(session, messages, s)))
     alive = into(lambda item: messages.take_alive(*item))
     bus.watch_alive("alive/*", lambda key, is_alive: alive((_last(key), is_alive)))
     bus.declare_alive("alive/orchestrator")
@@ -43,7 +35,8 @@ def _subscribe_one(session: Session, key: str, take: Callable[[bytes], None]) ->
     session.bus.subscribe_content(key, session.inbox.into(take))
 
 
-def _subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
+def subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
+    """Listen to keys such as `ready/*`; take: gets what is in place of the star, and the bytes."""
     bus = session.bus
     bus.subscribe(key, session.inbox.into(lambda s: take(_last(bus.key(s)), bus.payload(s))))
 
@@ -56,16 +49,7 @@ def _take_join(session: Session, messages: MessageHandler, request: Request) -> 
     messages.take_join(request.payload, partial(session.announcer.reply, request))
 
 
-def _take_call(session: Session, calls: Calls, request: Request) -> None:
-    calls.take_request(request.payload, partial(session.announcer.reply, request))
-
-
 def _take_bulk(session: Session, messages: MessageHandler, sample: Any) -> None:
     bus = session.bus
     _, name, port = bus.key(sample).split("/")
     messages.take_bulk(name, port, bus.attachment(sample), bus.payload(sample))
-
-
-def _take_checkpoint(session: Session, messages: MessageHandler, sample: Any) -> None:
-    bus = session.bus
-    messages.take_checkpoint(_last(bus.key(sample)), bus.attachment(sample), bus.payload(sample))

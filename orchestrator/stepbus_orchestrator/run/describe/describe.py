@@ -7,13 +7,10 @@ from collections.abc import Mapping
 import msgspec
 
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
-from stepbus_orchestrator.run.kernel.participants import Participants
-from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.loop.strategy import Strategy
-from stepbus_orchestrator.run.run_scenario import run_with
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.run.setup.options import Options
 from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
@@ -84,41 +81,25 @@ def describe(
 
     Raises RunFailure when that fails; it quotes the log of the culprit.
     """
-    found: list[_Describe] = []
-
-    def adapt(live: Strategy) -> Strategy:
-        found.append(_Describe(live))
-        return found[0]
-
+    described = _Describe()
     without_steps = dataclasses.replace(scenario, steps=0)
     with scratch_folder("describe") as folder:
-        result = run_with(adapt, without_steps, Options(out=folder / "run"), interrupt=interrupt)
+        options = Options(out=folder / "run", extensions=[described])
+        result = run(without_steps, options, interrupt=interrupt)
         if result.exit_code:
             raise RunFailure(result.reason, code=result.exit_code)
-    return _described(scenario, found[0].outputs)
+    return _described(scenario, described.outputs)
 
 
-class _Describe:
-    """The strategy of a description: that of a run, which keeps the descriptions."""
+class _Describe(RunExtension):
+    """Keeps how the participants describe their outputs."""
 
-    def __init__(self, live: Strategy) -> None:
+    def __init__(self) -> None:
         self.outputs: Descriptions = {}
-        self.peers = live.peers
-        self._live = live
 
-    def launch(self, state: RunState) -> None:
-        """Start the participants, as for a run."""
-        self._live.launch(state)
-
-    @property
-    def mesh(self) -> Mesh | None:
-        """Return the endpoints of its processes."""
-        return self._live.mesh
-
-    def descriptions(self, participants: Participants) -> Descriptions:
-        """Keep how the participants describe their outputs."""
-        self.outputs = self._live.descriptions(participants)
-        return self.outputs
+    def ready(self) -> None:
+        """Take the descriptions."""
+        self.outputs = self.run.descriptions
 
 
 def _described(scenario: Scenario, outputs: Descriptions) -> list[ParticipantDescription]:

@@ -70,7 +70,7 @@ class SafeStop:
         has_witness = isinstance(failure, ParticipantFault) and failure.witness is not None
         return (
             self._state.phase is RunPhase.STEPPING
-            and not self._state.is_prefix
+            and not self._state.is_repeating
             and failure.participant in self._substitutes
             and not has_witness
             and not self._may_publish(failure)

@@ -8,19 +8,20 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.bounded_log import BoundedLog
 from stepbus_orchestrator.processes.links.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
 from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word
-from stepbus_orchestrator.recording import Descriptions, TimingRecorder
+from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.extensions.hosted_caller import HostedCaller, Room, Seat
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
-from stepbus_orchestrator.run.setup.faults import message_faults
 from stepbus_orchestrator.run.setup.options import Options
-from stepbus_orchestrator.run.setup.seat import Room, Seat
 from stepbus_orchestrator.scenario import (
     PROCESS_FAULTS,
     ParticipantSpec,
@@ -43,6 +44,12 @@ from .watch import Watch, traced, watched_from_outside
 
 def check_scenario(scenario: Scenario) -> None:
     """Raise WiringError for a scenario that cannot run in one process, with every reason."""
+    external = [spec.name for spec in scenario.participants if spec.is_external]
+    if external:
+        raise WiringError(
+            f"{', '.join(external)}: a participant that somebody else starts has a process of its "
+            f"own; leave out {argument('--in-process')}"
+        )
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
     if faults:
         texts = ", ".join(f"'{format_fault(fault)}'" for fault in faults)
@@ -69,7 +76,6 @@ class LocalRun:
         run: str,
         token: str,
         logs: Path,
-        timing: TimingRecorder,
         options: Options,
         interrupt: threading.Event,
         result: Callable[[], bytes],
@@ -83,8 +89,9 @@ class LocalRun:
         self._run = run
         self._token = token
         self._logs = logs
-        self._timing = timing
         self._options = options
+        callers = (item for item in options.extensions if isinstance(item, HostedCaller))
+        self._seat = next((item.seat for item in callers), None)
         self._interrupt = interrupt
         self._result = result
         self.guard = Guard(self._running, self._belongings)
@@ -106,8 +113,8 @@ class LocalRun:
             stack.callback(watch.close)
             stack.enter_context(traced(self._turns))
             stack.callback(self._end_all)
-            if self._options.seat is not None:
-                self._offer(self._options.seat, around)
+            if self._seat is not None:
+                self._offer(self._seat, around)
             yield
 
     def _end_all(self) -> None:
@@ -178,10 +185,10 @@ class LocalRun:
         for hosted in self.hosted.values():
             self._turns.limit(hosted.number, *self._limit(hosted.name))
 
-    def launch(self, state: RunState) -> None:
+    def launch(self, run: RunLoop) -> None:
         """Let the participants begin, in the order of the options."""
-        scenario = state.scenario
-        self._state = state
+        scenario = run.state.scenario
+        self._state = run.state
         self._turns.write(
             {
                 "result": self._result().decode(),
@@ -192,14 +199,16 @@ class LocalRun:
             }
         )
         for name in self._options.start_order or [s.name for s in scenario.participants]:
-            hosted = self._host(scenario.participant(name), state)
-            self.hosted[name] = hosted
             spec = scenario.participant(name)
-            state.participants = {**state.participants, name: ParticipantState(spec, hosted)}
-            self._timing.event("spawn", name, f"in process {hosted.pid}")
+            hosted = self._host(spec, scenario, run.start_options(spec))
+            self.hosted[name] = hosted
+            run.started(ParticipantState(spec, hosted))
+            run.timing.event("spawn", name, f"in process {hosted.pid}")
 
-    def _host(self, spec: ParticipantSpec, state: RunState) -> HostedParticipant:
-        scenario = state.scenario
+    def _host(
+        self, spec: ParticipantSpec, scenario: Scenario, options: dict[str, Any]
+    ) -> HostedParticipant:
+        has_terminal = options.pop("has_terminal", False)
         names = [item.name for item in scenario.participants]
         number = min(1 + names.index(spec.name), MOST - 1)
         ticket = Ticket(
@@ -208,9 +217,7 @@ class LocalRun:
             token=self._token,
             endpoint=Endpoint(listen=[], connect=["this process"]),
             join_timeout_s=spec.deadlines.join_s,
-            faults=message_faults(scenario, spec.name),
-            profile=self._options.profile_order(),
-            checkpoint=state.checkpoint_order(spec.name),
+            **options,
         )
         try:
             return HostedParticipant(
@@ -220,13 +227,13 @@ class LocalRun:
                     spec.name,
                     ticket.faults,
                     counter=(self._turns.words, Row.PUBLISHED + number),
-                    is_leaf=self._options.prefix is not None,
+                    is_leaf=any(item.is_star for item in self._options.extensions),
                 ),
                 self._program(spec, scenario.folder),
                 hub=self.hub,
                 log=self._logs / f"{spec.name}.log",
                 take_program=self._take_program,
-                shown=spec.name in self._options.debug,
+                shown=has_terminal,
                 number=number,
                 turns=self._turns,
             )
@@ -236,9 +243,8 @@ class LocalRun:
             ) from exc
 
     def _program(self, spec: ParticipantSpec, folder: Path) -> Runnable:
-        seat = self._options.seat
-        if seat is not None and seat.name == spec.name:
-            return Guest(seat)
+        if self._seat is not None and self._seat.name == spec.name:
+            return Guest(self._seat)
         return Program(start_command(spec, folder)[1:], folder)
 
     def descriptions(self, participants: Participants) -> Descriptions:

@@ -10,7 +10,7 @@ from types import CodeType, ModuleType
 from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.run.setup.seat import Seat
+from stepbus_orchestrator.run.extensions.hosted_caller import Seat
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,

@@ -1,7 +1,6 @@
 """How far a run may go: as far as the barrier and every gate let it."""
 
-from collections.abc import Iterable
-from typing import Protocol
+from collections.abc import Callable, Iterable
 
 from .barrier import Barrier
 
@@ -9,17 +8,11 @@ FAR = 1 << 62
 """Beyond the last step of any run."""
 
 
-class Gate(Protocol):
-    """Holds a run before a step: a pause, an injected fault, a call."""
-
-    def limit(self, released: int) -> int:
-        """Return the first step that must not be released yet; FAR: none.
-
-        released: steps below it have been released. Called again and again.
-        """
+Gate = Callable[[int], int]
+"""Returns the first step that must not be released yet, or FAR; gets how far steps are released."""
 
 
 def step_limit(barrier: Barrier, gates: Iterable[Gate], released: int) -> int:
     """Return how far participants may work; the trigger only ever grows (P5.2)."""
-    limit = min([barrier.step_limit, *(gate.limit(released) for gate in gates)])
+    limit = min([barrier.step_limit, *(gate(released) for gate in gates)])
     return max(limit, released)

@@ -7,7 +7,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
 from stepbus_orchestrator.processes.links.credentials import ORCHESTRATOR
-from stepbus_orchestrator.recording import CheckpointWriter, Sink, TimingRecorder
+from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
@@ -55,8 +55,7 @@ _decode_whole_log = msgspec.msgpack.Decoder(_WholeLog).decode
 class MessageHandler:
     """Takes what participants send; unauthenticated and malformed messages are counted (P8.6).
 
-    replayed: names whose messages the orchestrator itself publishes. checkpoints: takes the states
-    that participants save. Methods take the name in the
+    replayed: names whose messages the orchestrator itself publishes. Methods take the name in the
     message's key, and raise RunFailure for a message that ends the run.
     """
 
@@ -68,7 +67,6 @@ class MessageHandler:
         timing: TimingRecorder,
         *,
         replayed: Collection[str] = (),
-        checkpoints: CheckpointWriter | None = None,
     ) -> None:
         self._state = state
         self._token = token
@@ -78,7 +76,6 @@ class MessageHandler:
         self._step_ns = state.scenario.step_ns
         specs = state.scenario.participants
         self._ports = {spec.name: _Ports(spec) for spec in specs}
-        self._checkpoints = checkpoints
         self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
 
     def take_alive(self, name: str, is_alive: bool) -> None:
@@ -212,7 +209,7 @@ class MessageHandler:
                 raise skipped(participant, step, state.barrier, self._step_ns)
             state.newest[name] = outputs.ports
             offer(name, outputs)
-            if outputs.end is not None and step >= state.counts_from.get(name, 0):
+            if outputs.end is not None and step >= state.ends_from.get(name, 0):
                 state.ask_end(step + 1, f"{name}: {outputs.end}")
 
     def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:
@@ -244,14 +241,6 @@ class MessageHandler:
             self._state.unauthenticated += 1
         elif step >= 0:
             self._recorder.offer_bulk(name, port, step, data)
-
-    def take_checkpoint(self, name: str, stamp: bytes, state: bytes) -> None:
-        """Keep the state that a participant has saved; stamp: step and token (P16.2)."""
-        step = read_stamp(stamp, self._token)
-        if step is None or name not in self._state.participants:
-            self._state.unauthenticated += 1
-        elif self._checkpoints is not None and step > 0 and name != self._state.replaced:
-            self._checkpoints.add(name, step, state)
 
     def take_fault(self, key_name: str, data: bytes) -> None:
         """End the run with the fault that a participant reports (P10)."""

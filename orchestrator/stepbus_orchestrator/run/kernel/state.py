@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, indented
-from stepbus_orchestrator.recording import SavedState
 from stepbus_orchestrator.scenario import Scenario
-from stepbus_participant import CheckpointOrder
 
 from .admission import max_message_bytes
 from .barrier import Barrier
@@ -28,10 +26,9 @@ class RunState:
     [ns] in these. newest: of each participant, port → its last
     message. started_at: when the first trigger was sent, by
     the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
-    is_prefix: whether the steps are those of a recording still. counts_from: of a participant that
-    was changed at a step: that step; what it does before is not part of the run.
-    restored: participants that start from a checkpoint, with it.
-    away_s: how long nobody worked, since whoever has a seat in this process did something else [s].
+    is_repeating: whether the steps are those of a recording still. ends_from: participants whose
+    requests to end count from a step on only, with that step.
+    away_s: how long nobody worked, since code of this process did something else [s].
     is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
     """
 
@@ -47,9 +44,8 @@ class RunState:
     newest: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     started_at: float = 0.0
     replaced: str | None = None
-    is_prefix: bool = False
-    counts_from: Mapping[str, int] = field(default_factory=dict)
-    restored: Mapping[str, SavedState] = field(default_factory=dict)
+    is_repeating: bool = False
+    ends_from: Mapping[str, int] = field(default_factory=dict)
     away_s: float = 0.0
     is_check_due: bool = False
     is_release_due: bool = False
@@ -107,13 +103,6 @@ class RunState:
     def is_ready(self) -> bool:
         """Return whether every participant is ready."""
         return all(participant.phase == Phase.READY for participant in self.participants.values())
-
-    def checkpoint_order(self, name: str) -> CheckpointOrder:
-        """Return when a participant saves its state, and from which it starts."""
-        every, saved = self.scenario.checkpoint_steps, self.restored.get(name)
-        if saved is None:
-            return CheckpointOrder(every=every)
-        return CheckpointOrder(every=every, step=saved.step, state=str(saved.path))
 
     def at(self, step: int) -> str:
         """Return `step 1042 (t = 5.210 s)`."""

@@ -4,20 +4,15 @@ import contextlib
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
-from stepbus_orchestrator.recording import CheckpointWriter, Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.bus.subscriptions import subscribe
-from stepbus_orchestrator.run.control.calls import Calls
-from stepbus_orchestrator.run.control.injector import Injector
-from stepbus_orchestrator.run.control.invitations import Invitations
-from stepbus_orchestrator.run.control.pace import Pace
-from stepbus_orchestrator.run.control.real_time import RealTime
-from stepbus_orchestrator.run.control.speed import Speed
-from stepbus_orchestrator.run.control.steering import RunSteering
+from stepbus_orchestrator.run.extension import RunExtension, overriding
 from stepbus_orchestrator.run.fallback.safe_stop import SafeStop
 from stepbus_orchestrator.run.kernel.failures import death, kept_thread, took_nothing
 from stepbus_orchestrator.run.kernel.gates import Gate, step_limit
@@ -26,7 +21,9 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports.angles import measured_angles
 from stepbus_orchestrator.run.reports.progress import Observer, Progress, Silent
-from stepbus_schemas import CallRecord
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_participant import suggest
+from stepbus_schemas import Decoder, Message, WiringError, message_class
 
 from .strategy import Strategy
 
@@ -43,42 +40,12 @@ _FLUSH_EVERY = 4
 """In ticks: a kill -9 costs at most 0.25 s of the recording, and what is in flight."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Records:
-    """Where a run is written.
-
-    recorder: gets the outputs. timing: gets what the clock shows. checkpoints: gets the states that
-    participants save; None: nobody is asked to.
-    """
-
-    recorder: Sink
-    timing: TimingRecorder
-    checkpoints: CheckpointWriter | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Controls:
-    """What acts on a run from outside.
-
-    observer: is notified of progress. interrupt: ends it when it is set. injector: of faults.
-    pace: pauses it. prefix: holds it before its first live step. calls: of a recording, made
-    again. new_calls: made at their steps; one that fails ends the run. invitations: of participants
-    that somebody else starts. real_time: lets steps begin on the grid of the wall clock.
-    """
-
-    observer: Observer = field(default_factory=Silent)
-    interrupt: threading.Event = field(default_factory=threading.Event)
-    injector: Injector | None = None
-    pace: Pace | None = None
-    prefix: Gate | None = None
-    calls: Sequence[CallRecord] = ()
-    new_calls: Sequence[CallRecord] = ()
-    invitations: Invitations | None = None
-    real_time: RealTime | None = None
-
-
 class RunLoop:
     """The tools of the phases; `phases.run_phases` drives it.
+
+    session: its end of the bus. strategy: how it gets its participants. recorder: gets their
+    outputs. timing: gets what the clock shows. out: folder of the run. observer: is notified of
+    progress. interrupt: ends the run when it is set. extensions: its features.
 
     state: of the run. descriptions: of all outputs, from the end of the start-up on. ended_at:
     when the stop was sent, by the monotonic clock [s]. is_recorded: whether the recorder has been
@@ -88,48 +55,52 @@ class RunLoop:
     """
 
     def __init__(
-        self, session: Session, strategy: Strategy, records: Records, controls: Controls
+        self,
+        session: Session,
+        strategy: Strategy,
+        recorder: Sink,
+        timing: TimingRecorder,
+        *,
+        out: Path,
+        observer: Observer | None = None,
+        interrupt: threading.Event | None = None,
+        extensions: Sequence[RunExtension] = (),
     ) -> None:
         self.state = RunState(session.scenario)
         self.session = session
         self.announcer = session.announcer
-        self.strategy = strategy
-        self.recorder = records.recorder
-        self.timing = records.timing
-        self.controls = controls
+        self.timing = timing
+        self.out = out
+        self.observer = observer or Silent()
+        self.interrupt = interrupt or threading.Event()
+        self.extensions = extensions
         self.descriptions: Descriptions = {}
         self.ended_at = 0.0
         self.is_recorded = False
+        for extension in extensions:
+            strategy, recorder = extension.wrap(strategy, recorder, self)
+        self.strategy, self.recorder = strategy, recorder
         messages = MessageHandler(
-            self.state,
-            session.token,
-            records.recorder,
-            records.timing,
-            replayed=strategy.peers.names,
-            checkpoints=records.checkpoints,
+            self.state, session.token, recorder, timing, replayed=strategy.peers.names
         )
         self.safe_stop = SafeStop(session, self.state, messages)
-        self.calls = Calls(
-            session, self.state, records.recorder, controls.calls, controls.new_calls
+        self._gates: list[Gate] = overriding(extensions, "limit")
+        self._turns, self._acts, self._waits, self._completions, self._releases = (
+            overriding(extensions, name)
+            for name in ("turn", "act", "wait_s", "completed", "released")
         )
-        self.pace = controls.pace or Pace()
-        self.speed = Speed(session.scenario.step_ns)
-        self.steering = RunSteering(
-            self.state, self.pace, self.speed, self.progress, controls.interrupt
-        )
-        if controls.real_time is not None:
-            self.steering.real_time = controls.real_time.factor
-        self.calls.steer = self.steering.take
-        gates = (controls.injector, self.pace, self.speed, controls.prefix, self.calls)
-        self._gates: list[Gate] = [gate for gate in gates if gate is not None]
+        self._is_timed = False
+        self._decoders: dict[str, Callable[[bytes], Message]] = {}
         self._killed: list[str] = []
         self._completed = 0
+        self._looked_at = 0
         self._began = time.monotonic()
         self._checked_at = self._began
         self._ticks = 0
-        self._flushed_at = self._began
         self.announcer.on_block = self.kill_blockers
-        subscribe(session, messages, self.safe_stop, self.calls)
+        for extension in extensions:
+            extension.attach(self)
+        subscribe(session, messages, self.safe_stop)
 
     # --- one turn -------------------------------------------------------------------------
 
@@ -138,17 +109,14 @@ class RunLoop:
 
         check: of deadlines; gets the time since the last check [s].
         """
-        clock = self.controls.real_time if self.state.phase.is_stepping else None
-        is_slowed = self.state.phase.is_stepping and self.speed.factor is not None
-        wait_s = self._longest_wait_s() if is_slowed else TICK_S
-        if clock is not None:
-            wait_s = clock.wait_s(self.state.released, wait_s)
+        wait_s = self._longest_wait_s() if self.state.phase.is_stepping else TICK_S
         last = self.state.barrier.last() if self.state.phase.is_stepping else ()
         self.session.inbox.wake_for(last)
         self.session.inbox.receive(wait_s)
-        self.release(always=clock is not None or is_slowed)
-        self._flush_for_viewers()
-        if self.controls.interrupt.is_set():
+        self.release(always=self._is_timed)
+        for turn in self._turns:
+            turn()
+        if self.interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
         elapsed_s = time.monotonic() - self.state.away_s - self._checked_at
         if elapsed_s < TICK_S and not self.state.is_check_due:
@@ -162,18 +130,14 @@ class RunLoop:
         if self._ticks % _FLUSH_EVERY == 0:
             self.recorder.flush()
         if self._ticks % _PROGRESS_EVERY == 0:
-            self.controls.observer.progress(self.progress())
+            self.observer.progress(self.progress())
 
     def _longest_wait_s(self) -> float:
-        """Return how long to wait for messages in a run that is slowed down [s]."""
-        return self.speed.wait_s(self.state.released, TICK_S)
-
-    def _flush_for_viewers(self) -> None:
-        """Write what is recorded as often as somebody who watches the run asks for."""
-        period_s = self.steering.flush_s
-        if period_s is not None and time.monotonic() - self._flushed_at >= period_s:
-            self._flushed_at = time.monotonic()
-            self.recorder.flush()
+        """Return how long to wait for messages, where the clock may release a step [s]."""
+        waits = [wait(self.state.released, TICK_S) for wait in self._waits]
+        timed = [wait for wait in waits if wait is not None]
+        self._is_timed = bool(timed)
+        return min(timed, default=TICK_S)
 
     def receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
@@ -202,26 +166,82 @@ class RunLoop:
             return
         self._completed = completed
         state.is_release_due = False
-        if self.controls.injector is not None:
-            self.controls.injector.act(completed, state.participants)
-        self.calls.act(state.released)
+        for act in self._acts:
+            act()
+        if self._completions:
+            self._look_at_completed()
         self.strategy.peers.publish_below(state.barrier.step_limit, state.barrier.reported)
         self._send_trigger()
         self.safe_stop.follow(state.released)
         self.recorder.write_below(min(state.barrier.completed, state.last_step))
 
+    def _look_at_completed(self) -> None:
+        completed = min(self.state.barrier.completed, self.state.last_step)
+        while self._looked_at < completed:
+            for look in self._completions:
+                look(self._looked_at)
+            self._looked_at += 1
+
     def _send_trigger(self) -> None:
-        released, clock = self.state.released, self.controls.real_time
+        released = self.state.released
         limit = step_limit(self.state.barrier, self._gates, released)
-        if clock is not None:
-            clock.follow(self.state, others=limit)
-            limit = max(released, min(limit, clock.limit(released)))
         if limit > released:
-            if clock is not None:
-                clock.began(self.state, released, limit)
+            for begin in self._releases:
+                begin(released, limit)
             self.state.released = limit
             self.announcer.trigger(limit)
             self.timing.trigger(limit)
+
+    def newest(self, output: str) -> Message | None:
+        """Return the newest message of an output, such as `plant.joint_state`; None before one.
+
+        Raises WiringError for an output that the scenario does not have, or whose messages are
+        bulk, MessageError for a message that is not of its type.
+        """
+        name, _, port = output.partition(".")
+        if output not in self._decoders:
+            self._decoders[output] = self._decoder(output)
+        raw = self.state.newest.get(name, {}).get(port)
+        return None if raw is None else self._decoders[output](bytes(raw))
+
+    def _decoder(self, output: str) -> Callable[[bytes], Message]:
+        outputs = {
+            f"{spec.name}.{port}": described
+            for spec in self.state.scenario.participants
+            for port, described in spec.outputs.items()
+            if not described.bulk
+        }
+        if output not in outputs:
+            raise WiringError(f"no output {output!r}{suggest(output, outputs)}")
+        return Decoder(message_class(outputs[output].type, self.state.scenario.types))
+
+    def end(self, reason: str) -> None:
+        """End the run behind the steps that are released; an extension's `completed` may ask so."""
+        self.state.ask_end(self.state.released, reason)
+
+    def awaiting(self, participants: Collection[ParticipantState]) -> None:
+        """Tell the extensions who has still to get ready, or to leave."""
+        for extension in self.extensions:
+            extension.awaiting(participants)
+
+    def start_options(self, spec: ParticipantSpec) -> dict[str, Any]:
+        """Return how a participant is to be started, as far as extensions say so."""
+        return {
+            key: value
+            for item in self.extensions
+            for key, value in item.start_options(spec).items()
+        }
+
+    def started(self, participant: ParticipantState) -> None:
+        """Take a participant that has been started."""
+        self.state.participants = {**self.state.participants, participant.name: participant}
+        for extension in self.extensions:
+            extension.started(participant)
+
+    def close(self) -> None:
+        """Let the extensions let go of everything."""
+        for extension in self.extensions:
+            extension.close()
 
     # --- processes ------------------------------------------------------------------------
 
@@ -272,17 +292,17 @@ class RunLoop:
     def stop(self, reason: str, at_step: int = -1) -> None:
         """Announce that the run ends; negative `at_step`: at once (P11)."""
         self.ended_at = time.monotonic()
-        self.calls.close()
+        for extension in self.extensions:
+            extension.stopping()
         self.announcer.stop(reason, at_step)
 
     def progress(self) -> Progress:
         """Return how far the run is."""
         state = self.state
         participants = state.participants.values()
-        # Until the next step is due, a run in real time is held too.
-        in_time = self.controls.real_time is not None
-        in_time = (in_time or self.speed.factor is not None) and not self.pace.paused
-        is_paused = state.phase.is_stepping and state.is_held and not in_time
+        # Until the next step is due by the clock, a run is held too.
+        is_held = not self._is_timed or any(item.is_holding() for item in self.extensions)
+        is_paused = state.phase.is_stepping and state.is_held and is_held
         is_moving = state.phase.is_stepping and not is_paused
         return Progress(
             phase="paused" if is_paused else state.phase.shown,

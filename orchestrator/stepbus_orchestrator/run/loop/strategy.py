@@ -1,14 +1,14 @@
 """What differs between a run, a replay and a description: who is started, who is played."""
 
-from collections.abc import Collection, Iterable, Mapping
-from typing import Protocol
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING, Protocol
 
 from stepbus_orchestrator.processes.links.endpoints import Mesh
-from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
-from stepbus_orchestrator.run.bus.session import Session
-from stepbus_orchestrator.run.kernel.gates import Gate
+from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants
-from stepbus_orchestrator.run.kernel.state import RunState
+
+if TYPE_CHECKING:
+    from .loop import RunLoop
 
 
 class Peers(Protocol):
@@ -50,8 +50,8 @@ class Strategy(Protocol):
     def peers(self) -> Peers:
         """Return the participants that are played instead of started."""
 
-    def launch(self, state: RunState) -> None:
-        """Start the others, and add each to the state's participants.
+    def launch(self, run: "RunLoop") -> None:
+        """Start the others, and hand each to `run.started`.
 
         Raises StartFailed when one cannot be started.
         """
@@ -62,26 +62,6 @@ class Strategy(Protocol):
     @property
     def mesh(self) -> Mesh | None:
         """Return the endpoints of its processes; None: they are all in this one."""
-
-
-class Prefix(Protocol):
-    """The first steps of a run, where they are those of a recording (`replay.prefix`)."""
-
-    @property
-    def at(self) -> int:
-        """Return the first step that is not."""
-
-    @property
-    def counts_from(self) -> Mapping[str, int]:
-        """Return the participants whose own outputs count from a step on only, with that step."""
-
-    def join(
-        self, live: Strategy, session: Session, recorder: Sink, timing: TimingRecorder
-    ) -> tuple[Strategy, Sink, Gate]:
-        """Return what a run needs to begin with these steps.
-
-        live: how its participants are started. recorder: gets all outputs, recorded ones included.
-        """
 
 
 def ready_descriptions(participants: Participants) -> Descriptions:

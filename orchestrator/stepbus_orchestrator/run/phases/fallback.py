@@ -26,9 +26,7 @@ def fall_back(loop: RunLoop, failure: RunFailure) -> RunPhase:
         {"participant": participant.name, "first": str(first), "until": str(until)},
     )
     loop.timing.event("hold", participant.name, f"steps {first} to {until - 1}")
-    loop.controls.observer.event(
-        "error", participant.name, first, f"{failure}; holding until step {until}"
-    )
+    loop.observer.event("error", participant.name, first, f"{failure}; holding until step {until}")
     return step(loop)
 
 

@@ -76,8 +76,7 @@ def _await_ends(
         waited_s = time.monotonic() - began
         if not any(waited_s < _patience_s(loop, item, has_failed=has_failed) for item in left):
             return left
-        if loop.controls.invitations is not None:
-            loop.controls.invitations.remind_to_leave(left)
+        loop.awaiting(left)
         for participant in left:
             participant.process.limit_log()
         loop.announcer.repeat_stop()
@@ -90,7 +89,7 @@ def _patience_s(loop: RunLoop, participant: ParticipantState, *, has_failed: boo
         # It may stand in a debugger, and nobody may end it.
         return _LEAVE_S
     stop_s = seconds(participant.spec, "stop")
-    return min(stop_s, Deadlines.stop_s) if loop.controls.interrupt.is_set() else stop_s
+    return min(stop_s, Deadlines.stop_s) if loop.interrupt.is_set() else stop_s
 
 
 def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:

@@ -60,12 +60,11 @@ def _obstacle(loop: RunLoop, mesh: Mesh, failure: RunFailure) -> str:
 
 def _start(loop: RunLoop) -> RunPhase:
     state = loop.state
-    loop.strategy.launch(state)
+    loop.strategy.launch(loop)
     mesh = loop.strategy.mesh
     while not state.is_ready:
         loop.strategy.peers.send_handshake()
-        if loop.controls.invitations is not None:
-            loop.controls.invitations.remind(state.participants.values())
+        loop.awaiting(state.participants.values())
         if mesh is not None:
             mesh.users.look()
         loop.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
@@ -75,12 +74,12 @@ def _start(loop: RunLoop) -> RunPhase:
     inputs = input_descriptions(state.scenario, loop.descriptions)
     check_descriptions(state.participants, inputs)
     _open_channels(loop)
-    is_live = not loop.strategy.peers.names and not state.is_prefix
+    is_live = not loop.strategy.peers.names and not state.is_repeating
     batches = batches_of(state.scenario, state.participants) if is_live else {}
     message = encode(Start(token=loop.session.token, inputs=inputs, batches=batches))
     state.check_size("the descriptions of all inputs", message)
-    if loop.controls.injector is not None:
-        loop.controls.injector.check(state.participants)
+    for extension in loop.extensions:
+        extension.ready()
     loop.timing.event("start")
     state.started_at = time.monotonic()
     loop.announcer.start(message)

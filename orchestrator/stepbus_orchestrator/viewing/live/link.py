@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.run.control.live_file import LIVE_FILE, Line
+from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
 
 FLUSH_S = 1 / 30

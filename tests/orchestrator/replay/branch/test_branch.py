@@ -11,6 +11,7 @@ from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import BranchPlan, branch
 from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord, WiringError
 
@@ -46,7 +47,9 @@ def recorded(tmp_path_factory):
         CallRecord(step=step, participant="plant", method="put", args=[0, value])
         for step, value in ((20, 0.5), (60, -0.5))
     ]
-    return run(scenario, Options(out=folder / "out", calls=calls, in_process=True)).recording
+    return run(
+        scenario, Options(out=folder / "out", extensions=[Calls(calls)], in_process=True)
+    ).recording
 
 
 def below(recording, step):

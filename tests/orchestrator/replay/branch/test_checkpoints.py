@@ -11,6 +11,7 @@ import pytest
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.branch import branch
+from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
@@ -29,7 +30,7 @@ CALLS = [
 def plain(tmp_path_factory):
     """The SHA-256 of the run without checkpoints."""
     out = tmp_path_factory.mktemp("plain") / "out"
-    options = Options(out=out, calls=CALLS, in_process=True)
+    options = Options(out=out, extensions=[Calls(CALLS)], in_process=True)
     return run(load("two_link/pid", SAVED[:1]), options).sha256
 
 
@@ -38,7 +39,7 @@ def saved(tmp_path_factory):
     """The recording of a run with checkpoints and calls that change it."""
     out = tmp_path_factory.mktemp("saved") / "out"
     return run(
-        load("two_link/pid", SAVED), Options(out=out, calls=CALLS, in_process=True)
+        load("two_link/pid", SAVED), Options(out=out, extensions=[Calls(CALLS)], in_process=True)
     ).recording
 
 
@@ -85,7 +86,7 @@ def test_processes_of_their_own_save_and_start_from_checkpoints_too(
     saved, plain, transport, tmp_path
 ):
     overrides = [*SAVED, f"bus.transport={transport}"]
-    options = Options(out=tmp_path / "a", calls=CALLS)
+    options = Options(out=tmp_path / "a", extensions=[Calls(CALLS)])
     result = run(load("two_link/pid", overrides), options)
     assert result.sha256 == plain
     found = branch(result.recording, 250, tmp_path / "b", overrides[2:])

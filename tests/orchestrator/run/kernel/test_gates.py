@@ -7,14 +7,9 @@ from stepbus_orchestrator.run.kernel.barrier import Barrier
 from stepbus_orchestrator.run.kernel.gates import FAR, step_limit
 
 
-class At:
-    """A gate before a step."""
-
-    def __init__(self, step):
-        self._step = step
-
-    def limit(self, released):
-        return self._step
+def before(step):
+    """Return a gate before a step."""
+    return lambda _released: step
 
 
 def test_without_gates_the_barrier_decides():
@@ -22,14 +17,14 @@ def test_without_gates_the_barrier_decides():
 
 
 def test_the_nearest_gate_decides():
-    assert step_limit(Barrier(scenario(steps=100)), [At(9), At(FAR), At(4)], 0) == 4
+    assert step_limit(Barrier(scenario(steps=100)), [before(9), before(FAR), before(4)], 0) == 4
 
 
 def test_what_has_been_released_is_never_taken_back():
-    assert step_limit(Barrier(scenario(steps=100)), [At(4)], 7) == 7
+    assert step_limit(Barrier(scenario(steps=100)), [before(4)], 7) == 7
 
 
 def test_a_pause_holds_what_is_not_released():
     pace = Pace()
     pace.pause()
-    assert step_limit(Barrier(scenario(steps=100)), [pace], 7) == 7
+    assert step_limit(Barrier(scenario(steps=100)), [pace.limit], 7) == 7

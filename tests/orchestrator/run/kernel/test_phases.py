@@ -96,7 +96,7 @@ def test_an_interrupt_ends_the_run_at_its_next_turn():
 
 def test_a_paused_run_releases_no_step_beyond_the_pause():
     pace = Pace(3)
-    run = RunInMemory(scenario(MISSION, steps=8, window=4), pace=pace)
+    run = RunInMemory(scenario(MISSION, steps=8, window=4), extensions=[pace])
 
     def resume():
         assert comes_true(lambda: "mission@0" in run.sink.text)

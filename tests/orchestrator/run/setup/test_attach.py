@@ -23,7 +23,9 @@ from support.tools import needs
 from stepbus_orchestrator import ExitCode, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay.branch import branch
-from stepbus_orchestrator.run.control import invitations
+from stepbus_orchestrator.run.extensions import external
+from stepbus_orchestrator.run.extensions.debug import Debug
+from stepbus_orchestrator.run.extensions.external import External
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
@@ -59,7 +61,7 @@ def test_a_participant_that_waits_for_its_run_gives_the_bytes_of_a_child(
 def test_a_participant_that_comes_later_gives_the_bytes_of_a_child(
     tmp_path, elsewhere, as_child, monkeypatch
 ):
-    monkeypatch.setattr(invitations, "_REMIND_S", 0.2)
+    monkeypatch.setattr(external, "_REMIND_S", 0.2)
     result, told = run_with_external(
         tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET), words="is not there yet"
     )
@@ -275,7 +277,7 @@ def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
         CHECKOUT / "examples/controllers/javascript/scenario.yaml",
         [*SHORT, "controller.start=external"],
     )
-    options = Options(out=tmp_path / "out", admits_external=True, tickets={"controller": ticket})
+    options = Options(out=tmp_path / "out", extensions=[External({"controller": ticket})])
     result = run(external, options)
     assert (result.exit_code, result.sha256) == (0, child.sha256)
 
@@ -361,16 +363,20 @@ def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
     ("options", "overrides", "sentence"),
     [
         ({"in_process": True}, [], "leave out `in_process`"),
-        ({"debug": ("controller",)}, [], "--no-deadline controller"),
+        ({"extensions": [External(), Debug(["controller"])]}, [], "--no-deadline controller"),
         ({}, ["faults=['freeze controller at 7']"], "sends no signal to a process"),
-        ({"tickets": {"controler": Path("x")}}, [], "did you mean 'controller'"),
-        ({"no_deadline": ("controler",)}, [], "did you mean 'controller'"),
+        ({"extensions": [External({"controler": Path("x")})]}, [], "did you mean 'controller'"),
+        (
+            {"extensions": [External(), Debug(no_deadline=["controler"])]},
+            [],
+            "did you mean 'controller'",
+        ),
     ],
 )
 def test_what_cannot_be_done_to_it_is_refused(tmp_path, options, overrides, sentence):
     scenario = load(write_scenario(tmp_path), ["controller.start=external", *overrides])
     with pytest.raises(WiringError, match=sentence):
-        run(scenario, Options(out=tmp_path / "out", admits_external=True, **options))
+        run(scenario, Options(out=tmp_path / "out", **{"extensions": [External()], **options}))
     shutil.rmtree(tmp_path)
 
 

@@ -96,7 +96,7 @@ def test_a_run_in_which_a_joint_was_put_somewhere_is_run_again_and_replayed(tmp_
         ("set_joint_position", "j", 0),
     ]
     asker = Asker(pace, [lambda w=w: call(out, "plant", w[0], args=list(w[1:])) for w in words])
-    result = run(load("two_link", ["duration=200ms"]), Options(out=out, pace=pace), asker)
+    result = run(load("two_link", ["duration=200ms"]), Options(out=out, extensions=[pace]), asker)
     asker.thread.join()
     assert [getattr(a, "value", a) for a in asker.answers[:2]] == [["joint1", "joint2"], None]
     assert asker.answers[2].startswith("set_joint_position: joint 'j' is unknown; ")

@@ -3,13 +3,14 @@
 import time
 from collections.abc import Callable
 
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.gates import FAR
 
 _BEHIND_S = 0.1
 """Who is further behind than this starts anew: a run that was paused does not hurry."""
 
 
-class Speed:
+class Speed(RunExtension):
     """Holds steps until their time by the wall clock; without a factor, it holds none.
 
     It only chooses when a trigger is sent: inputs are fixed by their step numbers, so it changes no
@@ -42,10 +43,10 @@ class Speed:
             return released + 1
         return due
 
-    def wait_s(self, released: int, longest_s: float) -> float:
+    def wait_s(self, released: int, longest_s: float) -> float | None:
         """Return how long to wait for messages, at most until the next step is due [s]."""
         if self.factor is None:
-            return longest_s
+            return None
         began, first = self._origin
         due = began + (released - first) * self._step_s / self.factor
         left_s = due - self._clock()

@@ -21,7 +21,7 @@ from stepbus_schemas import (
     explained,
 )
 
-from .calls import CALL_KEY
+from .extensions.calls import CALL_KEY
 
 LIVE_FILE = ".live.json"
 _decode_reply = Decoder(CallReply)

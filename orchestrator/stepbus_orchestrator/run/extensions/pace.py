@@ -2,10 +2,11 @@
 
 import threading
 
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.gates import FAR
 
 
-class Pace:
+class Pace(RunExtension):
     """Pauses a run between two steps and resumes it, from any thread.
 
     It only chooses when a trigger is sent: inputs are fixed by their step numbers, so a pause
@@ -22,6 +23,10 @@ class Pace:
     def paused(self) -> bool:
         """Return whether the run is paused, or will be at a step."""
         return self._pausing or self._at is not None
+
+    def is_holding(self) -> bool:
+        """Return whether the run is paused."""
+        return self.paused
 
     def pause(self) -> None:
         """Pause as soon as all released steps are complete."""

@@ -8,13 +8,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
-from stepbus_orchestrator.recording import Sink, layout, recorded_decoder
-from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.recording import layout, recorded_decoder
+from stepbus_orchestrator.run.bus.subscriptions import subscribe_named
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.failures import deadline, seconds
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_participant import suggest
+from stepbus_participant import Request, suggest
 from stepbus_schemas import (
     Call,
     CallDescription,
@@ -29,6 +29,7 @@ from stepbus_schemas import (
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording import Recording
+    from stepbus_orchestrator.run.loop.loop import RunLoop
 
 CALL_KEY = "call"
 _decode_request = Decoder(CallRequest)
@@ -65,7 +66,7 @@ class _Open:
     waited_s: float = 0.0
 
 
-class Calls:
+class Calls(RunExtension):
     """Makes the calls of users to participants, each before a step of the run.
 
     No participant is let into that step before the answer has come (P15.2). So a call is always
@@ -77,17 +78,7 @@ class Calls:
     on the run's own thread.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        state: RunState,
-        recorder: Sink,
-        planned: Sequence[CallRecord] = (),
-        new: Sequence[CallRecord] = (),
-    ) -> None:
-        self._state = state
-        self._token = session.token
-        self._recorder = recorder
+    def __init__(self, planned: Sequence[CallRecord] = (), new: Sequence[CallRecord] = ()) -> None:
         self._waiting: deque[_Asked] = deque(
             sorted(
                 (
@@ -100,10 +91,21 @@ class Calls:
         self._open: _Open | None = None
         self.steer: Steer = _no_steering
         self._number = 0
+
+    def attach(self, run: "RunLoop") -> None:
+        """Listen to requests and answers."""
+        super().attach(run)
+        session, self._state = run.session, run.state
+        self._token = session.token
         self._puts = {
             spec.name: session.announcer.publisher(f"call/{spec.name}", "Call/1")
             for spec in session.scenario.participants
         }
+        subscribe_named(session, "called/*", self.take_called)
+        session.bus.answer(CALL_KEY, session.inbox.into(self._take))
+
+    def _take(self, request: Request) -> None:
+        self.take_request(request.payload, partial(self.run.session.announcer.reply, request))
 
     def limit(self, released: int) -> int:
         """Return the step before which the next call is to be answered."""
@@ -114,7 +116,7 @@ class Calls:
         first = self._waiting[0].step
         return released if first is None else first
 
-    def act(self, released: int) -> None:
+    def act(self) -> None:
         """Send the next call, when all steps before its own are complete; resend an open one.
 
         Raises StepTimeout when a participant has not answered within its deadline for a step.
@@ -123,7 +125,7 @@ class Calls:
             self._check(self._open)
         elif self._waiting:
             asked = self._waiting[0]
-            step = released if asked.step is None else asked.step
+            step = self._state.released if asked.step is None else asked.step
             if self._state.barrier.completed >= step:
                 self._waiting.popleft()
                 mistake = self._mistake(asked.participant, asked.method)
@@ -234,7 +236,7 @@ class Calls:
         asked = call.asked
         methods = _methods(self._state.participants[asked.participant])
         if asked.method in methods and methods[asked.method].changes:
-            self._recorder.add_call(
+            self.run.recorder.add_call(
                 CallRecord(
                     step=call.step,
                     participant=asked.participant,
@@ -246,7 +248,7 @@ class Calls:
             )
         asked.reply(CallReply(step=call.step, value=called.value, error=called.error))
 
-    def close(self) -> None:
+    def stopping(self) -> None:
         """Answer every call that is left: there is no step it could be made before."""
         waiting = [*([self._open.asked] if self._open is not None else []), *self._waiting]
         self._open = None

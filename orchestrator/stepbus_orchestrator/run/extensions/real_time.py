@@ -4,21 +4,25 @@ It only chooses when a trigger is sent: inputs are fixed by their step numbers, 
 result.
 """
 
+import dataclasses
 import time
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
+from typing import Any
 
 from stepbus_orchestrator.errors import StepTimeout
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports.lateness import Lateness
+from stepbus_orchestrator.scenario import Scenario
 
 _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
 
 
-class RealTime:
-    """A gate: step k begins `k · step / factor` after the first, without drift.
+class RealTime(RunExtension):
+    """Step k begins `k · step / factor` after the first, without drift.
 
     step_ns: length of a step [ns]. factor: 2 is twice as fast as real time. clock: monotonic [ns].
     """
@@ -34,8 +38,18 @@ class RealTime:
         self._holders: set[str] = set()
         self._late: dict[str, int] = {}
 
+    def prepare(self, scenario: Scenario) -> Scenario:
+        """Let each step begin when all have finished the one before, and its time has come."""
+        return dataclasses.replace(scenario, window=1, batch=1)
+
     def limit(self, released: int) -> int:
-        """Return the first step whose time has not come; released: not used."""
+        """Return the first step whose time has not come."""
+        others = (item.limit(released) for item in self.run.extensions if item is not self)
+        self.follow(self.run.state, others=min(others))
+        return self.due()
+
+    def due(self) -> int:
+        """Return the first step whose time has not come."""
         return int((self._clock() - self._origin()) // self._period_ns) + 1
 
     def wait_s(self, released: int, longest_s: float) -> float:
@@ -53,6 +67,10 @@ class RealTime:
         elif others <= released:
             # A pause or a call holds the run: the grid starts anew behind it.
             self._origin_ns = self._origin() + now - self._due_ns(released)
+
+    def released(self, first: int, limit: int) -> None:
+        """Record how late the steps begin."""
+        self.began(self.run.state, first, limit)
 
     def began(self, state: RunState, first: int, limit: int) -> None:
         """Record that the steps from `first` to `limit` begin now.
@@ -78,6 +96,10 @@ class RealTime:
                     participant=name,
                     step=step - 1,
                 )
+
+    def result(self) -> Mapping[str, Any]:
+        """Return how late the steps were."""
+        return {"real_time": self.lateness()}
 
     def lateness(self) -> Lateness | None:
         """Return how late the steps were; None before the first."""

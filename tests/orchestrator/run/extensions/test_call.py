@@ -19,8 +19,8 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.control.calls import recorded_calls
-from stepbus_orchestrator.run.control.live_file import LIVE_FILE, Live, forget
+from stepbus_orchestrator.run.extensions.calls import recorded_calls
+from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, forget
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
@@ -42,7 +42,7 @@ def asked(folder, *calls, overrides=()):
     asker = Asker(
         pace, [lambda words=words: call(out, *words[:2], args=words[2:]) for words in calls]
     )
-    result = run(scenario, Options(out=out, pace=pace), asker)
+    result = run(scenario, Options(out=out, extensions=[pace]), asker)
     if asker.thread is not None:
         asker.thread.join()
     return result, asker.answers
@@ -182,7 +182,7 @@ def test_the_command_line_asks_from_a_second_terminal(tmp_path):
         ],
     )
     scenario = load(write_scenario(tmp_path / "source"))
-    result = run(scenario, Options(out=tmp_path / "out", pace=pace), asker)
+    result = run(scenario, Options(out=tmp_path / "out", extensions=[pace]), asker)
     asker.thread.join()
     assert result.exit_code == 0
     assert answers[0] == "null\n"

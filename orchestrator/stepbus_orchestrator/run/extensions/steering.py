@@ -1,15 +1,14 @@
 """What a user asks of a run itself while it goes on: none of it changes a result."""
 
 import dataclasses
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.reports.progress import Progress
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_schemas import CallReply, WiringError
 
+from .calls import Calls
 from .pace import Pace
 from .speed import Speed
 
@@ -20,29 +19,22 @@ FLUSHED_S = 10.0
 """For so long a call `flush` counts [s]."""
 
 
-class RunSteering:
+class Steering(RunExtension):
     """Answers calls that name no participant: status, pause, resume, step, speed, flush, stop.
 
-    pace, speed: of the run. progress: returns how far it is. interrupt: ends it. real_time: factor
-    of a run in real time.
+    pace, speed: of the run. calls: gets them. real_time: factor of a run in real time.
     """
 
     def __init__(
-        self,
-        state: RunState,
-        pace: Pace,
-        speed: Speed,
-        progress: Callable[[], Progress],
-        interrupt: threading.Event,
+        self, pace: Pace, speed: Speed, calls: Calls, real_time: float | None = None
     ) -> None:
-        self._state = state
         self._pace = pace
         self._speed = speed
-        self._progress = progress
-        self._interrupt = interrupt
+        self._real_time = real_time
+        calls.steer = self.take
         self._flush_s: float | None = None
         self._flush_until = 0.0
-        self.real_time: float | None = None
+        self._flushed_at = 0.0
         self._methods: Mapping[str, Callable[[Sequence[Any]], object]] = {
             "status": self._status,
             "pause": lambda _: pace.pause(),
@@ -50,7 +42,7 @@ class RunSteering:
             "step": self._step,
             "speed": self._set_speed,
             "flush": self._set_flush,
-            "stop": lambda _: interrupt.set(),
+            "stop": lambda _: self.run.interrupt.set(),
         }
 
     @property
@@ -60,6 +52,13 @@ class RunSteering:
             # Who asked for it was killed.
             self._flush_s = None
         return self._flush_s
+
+    def turn(self) -> None:
+        """Write what is recorded as often as somebody who watches the run asks for."""
+        period_s = self.flush_s
+        if period_s is not None and time.monotonic() - self._flushed_at >= period_s:
+            self._flushed_at = time.monotonic()
+            self.run.recorder.flush()
 
     def take(self, method: str, args: Sequence[Any]) -> CallReply:
         """Do what is asked, and answer."""
@@ -72,16 +71,16 @@ class RunSteering:
             value = work(args)
         except WiringError as exc:
             return CallReply(error=str(exc))
-        self._state.is_release_due = True
-        return CallReply(step=self._state.released, value=value)
+        self.run.state.is_release_due = True
+        return CallReply(step=self.run.state.released, value=value)
 
     def _status(self, _: Sequence[Any]) -> dict[str, Any]:
-        status = dataclasses.asdict(self._progress())
+        status = dataclasses.asdict(self.run.progress())
         return {
             **status,
             "speed": self._speed.factor,
-            "real_time": self.real_time,
-            "waited_us": self._state.waited_us(),
+            "real_time": self._real_time,
+            "waited_us": self.run.state.waited_us(),
         }
 
     def _step(self, args: Sequence[Any]) -> None:
@@ -92,7 +91,7 @@ class RunSteering:
 
     def _set_speed(self, args: Sequence[Any]) -> None:
         factor = None if not args or args[0] is None else _number(args[0], _FACTORS, "speed")
-        self._speed.set(factor, self._state.released)
+        self._speed.set(factor, self.run.state.released)
 
     def _set_flush(self, args: Sequence[Any]) -> None:
         given = args[0] if args else None

@@ -1,6 +1,6 @@
 """How fast a run goes by the wall clock, as asked while it goes on."""
 
-from stepbus_orchestrator.run.control.speed import Speed
+from stepbus_orchestrator.run.extensions.speed import Speed
 from stepbus_orchestrator.run.kernel.gates import FAR
 
 

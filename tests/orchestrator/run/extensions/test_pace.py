@@ -13,7 +13,8 @@ from support.runs.joints import fault, leftovers, write_scenario
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli.terminal.keys import press
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extensions.debug import Debug
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
@@ -72,7 +73,7 @@ def test_a_run_that_is_paused_and_stepped_has_the_same_recording(tmp_path, windo
     plain = run(scenario, Options(out=tmp_path / "plain", in_process=True))
     pace = Pace(30)
     watcher = Stepper(pace)
-    result = run(scenario, Options(out=tmp_path / "out", pace=pace), watcher)
+    result = run(scenario, Options(out=tmp_path / "out", extensions=[pace]), watcher)
     assert watcher.seen == [30, 31, 32, 33]
     assert (result.exit_code, result.sha256) == (0, plain.sha256)
 
@@ -96,7 +97,7 @@ def test_nobody_is_late_while_a_run_is_paused(tmp_path):
     deadlines = [f"{name}.step_timeout=10s" for name in ("plant", "controller", "mission")]
     pace = Pace(30)
     scenario = load(write_scenario(tmp_path / "source"), deadlines)
-    result = run(scenario, Options(out=tmp_path / "out", pace=pace), Wait(pace))
+    result = run(scenario, Options(out=tmp_path / "out", extensions=[pace]), Wait(pace))
     assert (result.exit_code, result.steps) == (0, 100)
 
 
@@ -105,7 +106,7 @@ def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
     slow = [fault("controller", "controller", "nap", 7), "controller.step_timeout=500ms"]
     scenario = load(write_scenario(tmp_path / "source"), slow)
     late = run(scenario, Options(out=tmp_path / "late"))
-    result = run(scenario, Options(out=tmp_path / "out", debug=("controller",)))
+    result = run(scenario, Options(out=tmp_path / "out", extensions=[Debug(["controller"])]))
     assert (late.exit_code, result.exit_code) == (6, 0)
     assert "--debug" in (tmp_path / "out/logs/controller.log").read_text()
 
@@ -113,7 +114,7 @@ def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
 def test_only_a_participant_can_be_debugged(tmp_path):
     scenario = load(write_scenario(tmp_path / "source"))
     with pytest.raises(WiringError, match="no participant 'plnt'"):
-        run(scenario, Options(out=tmp_path / "out", debug=("plnt",)))
+        run(scenario, Options(out=tmp_path / "out", extensions=[Debug(["plnt"])]))
 
 
 def test_pausing_needs_somebody_who_can_press_a_key(tmp_path):

@@ -1,9 +1,12 @@
 """A participant that code of this process is, step by step, in a run in one process."""
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Config, Participant, Queue
 
 
@@ -40,3 +43,16 @@ class Seat(Protocol):
 
     def away(self) -> bool:
         """Let our caller work; called where nobody else can, returns whether somebody can now."""
+
+
+class HostedCaller(RunExtension):
+    """Lets a seat take part; it ends the run."""
+
+    is_hosting = True
+
+    def __init__(self, seat: Seat) -> None:
+        self.seat = seat
+
+    def adapt(self, scenario: Scenario) -> Scenario:
+        """Return the scenario without an end: the seat sees the outcome of the last step."""
+        return dataclasses.replace(scenario, steps=None)

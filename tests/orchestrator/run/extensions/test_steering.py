@@ -6,9 +6,9 @@ import pytest
 from support.runs.asker import Asker
 from support.runs.joints import run_joints
 
-from stepbus_orchestrator.run.control import steering
-from stepbus_orchestrator.run.control.live_file import call
-from stepbus_orchestrator.run.control.pace import Pace
+from stepbus_orchestrator.run.extensions import steering
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.live_file import call
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def test_a_run_is_paused_stepped_slowed_and_resumed(tmp_path, plain):
             ask("speed", None), ask("speed", -1), ask("step", 0), ask("dance"), ask("resume"),
         ],
     )  # fmt: skip
-    result = run_joints(tmp_path, "duration=100ms", observer=asker, pace=pace)
+    result = run_joints(tmp_path, "duration=100ms", observer=asker, extensions=[pace])
     asker.thread.join()
     status, *done, slow, none, odd, _ = asker.answers
     assert status.value["phase"] == "paused"
@@ -43,7 +43,8 @@ def test_a_run_is_paused_stepped_slowed_and_resumed(tmp_path, plain):
 def test_who_watches_and_is_killed_does_not_slow_the_run_for_ever(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(steering.time, "monotonic", lambda: now[0])
-    asked = steering.RunSteering(mock.Mock(), Pace(), mock.Mock(), mock.Mock(), mock.Mock())
+    asked = steering.Steering(Pace(), mock.Mock(), mock.Mock())
+    asked.attach(mock.Mock())
     assert asked.take("flush", [0.02]).error is None
     now[0] = 9.0
     assert asked.flush_s == 0.02

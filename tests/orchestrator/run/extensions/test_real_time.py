@@ -8,7 +8,7 @@ from support.runs.kernel import scenario, states
 
 from stepbus_orchestrator import ExitCode
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.control.real_time import RealTime
+from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports.lateness import in_units
@@ -29,7 +29,7 @@ class Clock:
 def made(factor=1.0, step_ns=5 * MS):
     clock = Clock()
     gate = RealTime(step_ns, factor, clock)
-    gate.limit(0)
+    gate.due()
     return clock, gate
 
 
@@ -38,7 +38,7 @@ def test_steps_begin_on_the_grid_of_the_clock():
     limits = []
     for ms in (0, 4, 5, 9, 10, 26):
         clock.now = (7 + ms) * MS
-        limits.append(gate.limit(0))
+        limits.append(gate.due())
     assert limits == [1, 1, 2, 2, 3, 6]
 
 
@@ -48,9 +48,9 @@ def test_the_grid_has_no_drift(factor):
     steps = 10_000_000
     due = Fraction(steps) * 1_000_003 / Fraction(factor).limit_denominator(1_000_000)
     clock.now = 7 * MS + int(due) - 1
-    assert gate.limit(0) == steps
+    assert gate.due() == steps
     clock.now += 2
-    assert gate.limit(0) == steps + 1
+    assert gate.due() == steps + 1
 
 
 def test_it_waits_for_messages_until_the_next_step_is_due():
@@ -97,7 +97,7 @@ def test_a_pause_moves_the_grid():
 
 def test_a_gate_without_a_step_has_no_lateness():
     assert made()[1].lateness() is None
-    assert made()[1].limit(0) < FAR
+    assert made()[1].due() < FAR
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def plain(tmp_path_factory):
 
 
 def test_a_run_in_real_time_has_the_same_bytes_and_takes_its_time(tmp_path, plain):
-    result = run_joints(tmp_path, real_time=2.0)
+    result = run_joints(tmp_path, extensions=[RealTime(5 * MS, 2.0)])
     assert (result.exit_code, result.sha256) == (0, plain.sha256)
     assert result.real_time.steps == 100
     assert sum(result.real_time.histogram.values()) == 100
@@ -115,7 +115,7 @@ def test_a_run_in_real_time_has_the_same_bytes_and_takes_its_time(tmp_path, plai
 
 
 def test_in_one_process_too(tmp_path, plain):
-    result = run_joints(tmp_path, real_time=2.0, in_process=True)
+    result = run_joints(tmp_path, extensions=[RealTime(5 * MS, 2.0)], in_process=True)
     assert (result.exit_code, result.sha256) == (0, plain.sha256)
     assert result.wall_s >= 0.2475
 
@@ -124,7 +124,7 @@ def test_in_one_process_too(tmp_path, plain):
 def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
     nap = fault("controller", "controller", "nap", 7)
     keeps = ("controller.real_time=true", "controller.on_late=fail")
-    result = run_joints(tmp_path, nap, *keeps, real_time=0.1)
+    result = run_joints(tmp_path, nap, *keeps, extensions=[RealTime(5 * MS, 0.1)])
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
     assert "late for real time (participants.controller.on_late)" in result.reason
 

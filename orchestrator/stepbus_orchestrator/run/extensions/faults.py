@@ -5,41 +5,60 @@ import resource
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.gates import FAR
-from stepbus_orchestrator.run.kernel.participants import Participants, Process
+from stepbus_orchestrator.run.kernel.participants import Process
 from stepbus_orchestrator.scenario import (
     MESSAGE_FAULTS,
     PROCESS_FAULTS,
     FaultSpec,
+    ParticipantSpec,
+    Scenario,
     faults_of,
     format_fault,
 )
+from stepbus_participant import MessageFault
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.run.loop.loop import RunLoop
 
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
 _JOIN_S = 1.0
 
 
-class Injector:
+class Faults(RunExtension):
     """Injects the process faults of a scenario, each when all steps before its own are complete.
 
     Until then no participant is let into that step, so that the fault hits at this step and no
-    other. injected: is called with each fault, those on messages included, when its step starts.
+    other. Participants inject those on messages themselves.
     """
 
-    def __init__(self, faults: Sequence[FaultSpec], injected: Callable[[FaultSpec], None]) -> None:
-        self._faults = faults_of(faults, PROCESS_FAULTS)
-        self._messages = faults_of(faults, MESSAGE_FAULTS)
-        self._injected = injected
+    def __init__(self) -> None:
+        self._faults: list[FaultSpec] = []
+        self._messages: list[FaultSpec] = []
+        self._texts: list[str] = []
         self._frozen: list[tuple[float, Process]] = []
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []
 
-    def check(self, participants: Participants) -> None:
+    def attach(self, run: "RunLoop") -> None:
+        """Take the faults of the run's scenario."""
+        super().attach(run)
+        self._faults = faults_of(run.state.scenario.faults, PROCESS_FAULTS)
+        self._messages = faults_of(run.state.scenario.faults, MESSAGE_FAULTS)
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return the faults that a participant injects into its own messages."""
+        return {"faults": message_faults(self.run.state.scenario, spec.name)}
+
+    def ready(self) -> None:
         """Raise StartFailed when a fault cannot be injected into a participant's messages."""
+        participants = self.run.state.participants
         for fault in self._messages:
             language = participants[fault.participant].language
             if language != "python":
@@ -55,14 +74,25 @@ class Injector:
         """Return the step of the next fault, which must not be released before."""
         return self._faults[0].step if self._faults else FAR
 
-    def act(self, completed: int, participants: Participants) -> None:
-        """Inject what is due when all steps below `completed` are complete."""
+    def act(self) -> None:
+        """Inject what is due, as all steps below its own are complete."""
+        completed, participants = self.run.state.barrier.completed, self.run.state.participants
         self._report_messages(completed)
         while self._faults and self._faults[0].step <= completed:
             fault = self._faults.pop(0)
             self._inject(fault, participants[fault.participant].process)
             self._injected(fault)
         self._thaw()
+
+    def _injected(self, fault: FaultSpec) -> None:
+        text = format_fault(fault)
+        self._texts.append(text)
+        self.run.timing.event("fault injected", fault.participant, text)
+        self.run.observer.event("warning", fault.participant, fault.step, f"fault injected: {text}")
+
+    def result(self) -> Mapping[str, Any]:
+        """Return the faults that were injected."""
+        return {"faults": self._texts}
 
     def _report_messages(self, step: int) -> None:
         while self._messages and self._messages[0].step <= step:
@@ -97,15 +127,24 @@ class Injector:
             process.signal(signal.SIGCONT)
             self._over.wait(_SLOW_RUN_S)
 
-    def close(self, step: int) -> None:
-        """Resume every process that is frozen or slowed down. step: where the run has ended."""
-        self._report_messages(step)
+    def close(self) -> None:
+        """Resume every process that is frozen or slowed down."""
+        self._report_messages(self.run.state.steps)
         self._over.set()
         for thread in self._threads:
             thread.join(_JOIN_S)
         for _, process in self._frozen:
             process.signal(signal.SIGCONT)
         self._frozen = []
+
+
+def message_faults(scenario: Scenario, name: str) -> list[MessageFault]:
+    """Return the faults on the messages of one participant."""
+    return [
+        MessageFault(type=fault.type, step=fault.step, duration_s=(fault.duration_ns or 0) * 1e-9)
+        for fault in scenario.faults
+        if fault.participant == name and fault.type in MESSAGE_FAULTS
+    ]
 
 
 def _end(process: Process, number: int) -> None:

@@ -1,1 +1,0 @@
-"""What acts on a run from outside its participants: pace, calls, injected faults."""

@@ -1,0 +1,158 @@
+"""The seam for features: what an extension may do in a run, which knows none of them by name."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_schemas import error_text
+
+from .kernel.gates import FAR
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.recording import Sink
+
+    from .kernel.participants import ParticipantState
+    from .loop.loop import RunLoop
+    from .loop.strategy import Strategy
+    from .reports.result import Result
+
+
+class RunExtension:
+    """A feature of a run. Override what it needs; everything else does nothing.
+
+    An instance is for one run. All methods are called on the run's own thread, in the order in
+    which the extensions were given. A RunFailure that one raises ends the run and is its outcome.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Let what an extension of the user's own raises end the run with a sentence."""
+        super().__init_subclass__(**options)
+        if cls.__module__.partition(".")[0] != __name__.partition(".")[0]:
+            for name in _METHODS & vars(cls).keys():
+                setattr(cls, name, _translated(vars(cls)[name]))
+
+    run: RunLoop
+    """The run, once `attach` has been called."""
+
+    is_star = False
+    """Whether participants are linked to the orchestrator only, which passes on what they publish.
+    """
+
+    is_hosting = False
+    """Whether code of this process, which is no program of the scenario, takes part."""
+
+    # --- before the run -------------------------------------------------------------------
+
+    def prepare(self, scenario: Scenario) -> Scenario:
+        """Return the scenario that is run and recorded; raises WiringError for what cannot be."""
+        return scenario
+
+    def adapt(self, scenario: Scenario) -> Scenario:
+        """Return what the participants run of a scenario that is recorded as it is."""
+        return scenario
+
+    def metadata(self) -> Mapping[str, Mapping[str, str]]:
+        """Return facts to record before the first message: name → content."""
+        return {}
+
+    def wrap(self, strategy: Strategy, sink: Sink, run: RunLoop) -> tuple[Strategy, Sink]:
+        """Return how the run gets its participants, and who gets their outputs.
+
+        run: has its bus and its state, and nothing else yet.
+        """
+        return strategy, sink
+
+    def attach(self, run: RunLoop) -> None:
+        """Take the run: its bus is open, and no participant has been started."""
+        self.run = run
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return options for the start of a participant, as `Launcher.start` takes them."""
+        return {}
+
+    def started(self, participant: ParticipantState) -> None:
+        """Take note of a participant that has been started, or that the user has to start."""
+
+    # --- during the run -------------------------------------------------------------------
+
+    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
+        """Take note, again and again, of who has still to get ready, or to leave at the end."""
+
+    def ready(self) -> None:
+        """Check what all participants have said of themselves; the first step comes next."""
+
+    def turn(self) -> None:
+        """Do what is due by the clock; called at each turn of the run."""
+
+    def act(self) -> None:
+        """Do what is due between two steps, before further ones are released."""
+
+    def completed(self, step: int) -> None:
+        """Look at a step that is complete, before the next begins.
+
+        A run with an extension that overrides this has a window of one step, so that what it
+        decides does not depend on how far ahead participants are.
+        """
+
+    def limit(self, released: int) -> int:
+        """Return the first step that must not be released yet; default: none.
+
+        released: steps below it have been released. Called again and again.
+        """
+        return FAR
+
+    def released(self, first: int, limit: int) -> None:
+        """Take note that the steps from `first` to below `limit` begin now."""
+
+    def wait_s(self, released: int, longest_s: float) -> float | None:
+        """Return how long to wait for messages, at most until the next step is due [s].
+
+        longest_s: how long to wait where no step is. None: no step is held by the clock.
+        """
+        return None
+
+    def is_holding(self) -> bool:
+        """Return whether the run is held until the user lets it continue."""
+        return False
+
+    # --- at its end -----------------------------------------------------------------------
+
+    def stopping(self) -> None:
+        """Take note that no further step begins."""
+
+    def close(self) -> None:
+        """Let go of everything; called once where `attach` was, also after a failure."""
+
+    def result(self) -> Mapping[str, Any]:
+        """Return fields of the run's result."""
+        return {}
+
+    def finish(self, result: Result) -> None:
+        """Take the result, when the recording is closed; raises RecordingFailed."""
+
+
+_METHODS = {name for name, value in vars(RunExtension).items() if callable(value)} - {"prepare"}
+
+
+def _translated(method: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(method)
+    def translated(self: RunExtension, *args: Any) -> Any:
+        try:
+            return method(self, *args)
+        except RunFailure:
+            raise
+        except Exception as exc:
+            what = f"the extension {type(self).__name__}, in {method.__name__}"
+            raise RunFailure(f"{what}: {error_text(exc)}") from exc
+
+    return translated
+
+
+def overriding(extensions: Iterable[RunExtension], name: str) -> list[Callable[..., Any]]:
+    """Return a method of each extension that has its own; the others cost a step nothing."""
+    default = getattr(RunExtension, name)
+    return [getattr(item, name) for item in extensions if getattr(type(item), name) is not default]

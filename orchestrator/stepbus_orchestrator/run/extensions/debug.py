@@ -1,0 +1,67 @@
+"""Runs participants in a debugger: they have a terminal, and no deadline."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.scenario import Deadlines, ParticipantSpec, Scenario
+from stepbus_participant import suggest
+from stepbus_schemas import WiringError
+
+# Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
+_SUSPENDED_S = 1e6
+_NO_DEADLINES = Deadlines(
+    spawn_s=_SUSPENDED_S,
+    join_s=_SUSPENDED_S,
+    ready_s=_SUSPENDED_S,
+    step_s=_SUSPENDED_S,
+    stop_s=_SUSPENDED_S,
+)
+
+
+class Debug(RunExtension):
+    """Takes the deadlines of participants away.
+
+    names: of those that get our terminal, too. no_deadline: of the others.
+    """
+
+    def __init__(self, names: Sequence[str] = (), no_deadline: Sequence[str] = ()) -> None:
+        self._names = names
+        self._no_deadline = no_deadline
+
+    def prepare(self, scenario: Scenario) -> Scenario:
+        """Raise WiringError for a name that no participant has, or that is started elsewhere."""
+        without = without_deadlines(scenario, [*self._names, *self._no_deadline])
+        for name in self._names:
+            if scenario.participant(name).is_external:
+                raise WiringError(
+                    f"{name}: --debug gives a terminal to a participant that is started here; "
+                    f"start this one in a debugger yourself, and give it --no-deadline {name}"
+                )
+        return without
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return who gets the terminal."""
+        return {"has_terminal": True} if spec.name in self._names else {}
+
+
+def check_names(scenario: Scenario, names: Sequence[str], what: str) -> None:
+    """Raise WiringError for a name that no participant has; what: should be done to it."""
+    known = [spec.name for spec in scenario.participants]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no participant {name!r} to {what}{suggest(name, known)}")
+
+
+def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
+    """Return a scenario in which the participants of some names have no deadlines.
+
+    Raises WiringError for a name that no participant has.
+    """
+    check_names(scenario, names, "debug")
+    specs = (
+        dataclasses.replace(s, deadlines=_NO_DEADLINES) if s.name in names else s
+        for s in scenario.participants
+    )
+    return dataclasses.replace(scenario, participants=tuple(specs))

@@ -1,0 +1,174 @@
+"""Participants that the user starts elsewhere: how, and which are still missing."""
+
+import dataclasses
+import shlex
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
+from stepbus_orchestrator.scenario import (
+    EXTERNAL_SPAWN_S,
+    PROCESS_FAULTS,
+    ParticipantSpec,
+    Scenario,
+    faults_of,
+    format_fault,
+)
+from stepbus_participant import suggest, write_file
+from stepbus_schemas import WiringError
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.run.loop.loop import RunLoop
+
+_REMIND_S = 5.0
+_NO_END_S = 1e5
+"""Deadlines that are longer are none."""
+_SCRIPT = """#!/bin/sh
+# Starts {name} in the run of this folder; another program follows `--`.
+exec {command} "$@"
+"""
+
+
+class External(RunExtension):
+    """Waits for participants with `start: external`; tells how to start them, and who is missing.
+
+    Each gets a script in the run's folder. tickets: where the tickets of some are put; default:
+    `<name>.ticket` in the run's folder.
+    """
+
+    def __init__(self, tickets: Mapping[str, Path] = MappingProxyType({})) -> None:
+        self._tickets = tickets
+        self._scripts: list[Path] = []
+        self._told_at = time.monotonic()
+
+    def prepare(self, scenario: Scenario) -> Scenario:
+        """Raise WiringError for what cannot be done to a participant that is started elsewhere."""
+        names = external_names(scenario)
+        for name in self._tickets:
+            if name not in names:
+                raise WiringError(f"no external participant {name!r}{suggest(name, names)}")
+        faults = [
+            format_fault(fault)
+            for fault in faults_of(scenario.faults, PROCESS_FAULTS)
+            if fault.participant in names
+        ]
+        if faults:
+            raise WiringError(
+                f"{', '.join(faults)}: stepbus sends no signal to a process that it has not "
+                "started; faults on messages work for an external participant too"
+            )
+        return scenario
+
+    def attach(self, run: "RunLoop") -> None:
+        """Remind the user from now on."""
+        super().attach(run)
+        self._told_at = time.monotonic()
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return where the ticket of a participant is put."""
+        if not spec.is_external:
+            return {}
+        return {"ticket": self._tickets.get(spec.name, self.run.out / f"{spec.name}.ticket")}
+
+    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
+        """Tell from time to time who has not come yet, or not left."""
+        if self.run.state.phase.is_stopping:
+            self.remind_to_leave(participants)
+        else:
+            self.remind(participants)
+
+    def started(self, participant: ParticipantState) -> None:
+        """Write and tell the command that starts a participant."""
+        if participant.external is None:
+            return
+        arguments = ["join", str(participant.external.ticket.path)]
+        command = shlex.join([sys.executable, "-P", "-m", "stepbus_orchestrator.cli", *arguments])
+        script = self.run.out / f"join-{participant.name}.sh"
+        text = _SCRIPT.format(name=participant.name, command=command)
+        write_file(script, text.encode(), 0o700)
+        self._scripts.append(script)
+        own = shlex.join(participant.spec.exec)
+        self._tell(
+            participant,
+            f"start it elsewhere with `{shlex.join(['stepbus', *arguments])}`, which runs "
+            f"`{own}`, or another program with `-- PROGRAM` behind it; also {script}",
+        )
+
+    def remind(self, participants: Iterable[ParticipantState]) -> None:
+        """Tell from time to time who is not there yet, and how long the run still waits."""
+        if not self._is_time():
+            return
+        for participant in participants:
+            if participant.external is not None and participant.phase is Phase.SPAWNED:
+                left_s = participant.spec.deadlines.spawn_s - participant.in_phase_s
+                wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
+                path = participant.external.ticket.path
+                self._tell(participant, f"is not there yet ({wait}): stepbus join {path}")
+
+    def remind_to_leave(self, participants: Iterable[ParticipantState]) -> None:
+        """Tell from time to time who has not left the bus though the run is over."""
+        if not self._is_time():
+            return
+        for participant in participants:
+            if participant.external is not None:
+                self._tell(participant, "has not ended yet; is it in a debugger?")
+
+    def _is_time(self) -> bool:
+        now = time.monotonic()
+        if now - self._told_at < _REMIND_S:
+            return False
+        self._told_at = now
+        return True
+
+    def close(self) -> None:
+        """Remove the scripts."""
+        for script in self._scripts:
+            script.unlink(missing_ok=True)
+
+    def _tell(self, participant: ParticipantState, text: str) -> None:
+        self.run.observer.event("waiting", participant.name, -1, text)
+
+
+class StartedHere(RunExtension):
+    """Starts all participants here, those with `start: external` too."""
+
+    def prepare(self, scenario: Scenario) -> Scenario:
+        """Return a scenario without external participants."""
+        return as_children(scenario)
+
+
+def external_names(scenario: Scenario) -> list[str]:
+    """Return who is started by somebody else."""
+    return [spec.name for spec in scenario.participants if spec.is_external]
+
+
+def as_children(scenario: Scenario) -> Scenario:
+    """Return a scenario in which the orchestrator starts everybody."""
+    specs = (
+        dataclasses.replace(spec, start="child") if spec.is_external else spec
+        for spec in scenario.participants
+    )
+    return dataclasses.replace(scenario, participants=tuple(specs))
+
+
+def as_external(scenario: Scenario, names: Iterable[str]) -> Scenario:
+    """Return a scenario in which somebody else starts some participants, and they have time.
+
+    Raises WiringError for a name that no participant has.
+    """
+    known = [spec.name for spec in scenario.participants]
+    changed = {}
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no participant {name!r}{suggest(name, known)}")
+        spec = scenario.participant(name)
+        spawn_s = max(spec.deadlines.spawn_s, EXTERNAL_SPAWN_S)
+        deadlines = dataclasses.replace(spec.deadlines, spawn_s=spawn_s)
+        changed[name] = dataclasses.replace(spec, start="external", deadlines=deadlines)
+    specs = tuple(changed.get(spec.name, spec) for spec in scenario.participants)
+    return dataclasses.replace(scenario, participants=specs)

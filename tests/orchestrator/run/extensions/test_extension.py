@@ -1,0 +1,143 @@
+"""A feature of a run is a file of its own that the run does not know."""
+
+import re
+
+import pytest
+from support.paths import CHECKOUT
+from support.runs.joints import run_joints
+
+import stepbus
+from stepbus import Recording
+from stepbus_orchestrator import ExitCode
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.run.extension import RunExtension
+
+PAGE = (CHECKOUT / "docs/guide/writing/extension.md").read_text()
+RUN = CHECKOUT / "orchestrator/stepbus_orchestrator/run"
+CORE = [
+    RUN / "run_scenario.py",
+    *sorted(RUN.glob("kernel/*.py")),
+    *sorted(RUN.glob("phases/*.py")),
+    RUN / "loop/loop.py",
+]
+FEATURES = r"pace|paus(e|es|ing)|speed|real.time(?!_factor)|inject\w*|calls?|steer\w*|prefix|checkpoint\w*|profil\w*|seat|hosted|debug(?!ger)"
+"""Each of them is an extension; `paused` is what a run may be, whoever holds it."""
+
+
+class EndsAt(RunExtension):
+    def __init__(self, step):
+        self._step = step
+
+    def completed(self, step):
+        if step == self._step:
+            self.run.end("enough")
+
+
+class Breaks(RunExtension):
+    def completed(self, step):
+        if step == 6:
+            raise ValueError("broken")
+
+
+class Counts(RunExtension):
+    def __init__(self):
+        self.called = []
+
+    def completed(self, step):
+        newest = self.run.newest("plant.joint_state")
+        self.called.append((step, newest.position[0]))
+
+
+def test_the_kernel_the_phases_and_the_loop_name_no_feature():
+    named = {
+        (path.name, match.group())
+        for path in CORE
+        for match in re.finditer(rf"(?i)(?<![a-z])({FEATURES})(?![a-z])", code_of(path))
+    }
+    assert named == set()
+
+
+def code_of(path):
+    """Return a module without its docstrings and comments."""
+    text = re.sub(r'"""(?s:.*?)"""', "", path.read_text())
+    return re.sub(r"(?m)#.*$", "", text)
+
+
+@pytest.mark.parametrize("options", [(), ("window=3", "batch=1"), ("window=32",)])
+def test_the_step_that_it_ends_the_run_behind_depends_on_no_window(tmp_path, options):
+    result = run_joints(tmp_path, "duration=1s", *options, extensions=[EndsAt(7)])
+    assert (result.steps, result.reason, result.exit_code) == (8, "enough", 0)
+
+
+def test_it_sees_each_step_with_its_messages(tmp_path):
+    counts = Counts()
+    result = run_joints(tmp_path, "duration=100ms", extensions=[counts], in_process=True)
+    recorded = [message.position[0] for _, message in Recording(result)["plant.joint_state"].messages()]
+    assert counts.called == list(enumerate(recorded[: result.steps]))
+
+
+def test_what_it_raises_ends_the_run_with_a_sentence_and_a_whole_recording(tmp_path):
+    result = run_joints(tmp_path, "duration=1s", extensions=[Breaks()])
+    assert (result.exit_code, result.reason) == (
+        ExitCode.INTERNAL,
+        "the extension Breaks, in completed: ValueError: broken",
+    )
+    assert len(Recording(result)["plant.joint_state"]) >= 7
+
+
+def test_the_extension_of_the_page_ends_a_run(tmp_path, capsys):
+    file = tmp_path / "limit.py"
+    file.write_text(re.search(r"<!-- limit.py -->\n```python\n(.*?)```", PAGE, re.DOTALL).group(1))
+    out = tmp_path / "out"
+    assert (
+        main(
+            [
+                "run",
+                "two_link",
+                "--with",
+                f"{file}:Limit",
+                "--out",
+                str(out),
+                "--no-report",
+                "--in-process",
+            ]
+        )
+        == 0
+    )
+    assert (
+        "(joint1 is at 0.503 rad, beyond its limit of 0.5 rad) after 107 steps"
+        in capsys.readouterr().out
+    )
+
+
+def test_the_page_names_methods_that_there_are():
+    table = PAGE.partition("## The methods")[2].partition("| Attribute")[0]
+    named = re.findall(r"`(\w+)\(", table.replace("`stepbus.", "`"))
+    assert [
+        name
+        for name in named
+        if not hasattr(stepbus.RunExtension, name) and name not in {"super", "end", "run"}
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("{}:No", "No is no stepbus.RunExtension"),
+        ("{}:Asks", "cannot be made: TypeError"),
+        ("{}:Nobody", "has no class 'Nobody'"),
+        ("missing.py:Limit", "no file 'missing.py'"),
+        ("{}", "is not of the form"),
+        ("no_such_module:Limit", "no module 'no_such_module'"),
+    ],
+)
+def test_a_mistake_in_its_name_is_told_before_the_run(tmp_path, capsys, name, sentence):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import stepbus\nclass No: pass\nclass Asks(stepbus.RunExtension):\n"
+        "    def __init__(self, limit): pass\n"
+    )
+    command = ["run", "two_link", "--with", name.format(file), "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
