@@ -7,7 +7,7 @@ import sys
 import pytest
 from support.paths import CHECKOUT
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import Options, RealTime, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.run.run_scenario import run
@@ -37,7 +37,7 @@ def test_the_recording_is_the_same_in_real_time_and_needs_no_hardware_afterwards
     example, drive, tmp_path
 ):
     first = run_example(example, tmp_path / "a")
-    second = run_example(example, tmp_path / "b", real_time=5.0)
+    second = run_example(example, tmp_path / "b", extensions=[RealTime(10_000_000, 5.0)])
     assert first.exit_code == second.exit_code == 0, first.reason + second.reason
     assert first.sha256 == second.sha256
     drive.kill()

@@ -16,6 +16,7 @@ from .model import (
     OutputSpec,
     ParticipantSpec,
     Scenario,
+    low_latency,
 )
 from .packages import is_installed_package
 from .program import command, python_target, replaced_program, start_command
@@ -53,6 +54,7 @@ __all__ = [
     "is_installed_package",
     "left_out",
     "load",
+    "low_latency",
     "missing",
     "python_target",
     "read_data",

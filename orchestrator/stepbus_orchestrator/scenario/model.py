@@ -171,3 +171,17 @@ class Scenario:
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""
         return {spec.name: spec for spec in self.participants}[name]
+
+
+def low_latency(scenario: Scenario) -> bool:
+    """Return whether to use Zenoh's low-latency transport.
+
+    It silently loses messages over 64 KiB, so scenarios with bulk ports do not use it; over TLS,
+    it loses those over 48 KiB, which a log may have, so TCP never uses it.
+    """
+    if scenario.bus.transport == "tcp":
+        return False
+    if scenario.bus.low_latency is not None:
+        return scenario.bus.low_latency
+    specs = scenario.participants
+    return not any(output.bulk for spec in specs for output in spec.outputs.values())

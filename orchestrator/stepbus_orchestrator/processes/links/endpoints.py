@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import BusFailed, argument
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario import Scenario, low_latency
 from stepbus_participant import Endpoint
 
 from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, identities, passwords
@@ -141,20 +141,6 @@ def _certificates(names: list[str], folder: Path) -> dict[str, dict[str, Any]]:
         raise BusFailed(
             f"cannot write the certificates of the run: {exc.strerror or exc}; {hint}"
         ) from exc
-
-
-def low_latency(scenario: Scenario) -> bool:
-    """Return whether to use Zenoh's low-latency transport.
-
-    It silently loses messages over 64 KiB, so scenarios with bulk ports do not use it; over TLS,
-    it loses those over 48 KiB, which a log may have, so TCP never uses it.
-    """
-    if scenario.bus.transport == "tcp":
-        return False
-    if scenario.bus.low_latency is not None:
-        return scenario.bus.low_latency
-    specs = scenario.participants
-    return not any(output.bulk for spec in specs for output in spec.outputs.values())
 
 
 def _unix(folder: Path, index: int) -> str:

@@ -3,8 +3,13 @@
 import hashlib
 from collections.abc import Mapping
 
-from stepbus_orchestrator.processes.links.endpoints import low_latency
-from stepbus_orchestrator.scenario import MESSAGE_FAULTS, ParticipantSpec, Scenario, faults_of
+from stepbus_orchestrator.scenario import (
+    MESSAGE_FAULTS,
+    ParticipantSpec,
+    Scenario,
+    faults_of,
+    low_latency,
+)
 from stepbus_schemas import (
     PROTOCOL_VERSION,
     Hello,

@@ -6,7 +6,6 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
-from stepbus_orchestrator.processes.links.credentials import ORCHESTRATOR
 from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import read_stamp
@@ -30,6 +29,9 @@ from .admission import receive, welcome_of
 from .failures import refused, skipped
 from .participants import ParticipantState, Phase
 from .state import RunState
+
+_ORCHESTRATOR = "orchestrator"
+"""Whose own liveliness token that is (P3.1)."""
 
 _decode_hello = Decoder(Hello)
 _decode_ready = Decoder(Ready)
@@ -82,7 +84,7 @@ class MessageHandler:
         """Record that a participant has come to the bus, or left it."""
         participant = self._state.participants.get(name)
         if participant is None:
-            self._state.unauthenticated += is_alive and name != ORCHESTRATOR
+            self._state.unauthenticated += is_alive and name != _ORCHESTRATOR
         elif not is_alive:
             participant.has_left = True
             if participant.external is not None:

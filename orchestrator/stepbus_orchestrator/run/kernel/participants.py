@@ -4,12 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from stepbus_orchestrator.processes.activity import Activity
-from stepbus_orchestrator.processes.external import External
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.processes.activity import Activity
+    from stepbus_orchestrator.processes.external import External
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Process(Protocol):
     def limit_log(self) -> None:
         """Keep the head and the tail of its log, once that has become large."""
 
-    def activity(self) -> Activity:
+    def activity(self) -> "Activity":
         """Return what it, and all it has started, is doing."""
 
     def signal(self, number: int) -> None:
@@ -114,7 +116,7 @@ class ParticipantState:
     language: str = ""
     takes_batches: bool = False
     drops: Mapping[str, int] = field(default_factory=dict)
-    external: External | None = None
+    external: "External | None" = None
     has_left: bool = False
 
     @property

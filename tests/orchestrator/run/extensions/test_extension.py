@@ -72,7 +72,9 @@ def test_the_step_that_it_ends_the_run_behind_depends_on_no_window(tmp_path, opt
 def test_it_sees_each_step_with_its_messages(tmp_path):
     counts = Counts()
     result = run_joints(tmp_path, "duration=100ms", extensions=[counts], in_process=True)
-    recorded = [message.position[0] for _, message in Recording(result)["plant.joint_state"].messages()]
+    recorded = [
+        message.position[0] for _, message in Recording(result)["plant.joint_state"].messages()
+    ]
     assert counts.called == list(enumerate(recorded[: result.steps]))
 
 

@@ -38,9 +38,11 @@ participants:
   camera:
     exec: [python, camera.py, camera]
     publishes: first
+    stop_timeout: 60s
     outputs: {{image: {{type: Image/1, bulk: true}}}}
   viewer:
     exec: [python, camera.py, viewer]
+    stop_timeout: 60s
     inputs: {{image: camera.image}}
 """
 

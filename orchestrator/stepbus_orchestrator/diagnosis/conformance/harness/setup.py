@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.processes.links.endpoints import Mesh, low_latency, make_mesh
+from stepbus_orchestrator.processes.links.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.run.kernel.admission import welcome_of
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, low_latency
 from stepbus_schemas import Envelope, Refusal, Welcome
 
 
