@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from stepbus_schemas import Message, MessageError, RunError
+from stepbus_schemas import Message, MessageError, RunError, WiringError
+
+from .hints.suggestions import suggest
 
 if TYPE_CHECKING:
     from .session.inputs import Input
@@ -36,6 +38,19 @@ class InvalidInput(RunError):
         self.text = text
 
 
+class UnknownInput(WiringError, KeyError):
+    """A participant asks for an input that it does not have."""
+
+    __str__ = Exception.__str__
+
+
+class _Inputs(dict[str, "Input"]):
+    """The inputs of a participant by name."""
+
+    def __missing__(self, port: str) -> Input:
+        raise UnknownInput(f"no input {port!r}{suggest(port, self)}")
+
+
 class Step:
     """The inputs of one step, and its time.
 
@@ -43,7 +58,7 @@ class Step:
     """
 
     def __init__(self, inputs: Mapping[str, Input], step_ns: int) -> None:
-        self._inputs = inputs
+        self._inputs = _Inputs(inputs)
         self._step_ns = step_ns
         self.index = 0
         self.end_reason: str | None = None

@@ -7,7 +7,15 @@ from typing import Any, Self
 
 import msgspec
 
-from stepbus_participant import Config, Input, OutputError, Participant, Step, parse_duration
+from stepbus_participant import (
+    Config,
+    Input,
+    OutputError,
+    Participant,
+    Step,
+    parse_duration,
+    suggest,
+)
 from stepbus_schemas import (
     Decoder,
     Description,
@@ -48,7 +56,7 @@ def _deliver(inputs: Mapping[str, Input], messages: Mapping[str, Message], step:
     """Give inputs their messages as the bus delivers them; the others keep what they have."""
     for name, message in messages.items():
         if name not in inputs:
-            raise WiringError(f"no input {name!r}; there is {', '.join(inputs) or 'none'}")
+            raise WiringError(f"no input {name!r}{suggest(name, inputs)}")
         wanted, got = inputs[name].config.type, type_name(type(message))
         if got != wanted:
             raise WiringError(f"input {name!r} takes {wanted}, got {got}")
@@ -57,11 +65,18 @@ def _deliver(inputs: Mapping[str, Input], messages: Mapping[str, Message], step:
         port.settle(step)
 
 
+def _declared(factory: Callable[[Config], Participant]) -> Config:
+    """Return a configuration with the ports that the class of a participant declares."""
+    inputs, outputs = (getattr(factory, side, None) for side in ("inputs", "outputs"))
+    return make_config(inputs=inputs, outputs=outputs)
+
+
 class Bench:
     """One participant without processes and bus: made, described and started as in a run.
 
     factory: makes the participant, usually its class; or a participant that is started already.
-    config: see `make_config` and `scenario_config`; default: that of the started participant.
+    config: see `make_config` and `scenario_config`; default: that of the started participant, or
+    the ports that its class declares.
     descriptions: of its inputs; default: an empty one each.
 
     participant: what the factory made. descriptions: what it reports of its outputs. index: number
@@ -77,7 +92,7 @@ class Bench:
         if isinstance(factory, Participant):
             self.config, self.participant = config or factory.config, factory
         else:
-            self.config = config or make_config()
+            self.config = config or _declared(factory)
             self.participant = factory(self.config)
         inputs, outputs, types = self.config.inputs, self.config.outputs, self.config.types
         self.descriptions = dict(self.participant.describe())
@@ -117,8 +132,8 @@ class Bench:
         where = f"step {self._step.index}: output {port!r}"
         output = self.config.outputs.get(port)
         if output is None:
-            known = ", ".join(self.config.outputs) or "none"
-            raise OutputError(f"{where} is not in the configuration; there is {known}")
+            known = suggest(port, self.config.outputs)
+            raise OutputError(f"{where} is not in the configuration{known}")
         if type_name(type(message)) != output.type:
             raise OutputError(f"{where} takes {output.type}, got {type_name(type(message))}")
         try:

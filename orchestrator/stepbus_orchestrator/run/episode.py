@@ -193,14 +193,7 @@ class Episode:
             raise self._error
         if self.result is None:
             raise WiringError("the run goes on")
-        if self.result.exit_code:
-            raise RunFailure(
-                self.result.reason,
-                participant=self.result.participant,
-                step=self.result.at_step,
-                code=self.result.exit_code,
-            )
-        return self.result
+        return self.result.check()
 
     # --- the run's side -------------------------------------------------------------------
 

@@ -1,5 +1,7 @@
 """A participant on the bench behaves as in a run."""
 
+from types import MappingProxyType
+
 import pytest
 
 from stepbus import (
@@ -88,14 +90,12 @@ def test_it_closes_what_it_opened():
 
 
 def test_inputs_and_outputs_must_be_those_of_the_configuration(bench):
-    with pytest.raises(WiringError, match="no input 'joint_states'; there is joint_state"):
+    with pytest.raises(WiringError, match="no input 'joint_states'; did you mean 'joint_state'"):
         bench.step(joint_states=JointState(position=[0.5]))
     with pytest.raises(WiringError, match="input 'joint_state' takes JointState/1, got JointComm"):
         bench.step(joint_state=JointCommand(values=[0.5], mode="torque"))
     wrong = Bench(Spring, make_config(inputs=PORTS["inputs"], outputs={"torque": JointCommand}))
-    with pytest.raises(
-        OutputError, match=r"step 0: output 'command' is not in .*; there is torque"
-    ):
+    with pytest.raises(OutputError, match=r"step 0: output 'command' is not in .*; known: torque"):
         wrong.step(joint_state=JointState(position=[0.5]))
     wrong = Bench(Spring, make_config(inputs=PORTS["inputs"], outputs={"command": JointState}))
     with pytest.raises(OutputError, match="output 'command' takes JointState/1, got JointCommand"):
@@ -154,3 +154,21 @@ def test_a_step_can_be_fed_by_hand():
     assert (step.index, step.t, step.is_new("joint_state")) == (20, 0.2, True)
     assert step.read("joint_state", JointState).position == [1.0]
     assert Spring(make_config(**PORTS)).describe()["command"].like == "joint_state"
+
+
+class Declares(Participant):
+    inputs = MappingProxyType({"joint_state": JointState})
+    outputs = MappingProxyType({"command": JointCommand})
+
+    def update(self, step):
+        return {"command": JointCommand(effort=step.get("joint_stat").position)}
+
+
+def test_a_class_that_declares_its_ports_needs_no_configuration():
+    bench = Bench(Declares)
+    assert (list(bench.config.inputs), list(bench.config.outputs)) == (["joint_state"], ["command"])
+
+
+def test_an_unknown_input_is_told_with_the_nearest():
+    with pytest.raises(WiringError, match=r"^no input 'joint_stat'; did you mean 'joint_state'\?$"):
+        Bench(Declares).step()

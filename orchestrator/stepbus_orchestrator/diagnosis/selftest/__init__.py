@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from stepbus_orchestrator.analysis.signals import Signal, read_signal
-from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.describe.describe import describe
 from stepbus_orchestrator.run.reports.progress import Observer
@@ -60,9 +59,7 @@ def selftest(
         aim = {"angle": angle, "only": only}
         tested = _test_scenario(scenario, plant, port, description, aim)
         with scratch_folder("selftest") as folder:
-            result = run(tested, Options(out=folder / "run"), observer, interrupt)
-            if result.exit_code:
-                raise RunFailure(result.reason, code=result.exit_code)
+            result = run(tested, Options(out=folder / "run"), observer, interrupt).check()
             return _judged(result, plant, port, angle, only)
 
     found = attempt(angle, list(description.names))

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import msgspec
 
-from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
@@ -85,9 +84,7 @@ def describe(
     without_steps = dataclasses.replace(scenario, steps=0)
     with scratch_folder("describe") as folder:
         options = Options(out=folder / "run", extensions=[described])
-        result = run(without_steps, options, interrupt=interrupt)
-        if result.exit_code:
-            raise RunFailure(result.reason, code=result.exit_code)
+        run(without_steps, options, interrupt=interrupt).check()
     return _described(scenario, described.outputs)
 
 

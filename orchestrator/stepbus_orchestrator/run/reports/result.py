@@ -7,9 +7,11 @@ import platform
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 import msgspec
 
+from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_participant import installed_version, write_file
 
@@ -73,6 +75,24 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     def simulated_s(self) -> float:
         """Return the simulated time [s]."""
         return self.steps * self.step_ns * 1e-9
+
+    def check(self) -> Self:
+        """Return the result of a run that has finished; raises RunFailure for one that failed."""
+        if self.exit_code:
+            raise RunFailure(
+                self.reason,
+                participant=self.participant,
+                step=self.at_step,
+                code=ExitCode(self.exit_code),
+            )
+        return self
+
+    def __repr__(self) -> str:
+        """Return outcome, steps and folder, in a line."""
+        why = f" ({self.reason})" if self.exit_code else ""
+        return (
+            f"<Result {self.scenario}: {self.outcome} after {self.steps} steps{why}, {self.folder}>"
+        )
 
     def _repr_html_(self) -> str:
         """Return outcome, reason and figures, for a notebook."""
