@@ -327,7 +327,8 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
     check_limits(ports, Params.of(params))
     changed = dataclasses.replace(
         spec,
-        exec=("python", "-m", "stepbus_gym.policy"),
+        participant="stepbus_gym.policy:LoadedPolicy",
+        exec=(),
         params=params,
         files=(),
         bridge=None,

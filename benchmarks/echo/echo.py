@@ -1,7 +1,5 @@
 """Participants that pass on messages of the size of two_link's and compute nothing."""
 
-import sys
-
 import stepbus
 from stepbus_participant import Config, Participant
 from stepbus_schemas import (
@@ -81,9 +79,3 @@ class Mission(Participant):
     def update(self, step: stepbus.Step) -> dict[str, JointReference]:
         values = PAIR[:1] * len(names(self.config))
         return {"reference": JointReference(position=values, velocity=values, acceleration=values)}
-
-
-ROLES = {"plant": Plant, "controller": Controller, "relay": Relay, "mission": Mission}
-
-if __name__ == "__main__":
-    raise SystemExit(stepbus.main(ROLES[sys.argv[1]]))

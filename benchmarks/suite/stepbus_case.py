@@ -36,7 +36,7 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     relays = spec.get("participants", 3) - 2
     params = {"joints": spec.get("joints", 2), "image": spec.get("image", [])}
     plant = {
-        "exec": ["python", "echo.py", "plant"],
+        "participant": "echo.py:Plant",
         "publishes": "first",
         "inputs": {"command": "controller.command"},
         "outputs": {"joint_state": "JointState/1"},
@@ -51,7 +51,7 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     before = "plant.joint_state"
     for number in range(relays - 1):
         rows[f"relay{number}"] = {
-            "exec": ["python", "echo.py", "relay"],
+            "participant": "echo.py:Relay",
             "inputs": {"joint_state": before},
             "outputs": {"joint_state": "JointState/1"},
         }
@@ -60,12 +60,12 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     if relays:
         inputs["reference"] = "mission.reference"
         rows["mission"] = {
-            "exec": ["python", "echo.py", "mission"],
+            "participant": "echo.py:Mission",
             "outputs": {"reference": "JointReference/1"},
             "params": {"joints": params["joints"]},
         }
     rows["controller"] = {
-        "exec": ["python", "echo.py", "controller"],
+        "participant": "echo.py:Controller",
         "inputs": inputs,
         "outputs": {"command": "JointCommand/1"},
     }
@@ -73,10 +73,12 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         subprocess.run(["make", "-s", "-C", str(CONTROLLER_C.parent)], check=True)
         shutil.copy(CONTROLLER_C, folder)
         program = {"exec": ["./controller"], "bridge": "msgpack", "params": {"kp": 200, "kd": 30}}
+        del rows["controller"]["participant"]
         rows["controller"] |= program
     if spec.get("rust"):
         binary = _built_in_rust()
         for name, row in rows.items():
+            row.pop("participant", None)
             row["exec"] = [binary, name]
     path = folder / "scenario.yaml"
     # JSON is YAML too.

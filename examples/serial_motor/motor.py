@@ -75,7 +75,3 @@ class SerialMotor(stepbus.Participant):
         if self.line.is_open:
             self.line.write(request(self.number, 0.0))
             self.line.close()
-
-
-if __name__ == "__main__":
-    raise SystemExit(stepbus.main(SerialMotor))

@@ -37,7 +37,3 @@ class Vehicle(stepbus.Participant):
         force = self.config.param("weight") - lift - self.config.param("drag") * self._rate
         self._rate += force / self.config.param("mass") * self._dt
         self._depth = max(0.0, self._depth + self._rate * self._dt)
-
-
-if __name__ == "__main__":
-    raise SystemExit(stepbus.main(Vehicle))

@@ -4,8 +4,7 @@ What only some participants need, such as models of robots, is imported when it 
 each is a process, and loads this at every start.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, Queue, Request, ZenohBus
 from .bus.ticket import (
@@ -41,10 +40,18 @@ from .files import (
 from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
 from .hints.installed import installed_version
 from .hints.suggestions import suggest
+from .lazy import imported_later
 from .parameters.durations import LONGEST_NS, format_duration, parse_duration, whole_steps
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
 from .participant import Participant, PortType
+from .process.classes import (
+    PARTICIPANTS,
+    declared_parameters,
+    import_participant,
+    is_installed,
+    is_ours,
+)
 from .process.hosting import HOST, Host
 from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
@@ -67,6 +74,7 @@ __all__ = [
     "LONGEST_NS",
     "NO_CHECKPOINTS",
     "ONE_THREAD",
+    "PARTICIPANTS",
     "TICKET_VARIABLE",
     "Bus",
     "BusError",
@@ -119,14 +127,19 @@ __all__ = [
     "Whole",
     "ZenohBus",
     "append_to",
+    "declared_parameters",
     "each",
     "extra_hint",
     "find_file",
     "format_duration",
     "import_error_hint",
+    "import_participant",
+    "imported_later",
     "install_command",
     "installed_version",
     "irregular",
+    "is_installed",
+    "is_ours",
     "is_shared",
     "last_error",
     "load_class",
@@ -158,8 +171,4 @@ __all__ = [
     "write_file",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _WHERE:
-        return getattr(import_module(f".{_WHERE[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = imported_later(__name__, _WHERE)

@@ -8,7 +8,7 @@ import pytest
 from support.paths import CHECKOUT
 from support.runs.scenario import problems_of
 
-from stepbus_orchestrator.scenario import is_installed_package
+from stepbus_orchestrator.scenario import is_installed
 
 PAGE = (CHECKOUT / "docs/security.md").read_text(encoding="utf-8")
 NAMED = re.findall(r"`((?:store/)?tests/[\w/]+\.py)(?:::(\w+))?`", PAGE)
@@ -34,8 +34,8 @@ def test_no_package_of_ours_can_be_replaced():
     names = [folder.rpartition("/")[2] for folder in folders]
     ours = [name for name in names if name.startswith("stepbus")]
     assert len(ours) > 10
-    assert all(map(is_installed_package, ours))
-    assert not is_installed_package("controller")
+    assert all(map(is_installed, ours))
+    assert not is_installed("controller")
 
 
 @pytest.mark.parametrize("name", ["../plant", "/plant", "a/b", ".hidden", "a\\0b", "x" * 65])

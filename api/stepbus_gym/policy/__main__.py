@@ -1,37 +1,10 @@
-"""Take part in a run as a policy."""
+"""Take part in a run as a policy: `python -m stepbus_gym.policy module:function`."""
 
 import sys
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
-from stepbus_gym.interface import Vector
-from stepbus_participant import Config, Step, main
-from stepbus_schemas import WiringError
+from stepbus_participant import main
 
-from .load import checked_action, load_policy
-from .participant import PolicyParticipant
-
-_HERE = Path.cwd()
-
-
-class LoadedPolicy(PolicyParticipant):
-    """A policy that is a function of a module of yours."""
-
-    def __init__(self, config: Config) -> None:
-        super().__init__(config, self._decide)
-        name = sys.argv[1] if len(sys.argv) > 1 else self.params.policy
-        if not name:
-            raise WiringError(
-                "no policy is recorded; name it, e.g. stepbus replay run.mcap --participant "
-                f"{config.name} --exec python -m stepbus_gym.policy my_policy:act"
-            )
-        self._policy = load_policy(name, [config.folder, _HERE])
-
-    def _decide(self, observation: Vector, _inputs: Mapping[str, Any], step: Step) -> Vector:
-        size = 0 if self.interface is None else len(self.interface.action)
-        return checked_action(self._policy(observation), size, step.index)
-
+from .loaded import LoadedPolicy
 
 if __name__ == "__main__":
-    raise SystemExit(main(LoadedPolicy))
+    raise SystemExit(main(lambda config: LoadedPolicy(config, "".join(sys.argv[1:2]))))

@@ -103,7 +103,7 @@ class Launcher:
         """
         content = JoinTicket(
             **asdict(self._ticket(spec, endpoint, faults, profile, checkpoint)),
-            exec=list(spec.exec),
+            exec=list(spec.program),
             folder=str(scenario_folder.absolute()),
             bridge="" if spec.bridge is None else spec.bridge.format,
             describe={} if spec.bridge is None else spec.bridge.describe,

@@ -17,7 +17,7 @@ from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 from .outputs.recorded import replayable_steps
-from .programs.trust import recorded_commands
+from .programs.trust import recorded_programs
 from .programs.work_tree import WorkTree
 from .rerun import Origin, origin_of, refuse_others, unpack
 
@@ -62,7 +62,7 @@ def prepare(
     """
     origin = origin_of(recording)
     refuse_others(origin, trusted)
-    programs = recorded_commands(recording)
+    programs = recorded_programs(recording)
     if participant not in programs:
         known = suggest(participant, programs)
         raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
@@ -72,7 +72,7 @@ def prepare(
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
         dataclasses.replace(
-            spec, exec=programs[spec.name] if spec.name in unused else spec.exec, on_fault=None
+            _with_program(spec, programs[spec.name]) if spec.name in unused else spec, on_fault=None
         )
         for spec in scenario.participants
     ]
@@ -92,7 +92,12 @@ def _from_tree(
     today = load(tree.file, [*tree.overrides, *overrides, *unused])
     new, old = today.participant(participant), scenario.participant(participant)
     spec = dataclasses.replace(
-        old, exec=new.exec, bridge=new.bridge, params=new.params, deadlines=new.deadlines
+        old,
+        participant=new.participant,
+        exec=new.exec,
+        bridge=new.bridge,
+        params=new.params,
+        deadlines=new.deadlines,
     )
     specs = [spec if other is old else other for other in scenario.participants]
     found = files(_with_programs(today, tree, names))
@@ -113,10 +118,14 @@ def _from_tree(
 def _with_programs(today: Scenario, tree: WorkTree, names: Sequence[str]) -> Scenario:
     """Return a scenario in which some participants have the programs that the file says."""
     specs = (
-        dataclasses.replace(spec, exec=tree.command(spec.name)) if spec.name in names else spec
+        _with_program(spec, tree.program(spec.name)) if spec.name in names else spec
         for spec in today.participants
     )
     return dataclasses.replace(today, participants=tuple(specs))
+
+
+def _with_program(spec: ParticipantSpec, other: ParticipantSpec) -> ParticipantSpec:
+    return dataclasses.replace(spec, participant=other.participant, exec=other.exec)
 
 
 def _changed_files(recorded: Mapping[str, bytes], found: Mapping[str, bytes]) -> Iterator[str]:
@@ -131,6 +140,7 @@ def _changed_files(recorded: Mapping[str, bytes], found: Mapping[str, bytes]) ->
 
 def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> Iterator[str]:
     values = [
+        *_values("participant", old.participant, new.participant),
         *_values("exec", list(old.exec), list(new.exec)),
         *_values("bridge", old.bridge, new.bridge),
         *_values("params", old.params, new.params),

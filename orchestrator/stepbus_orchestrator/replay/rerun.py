@@ -328,9 +328,9 @@ def _outside(origin: Origin, scenario: Scenario) -> list[str]:
     kept = {package for package in packages if any(f"/{f}".endswith(package) for f in origin.files)}
     urls = {url for url in urls if f"/{url.removeprefix('package://')}" not in kept}
     programs = {
-        command(spec.exec, scenario.folder)[0]
+        command(spec.program, scenario.folder)[0]
         for spec in scenario.participants
-        if spec.exec[0] not in _OURS
+        if spec.program[0] not in _OURS
     }
     outside = {path for path in programs if not Path(path).is_relative_to(scenario.folder)}
     return [

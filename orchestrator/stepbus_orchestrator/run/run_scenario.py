@@ -204,21 +204,25 @@ class _Run:
 
     def _with_hub(self) -> str:
         # A run in processes of their own is quicker to start without it.
-        from .inprocess import NATIVE_LOG, LocalRun, Surroundings  # noqa: PLC0415  see above
+        from .inprocess import NATIVE_LOG, LocalRun, ScenarioModules, Surroundings  # noqa: PLC0415
 
         logs = self._options.out.resolve() / LOGS_FOLDER
+        sources = (spec.participant.rpartition(":")[0] for spec in self._scenario.participants)
+        files = [source for source in sources if source.endswith(".py")]
+        modules = ScenarioModules(self._scenario.folder, files)
         local = LocalRun(
             run=self._run,
             token=self._token,
             logs=logs,
             options=self._options,
+            modules=modules,
             interrupt=self._interrupt,
             result=lambda: msgspec.json.encode(self._result("", None)),
         )
         native_log = logs / NATIVE_LOG if self._options.owns_descriptors else None
         with contextlib.ExitStack() as stack:
             try:
-                around = Surroundings(self._scenario.folder, local.guard, native_log)
+                around = Surroundings(self._scenario.folder, modules, local.guard, native_log)
                 stack.enter_context(around)
             except OSError as exc:
                 raise StartFailed(

@@ -2,6 +2,7 @@
 
 from stepbus_participant.parameters import Problem
 
+from .declared import check_classes
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
 from .installed import NEEDS, check_installed, missing
 from .load import ScenarioError, check_data, load
@@ -18,8 +19,8 @@ from .model import (
     Scenario,
     low_latency,
 )
-from .packages import is_installed_package
-from .program import command, python_target, replaced_program, start_command
+from .program import command, python_target, replaced_program, start_command, written_program
+from .reading.earlier import upgraded
 from .reading.extend import read_data
 from .reading.locate import builtin_folders, builtin_names
 from .resolve import files, left_out, resolved
@@ -45,13 +46,13 @@ __all__ = [
     "Schedule",
     "builtin_folders",
     "builtin_names",
+    "check_classes",
     "check_data",
     "check_installed",
     "command",
     "faults_of",
     "files",
     "format_fault",
-    "is_installed_package",
     "left_out",
     "load",
     "low_latency",
@@ -61,4 +62,6 @@ __all__ = [
     "replaced_program",
     "resolved",
     "start_command",
+    "upgraded",
+    "written_program",
 ]

@@ -1,12 +1,14 @@
 """Whether a scenario's parts fit together: connections, loops, programs, files."""
 
+from functools import partial
+
 from stepbus_participant import Problems, suggest
-from stepbus_schemas import Types, WiringError, raw_problem
+from stepbus_schemas import Types, raw_problem
 
 from .declared import check_params
 from .files.search import search_files
 from .model import InputSpec, ParticipantSpec, Scenario
-from .program import check_command
+from .program import check_class, check_command
 from .schedule import find_loops
 
 
@@ -97,8 +99,14 @@ def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec], ty
 def _check_programs(scenario: Scenario, problems: Problems) -> None:
     for spec in scenario.participants:
         # What somebody else starts need not be on this machine.
-        if spec.exec and not spec.is_external:
-            try:
-                check_command(spec.exec, scenario.folder)
-            except WiringError as exc:
-                problems.add(("participants", spec.name, "exec"), str(exc))
+        if spec.is_external:
+            continue
+        key = "participant" if spec.participant else "exec"
+        check_program = (
+            partial(check_class, spec.participant)
+            if spec.participant
+            else partial(check_command, spec.exec)
+        )
+        keys = ("participants", spec.name, key)
+        if (spec.participant or spec.exec) and not problems.has(keys):
+            problems.attempt(keys, partial(check_program, scenario.folder))

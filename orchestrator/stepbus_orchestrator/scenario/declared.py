@@ -1,136 +1,78 @@
 """Check the parameters of every participant that declares them, without starting it.
 
-A Python program declares them as a class `Params` (`stepbus.Settings`): in the module `params` of
-the package that `python -m` runs, or else in the module or script itself, where it may also be
-imported from another one. That class is found in the source, not by running it.
+They are the class `Params` (`stepbus.Settings`) of the module, or file, that `participant` names.
 """
 
-import ast
-import importlib
 import json
 import subprocess
-from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 
-from stepbus_participant import Problems, Settings, extra_hint, read_file
-from stepbus_participant.parameters import find_problems
+from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours
+from stepbus_participant.parameters import Keys, find_problems
 
-from .files.paths import is_file
 from .model import ParticipantSpec, Scenario
-from .program import PYTHON, module_file, python_target
+from .program import PYTHON
 
-_NAME = "Params"
 _LONGEST_S = 30.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Declaration:
-    """Where a class of parameters is; module: its name, empty for a script."""
-
-    file: Path
-    module: str
-    name: str = _NAME
-
-
 def check_params(scenario: Scenario, problems: Problems) -> None:
-    """Add what is wrong with the parameters of participants that declare them.
+    """Add what is wrong with the parameters of participants.
 
-    Installed packages are imported here: their `params` load nothing heavy. What lies in the
-    scenario's folder is the user's, and runs in a process of its own.
+    Modules of ours are imported here: with their parameters, they load nothing heavy. All others
+    are the user's, and checked by `check_classes` where they have parameters.
     """
-    own: list[tuple[ParticipantSpec, Declaration]] = []
+    others = []
     for spec in scenario.participants:
-        declaration = find_declaration(spec, scenario.folder)
-        is_wrong = any(problems.has(("participants", spec.name, k)) for k in ("exec", "params"))
-        if declaration is None or is_wrong:
+        keys: Keys = ("participants", spec.name)
+        if not spec.participant or any(
+            problems.has((*keys, key)) for key in ("participant", "params")
+        ):
             continue
-        if declaration.file.is_relative_to(scenario.folder):
-            own.append((spec, declaration))
+        source = spec.participant.rpartition(":")[0]
+        if not is_ours(source):
+            others.append(spec)
             continue
         try:
-            declared = getattr(importlib.import_module(declaration.module), declaration.name)
+            declared = declared_parameters(source, scenario.folder)
         except ModuleNotFoundError as exc:
-            text = f"{declaration.module} needs {exc.name}, which is not installed"
-            problems.add(("participants", spec.name), text + extra_hint(exc.name or ""))
+            text = f"{source} needs {exc.name}, which is not installed"
+            problems.add(keys, text + extra_hint(exc.name or ""))
             continue
-        if isinstance(declared, type) and issubclass(declared, Settings):
-            _add(problems, spec.name, find_problems(declared, spec.params, scenario.folder))
-    if own:
-        _check_separately(own, scenario.folder, problems)
+        if declared is not None:
+            _add(problems, (*keys, "params"), find_problems(declared, spec.params, scenario.folder))
+    check_classes(scenario, [spec for spec in others if spec.params], problems)
 
 
-def find_declaration(spec: ParticipantSpec, folder: Path) -> Declaration | None:
-    """Return where a participant declares its parameters; None: nowhere."""
-    if spec.exec[:1] != ("python",):
-        return None
-    launch, name = python_target(spec.exec[1:])
-    if launch == "script" and is_file(folder / name):
-        return _in_source(Declaration(file=folder / name, module=""), folder)
-    if launch != "module":
-        return None
-    file = module_file(f"{name}.params", folder)
-    if file is not None:
-        return _in_source(Declaration(file=file, module=f"{name}.params"), folder)
-    file = module_file(name, folder)
-    return None if file is None else _in_source(Declaration(file=file, module=name), folder)
+def check_classes(scenario: Scenario, specs: Sequence[ParticipantSpec], problems: Problems) -> None:
+    """Import the classes of participants, in a process of its own, and add what is wrong.
 
-
-def _in_source(at: Declaration, folder: Path) -> Declaration | None:
-    """Follow the name `Params` at the top of a module to the class."""
-    try:
-        tree = ast.parse(read_file(at.file))
-    except (OSError, SyntaxError, ValueError):
-        return None
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.name == at.name:
-            return at
-        if isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                if (alias.asname or alias.name) == at.name:
-                    return _imported(at, node, alias.name, folder)
-    return None
-
-
-def _imported(at: Declaration, node: ast.ImportFrom, name: str, folder: Path) -> Declaration | None:
-    package = at.module if at.file.name == "__init__.py" else at.module.rpartition(".")[0]
-    for _ in range(node.level - 1):
-        package = package.rpartition(".")[0]
-    parts = (package if node.level else "", node.module or "")
-    module = ".".join(part for part in parts if part)
-    file = module_file(module, folder)
-    return None if file is None else Declaration(file=file, module=module, name=name)
-
-
-def _check_separately(
-    own: Iterable[tuple[ParticipantSpec, Declaration]], folder: Path, problems: Problems
-) -> None:
-    rows = list(own)
-    requests = [
-        {"file": str(at.file), "module": at.module, "name": at.name, "params": dict(spec.params)}
-        for spec, at in rows
-    ]
-    words = [*PYTHON, "-m", "stepbus_participant.parameters"]
+    Code of the user's may never return, or end its process: it does neither to ours.
+    """
+    if not specs:
+        return
+    requests = [{"participant": s.participant, "params": dict(s.params)} for s in specs]
     try:
         done = subprocess.run(
-            words,
+            [*PYTHON, "-m", "stepbus_participant", "--check"],
             input=json.dumps(requests),
             capture_output=True,
             text=True,
-            cwd=folder,
+            cwd=scenario.folder,
             timeout=_LONGEST_S,
             check=True,
+            start_new_session=True,
         )
         answers = json.loads(done.stdout)
-    except (subprocess.SubprocessError, ValueError) as exc:
-        for spec, at in rows:
-            text = f"{at.file.name} cannot be imported to check them: {exc}"
-            problems.add(("participants", spec.name, "params"), text)
+    except (OSError, subprocess.SubprocessError, ValueError) as exc:
+        for spec in specs:
+            text = f"{spec.participant} cannot be imported to check it: {exc}"
+            problems.add(("participants", spec.name, "participant"), text)
         return
-    for (spec, _), found in zip(rows, answers, strict=True):
-        _add(problems, spec.name, [(tuple(keys), message) for keys, message in found])
+    for spec, found in zip(specs, answers, strict=True):
+        _add(problems, ("participants", spec.name), [(tuple(k), text) for k, text in found])
 
 
-def _add(problems: Problems, name: str, found: Iterable[tuple[tuple[str | int, ...], str]]) -> None:
-    for keys, message in found:
-        problems.add(("participants", name, "params", *keys), message)
+def _add(problems: Problems, keys: Keys, found: Iterable[tuple[Keys, str]]) -> None:
+    for below, message in found:
+        problems.add((*keys, *below), message)

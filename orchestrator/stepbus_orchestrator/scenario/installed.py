@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from stepbus_participant import ExtraMissing, extra_hint
 
 from .model import ParticipantSpec, Scenario
-from .program import python_target
 
 NEEDS = {
     "stepbus_controller": ("pinocchio",),
@@ -19,9 +18,8 @@ NEEDS = {
 
 def missing(spec: ParticipantSpec) -> str:
     """Return which packages a participant lacks here, and how to install them; empty: none."""
-    # Another interpreter, by its path, may have what this one lacks.
-    launch, module = python_target(spec.exec[1:]) if spec.exec[:1] == ("python",) else ("", "")
-    lacking = [name for name in _needs(module) if launch == "module" and not _is_here(name)]
+    module = spec.participant.rpartition(":")[0]
+    lacking = [name for name in _needs(module) if module and not _is_here(name)]
     if not lacking:
         return ""
     verb = "is" if len(lacking) == 1 else "are"

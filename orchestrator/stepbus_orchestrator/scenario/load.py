@@ -15,6 +15,7 @@ from stepbus_participant.parameters import YamlFile
 from .check import check
 from .model import Scenario
 from .reading.build import build
+from .reading.earlier import upgraded
 from .reading.extend import read_extended
 from .reading.locate import locate
 from .reading.override import add_faults, override
@@ -78,7 +79,7 @@ def _checked(
 ) -> Scenario:
     file = add_faults(override(file, overrides), faults)
     problems = file.problems()
-    scenario = build(file.data, path, problems)
+    scenario = build(upgraded(file.data), path, problems)
     check(scenario, problems)
     problems.refuse()
     if last_check is not None:

@@ -109,7 +109,8 @@ class FaultSpec:
 class ParticipantSpec:
     """One participant.
 
-    exec: the command as written in the scenario; `program.command` makes it one that can be run.
+    participant: the class that it is, `file.py:Class` or `module:Class`; or else exec: the command
+    as written in the scenario; `program.command` makes it one that can be run.
     every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
     it reads its inputs. on_fault: how the run continues when it fails; None: it ends. bridge: how
     the program is reached where it does not speak Zenoh itself. files: patterns of files that it
@@ -119,7 +120,8 @@ class ParticipantSpec:
     """
 
     name: str
-    exec: tuple[str, ...]
+    participant: str = ""
+    exec: tuple[str, ...] = ()
     every: int = 1
     publishes: Publishes = "last"
     inputs: Mapping[str, InputSpec] = field(default_factory=dict)
@@ -132,6 +134,11 @@ class ParticipantSpec:
     start: Start = "child"
     real_time: bool = False
     on_late: OnLate = "count"
+
+    @property
+    def program(self) -> tuple[str, ...]:
+        """Return its command as `exec` would have it."""
+        return self.exec or ("python", "-m", "stepbus_participant", self.participant)
 
     @property
     def is_external(self) -> bool:

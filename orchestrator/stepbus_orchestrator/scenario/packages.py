@@ -4,6 +4,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from stepbus_participant import PARTICIPANTS
+
 
 @cache
 def declared(group: str) -> tuple[str, ...]:
@@ -14,21 +16,9 @@ def declared(group: str) -> tuple[str, ...]:
     return tuple(sorted({point.value for point in entry_points(group=group)}))
 
 
-def participant_modules() -> tuple[str, ...]:
-    """Return the modules that packages declare as participants: what `python -m` runs."""
-    return declared("stepbus.participants")
-
-
-def is_installed_package(module: str) -> bool:
-    """Return whether a module is one of ours or of a package that declares participants.
-
-    No folder of that name in a scenario's folder replaces one. Names that begin with `stepbus_`
-    are ours.
-    """
-    top = module.partition(".")[0]
-    if top == "stepbus" or top.startswith("stepbus_"):
-        return True
-    return any(top == name.partition(".")[0] for name in participant_modules())
+def participant_classes() -> tuple[str, ...]:
+    """Return the participants that packages declare, as `participant` of a scenario names them."""
+    return declared(PARTICIPANTS)
 
 
 def scenario_folders() -> dict[str, Path]:

@@ -9,13 +9,14 @@ import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
+from typing import Any
 
-from stepbus_participant import extra_hint, suggest
+from stepbus_participant import extra_hint, is_installed, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .files.paths import is_file, is_folder
 from .model import BridgeSpec, ParticipantSpec
-from .packages import is_installed_package
+from .packages import participant_classes
 
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",
@@ -51,7 +52,7 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
 
 def _runs_ours(arguments: Sequence[str]) -> bool:
     launch, name = python_target(arguments)
-    return launch == "module" and is_installed_package(name)
+    return launch == "module" and is_installed(name)
 
 
 def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
@@ -60,10 +61,21 @@ def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
     Raises WiringError when there is no such program.
     """
     if spec.bridge is None:
-        return command(spec.exec, folder)
+        return command(spec.program, folder)
     described = spec.bridge.describe
     describe = ("--describe", json.dumps(described)) if described else ()
     return _bridge_command(("--format", spec.bridge.format, *describe, "--", *spec.exec), folder)
+
+
+def written_program(name: str, row: Any) -> ParticipantSpec:
+    """Return a participant with the class or program only that its row in a file has."""
+    row = row if isinstance(row, dict) else {}
+    words = row.get("exec")
+    return ParticipantSpec(
+        name=name,
+        participant=str(row.get("participant") or ""),
+        exec=tuple(map(str, words)) if isinstance(words, list) else (),
+    )
 
 
 def replaced_program(
@@ -78,7 +90,8 @@ def replaced_program(
         return spec
     describe = {} if spec.bridge is None else spec.bridge.describe
     through = None if bridge is None else BridgeSpec(format=bridge, describe=describe)
-    return dataclasses.replace(spec, exec=tuple(program) or spec.exec, bridge=through)
+    replaced = tuple(program) or spec.program
+    return dataclasses.replace(spec, participant="", exec=replaced, bridge=through)
 
 
 def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
@@ -145,22 +158,33 @@ def python_target(arguments: Sequence[str]) -> tuple[str, str]:
 
 def _check_module(name: str, folder: Path) -> None:
     """Raise WiringError when `python -m name` cannot work; imports nothing."""
-    spec = _module_spec(name, folder)
-    if spec is None:
-        where = f"neither installed for {sys.executable} nor in {folder}"
-        if is_installed_package(name):
-            where = f"not installed for {sys.executable}{extra_hint(name)}"
-        raise WiringError(f"no Python module {name!r}, {where}")
+    spec = _find_module(name, folder)
     if spec.submodule_search_locations and not _submodule(spec, f"{name}.__main__"):
         raise WiringError(
             f"the Python package {name!r} has no __main__.py, so `python -m` cannot run it"
         )
 
 
-def module_file(name: str, folder: Path) -> Path | None:
-    """Return the file of a module, of a package its `__init__.py`; imports nothing."""
+def _find_module(name: str, folder: Path) -> ModuleSpec:
+    """Return where a module is; raises WiringError where it is not. Imports nothing."""
     spec = _module_spec(name, folder)
-    return None if spec is None or spec.origin is None else Path(spec.origin)
+    if spec is not None:
+        return spec
+    where = f"neither installed for {sys.executable} nor in {folder}"
+    if is_installed(name):
+        where = f"not installed for {sys.executable}{extra_hint(name)}"
+    known = [item.rpartition(":")[0] for item in participant_classes()]
+    raise WiringError(f"no Python module {name!r}, {where}{suggest(name, known)}")
+
+
+def check_class(name: str, folder: Path) -> None:
+    """Raise WiringError when the file or module of `participant` is missing; imports nothing."""
+    source = name.rpartition(":")[0]
+    if not source.endswith(".py"):
+        _find_module(source, folder)
+    elif not is_file(folder / source):
+        scripts = [item.name for item in folder.glob("*.py")]
+        raise WiringError(f"no file {source!r} in {folder}{suggest(source, sorted(scripts))}")
 
 
 def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
@@ -170,7 +194,7 @@ def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
     # A file may have been written since this process last checked.
     importlib.invalidate_caches()
     # `python -m` puts the working directory, which is the scenario's folder, first; not for ours.
-    own = None if is_installed_package(name) else PathFinder.find_spec(parts[0], [str(folder)])
+    own = None if is_installed(name) else PathFinder.find_spec(parts[0], [str(folder)])
     spec = own or importlib.util.find_spec(parts[0])
     for depth in range(2, len(parts) + 1):
         spec = _submodule(spec, ".".join(parts[:depth])) if spec else None

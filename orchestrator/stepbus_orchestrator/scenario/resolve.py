@@ -99,6 +99,7 @@ def _types(scenario: Scenario) -> Any:
 
 def _participant(spec: ParticipantSpec) -> dict[str, Any]:
     content: dict[str, Any] = {
+        "participant": spec.participant,
         "exec": list(spec.exec),
         "files": list(spec.files),
         "bridge": {} if spec.bridge is None else _bridge(spec.bridge),
@@ -109,7 +110,7 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "params": dict(spec.params),
         "on_fault": {} if spec.on_fault is None else _on_fault(spec.on_fault),
     }
-    return {key: value for key, value in content.items() if value not in ({}, [])}
+    return {key: value for key, value in content.items() if value not in ({}, [], "")}
 
 
 def _bridge(bridge: BridgeSpec) -> Any:

@@ -92,9 +92,11 @@ class _Reader:
         short = cls.short if isinstance(data, str) else ""
         if short:
             data = {short: data}
+        required = [field.encode_name for field in node.fields if field.required]
+        if data is None and not required:
+            data = {}
         if not isinstance(data, Mapping):
             form = "text or a map" if cls.short else "a map"
-            required = [field.encode_name for field in node.fields if field.required]
             if data is not None:
                 self.problems.add(keys, f"must be {form}, not {show(data)}")
             elif required and not self.problems.has(keys):

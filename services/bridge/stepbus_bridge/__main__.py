@@ -1,46 +1,10 @@
 """The bridge as a process: `python -m stepbus_bridge`, which `stepbus bridge` starts."""
 
-import argparse
 import sys
-from collections.abc import Mapping
-from typing import Any
 
-import msgspec
+from stepbus_participant import main
 
-from stepbus_participant import Config, Participant, main
-from stepbus_schemas import BRIDGE_FORMATS, UNDECODABLE, explained
-
-from .bridge import BridgedProgram
-from .map_bridge import MapBridge
-from .raw_bridge import RawBridge
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="stepbus bridge")
-    parser.add_argument("--format", choices=BRIDGE_FORMATS, default="json")
-    parser.add_argument("--describe", type=_describe, default={}, metavar="JSON")
-    parser.add_argument("program", nargs="+", help="path of the program and its arguments")
-    return parser.parse_args()
-
-
-def _describe(text: str) -> Mapping[str, Mapping[str, Any]]:
-    try:
-        return msgspec.json.decode(text, type=dict[str, dict[str, Any]])
-    except UNDECODABLE as exc:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no map of descriptions: {explained(exc)}"
-        ) from exc
-
-
-def _main() -> int:
-    args = _arguments()
-    program = BridgedProgram(argv=args.program, format=args.format, describe=args.describe)
-
-    def make(config: Config) -> Participant:
-        return (RawBridge if program.format == "raw" else MapBridge)(config, program)
-
-    return main(make)
-
+from . import bridge_to
 
 if __name__ == "__main__":
-    sys.exit(_main())
+    sys.exit(main(bridge_to(sys.argv[1:])))

@@ -61,7 +61,7 @@ class Saved(msgspec.Struct):
     has_reported_delay: bool
 
 
-class ControllerParticipant(Participant):
+class Controller(Participant):
     """Commands joint torques by a control law, clipped at the effort limits.
 
     Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, where the

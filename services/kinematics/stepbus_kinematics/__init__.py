@@ -3,8 +3,9 @@
 What loads Pinocchio is imported when it is first used: parameters are checked without.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from stepbus_participant import imported_later
 
 from .params import Smoothing, SmoothingParams, TimeConstant, Window, window_problems
 
@@ -45,8 +46,4 @@ __all__ = [
     "window_problems",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _WHERE:
-        return getattr(import_module(f".{_WHERE[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = imported_later(__name__, _WHERE)

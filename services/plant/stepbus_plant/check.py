@@ -15,7 +15,7 @@ from stepbus_participant import Config
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import Decoder, Description, Types, Welcome, WiringError
 
-from .participant import PlantParticipant
+from .participant import Plant
 
 _PARAMETER = re.compile(r"params\.([\w.\[\]]+): (.*)")
 _PORT = re.compile(r"(?:input )?'?([\w-]+)'?: (.*)")
@@ -24,7 +24,7 @@ _PORT = re.compile(r"(?:input )?'?([\w-]+)'?: (.*)")
 def problems(config: Config) -> list[tuple[Keys, str]]:
     """Return what is wrong with a plant: keys of the participant and a sentence each."""
     try:
-        plant = PlantParticipant(config)
+        plant = Plant(config)
     except WiringError as exc:
         return list(_located(str(exc), config))
     try:

@@ -26,6 +26,7 @@ from stepbus_schemas import (
     WiringError,
 )
 
+from . import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
 from .devices import camera
 from .devices import planogram as plan
 from .devices import registry as devices
@@ -34,7 +35,7 @@ from .devices.registry import Driver
 from .devices.sensors import registry as sensors
 from .joints.commander import Commander
 from .params import Params
-from .plant import Plant
+from .plant import SimulatedPlant
 from .world.calls import WorldCalls
 from .world.file import load_world
 
@@ -65,7 +66,7 @@ STOPPED = (Commander, BaseDriver)
 _log = logging.getLogger("stepbus_plant")
 
 
-class PlantParticipant(Participant):
+class Plant(Participant):
     """Publishes a JointState on each of its outputs and executes a JointCommand from each input.
 
     Bases, grippers and sensors have ports of their own types, named after the device. Each
@@ -83,7 +84,7 @@ class PlantParticipant(Participant):
         super().__init__(config)
         params = config.read(Params, self._port_problems())
         world = load_world(params.world, params.stock)
-        self.plant = Plant(world, params, config.step_ns * config.every, config.seed)
+        self.plant = SimulatedPlant(world, params, config.step_ns * config.every, config.seed)
         self._drivers: dict[str, Driver] = {}
         outputs = config.outputs.items()
         self._state_ports = [name for name, port in outputs if port.type == "JointState/1"]

@@ -31,7 +31,7 @@ from .world.file import World
 from .world.script import Script, check_script
 
 
-class Plant:
+class SimulatedPlant:
     """A simulated world that advances in steps of a fixed length.
 
     `params.joints` selects the joints to sense; the others behave the same. Until its first

@@ -1,1 +1,14 @@
 """Sales in a store: a state machine that fetches items from shelves, one after the other."""
+
+from typing import TYPE_CHECKING
+
+from stepbus_participant import imported_later
+
+from .params import Params
+
+if TYPE_CHECKING:
+    from .participant import StoreMission
+
+__all__ = ["Params", "StoreMission"]
+
+__getattr__ = imported_later(__name__, {"StoreMission": "participant"})

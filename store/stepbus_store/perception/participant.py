@@ -64,7 +64,7 @@ class CameraSource:
         )
 
 
-class PerceptionParticipant(Participant):
+class Perception(Participant):
     """Publishes the type, pose and confidence of each item it detects.
 
     Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose

@@ -30,7 +30,7 @@ class _Pending:
     poses: Poses | None
 
 
-class PlannerParticipant(Participant):
+class Planner(Participant):
     """Plans collision-free paths of a robot's joints.
 
     Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender

@@ -40,7 +40,7 @@ class _PortNames:
     poses: str
 
 
-class WorldModelParticipant(Participant):
+class WorldModel(Participant):
     """Publishes where the base is on the map, and where everything must be that the map lists.
 
     Inputs: Poses/1, the planogram, once; BaseState/1, odometry; JointState/1, GripperState/1; and

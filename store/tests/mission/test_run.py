@@ -19,7 +19,8 @@ step: 20ms
 duration: 60s
 participants:
   plant:
-    exec: [python, fake_store.py, '{faults}', {tests}]
+    participant: fake_store.py:Store
+    params: {{faults: {faults}}}
     publishes: first
     spawn_timeout: 60s
     inputs: {{goal: mission.goal}}
@@ -30,7 +31,7 @@ participants:
       detections: Detections/1
       goal_status: GoalStatus/1
   mission:
-    exec: [python, -m, stepbus_store.mission]
+    participant: stepbus_store.mission:StoreMission
     spawn_timeout: 60s
     inputs:
       poses: plant.poses
@@ -50,8 +51,11 @@ participants:
 def sales(folder, **faults):
     folder.mkdir()
     path = folder / "scenario.yaml"
-    (folder / "fake_store.py").write_bytes((STORE_PROGRAMS / "fake_store.py").read_bytes())
-    path.write_text(SCENARIO.format(faults=json.dumps(faults), tests=STORE_TESTS))
+    program = (STORE_PROGRAMS / "fake_store.py").read_text()
+    (folder / "fake_store.py").write_text(
+        program.replace("TESTS = None", f"TESTS = {str(STORE_TESTS)!r}")
+    )
+    path.write_text(SCENARIO.format(faults=json.dumps(faults)))
     return run(load(path), Options(out=folder / "out", in_process=True))
 
 

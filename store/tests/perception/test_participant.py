@@ -26,7 +26,7 @@ from stepbus_schemas import (
 from stepbus_store.perception.catalog import read_catalog
 from stepbus_store.perception.detection.colours import Palette
 from stepbus_store.perception.geometry import rotation
-from stepbus_store.perception.participant import PerceptionParticipant
+from stepbus_store.perception.participant import Perception
 from stepbus_store.perception.robot import CameraMount
 
 MS = 1_000_000
@@ -90,7 +90,7 @@ def seen(tmp_path_factory):
 
 
 def start(given, described):
-    participant = PerceptionParticipant(given)
+    participant = Perception(given)
     names = Description(names=["wheel", *JOINTS[::-1]])
     participant.start(
         {name: Description() for name in TYPES} | {"joint_state": names, "poses": described}
@@ -270,7 +270,7 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
     (row,) = problems(config(tmp_path))
     sentence = "params.source: camera needs cv2 (OpenCV), which is not installed; pip install "
     assert sentence in row
-    PerceptionParticipant(config(tmp_path, ["poses"], source="truth"))
+    Perception(config(tmp_path, ["poses"], source="truth"))
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,7 @@ def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
 
 
 def test_a_joint_that_is_not_sensed_is_named(tmp_path, seen):
-    participant = PerceptionParticipant(config(tmp_path))
+    participant = Perception(config(tmp_path))
     inputs = {"joint_state": Description(names=JOINTS[1:]), "poses": seen[1]}
     with pytest.raises(WiringError, match="perception: input 'joint_state' has no joint 'joint_0'"):
         participant.start(inputs)
@@ -324,8 +324,8 @@ def test_a_frame_that_the_plant_lacks_is_named(tmp_path, seen):
 
 
 def test_versions_name_what_shapes_the_result(tmp_path):
-    assert list(PerceptionParticipant(config(tmp_path)).versions()) == ["numpy", "pin", "opencv"]
-    truth = PerceptionParticipant(config(tmp_path, ["poses"], source="truth"))
+    assert list(Perception(config(tmp_path)).versions()) == ["numpy", "pin", "opencv"]
+    truth = Perception(config(tmp_path, ["poses"], source="truth"))
     assert list(truth.versions()) == ["numpy", "pin"]
 
 
@@ -335,4 +335,4 @@ def test_a_model_that_cannot_be_expanded_says_why(tmp_path, monkeypatch):
 
     monkeypatch.setattr("stepbus_kinematics.urdf.read_urdf_text", refuse)
     with pytest.raises(WiringError, match=r"robot\.urdf needs xacro; run `make robots`"):
-        PerceptionParticipant(config(tmp_path))
+        Perception(config(tmp_path))

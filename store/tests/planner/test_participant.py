@@ -26,7 +26,7 @@ from support.store_paths import STORE_TESTS
 
 from stepbus_kinematics.srdf import srdf_text
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
-from stepbus_store.planner.participant import PlannerParticipant
+from stepbus_store.planner.participant import Planner
 from stepbus_store.planner.scene.robot import PlannedRobot
 
 ANYWHERE = PlanRequest(id=1, start=START, goal=GOAL)
@@ -185,7 +185,7 @@ def test_a_search_that_takes_no_time_gives_the_same_bytes_as_one_in_another_proc
 def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
     write_arm(tmp_path)
     with pytest.raises(WiringError) as caught:
-        PlannerParticipant(config(tmp_path, latency="fast", margin=-1, max_check=5))
+        Planner(config(tmp_path, latency="fast", margin=-1, max_check=5))
     text = str(caught.value)
     for part in (
         "'fast' is no duration", "margin: must be at least 0, not -1",
@@ -197,7 +197,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
 def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
     write_arm(tmp_path)
     with pytest.raises(WiringError) as caught:
-        PlannerParticipant(config(tmp_path, joints=["one", "wheel_joint", "tow"], tip="hnad"))
+        Planner(config(tmp_path, joints=["one", "wheel_joint", "tow"], tip="hnad"))
     text = str(caught.value)
     for part in (
         "joint 'tow' is not in", "did you mean 'two'?", "tip: link 'hnad' is not",
@@ -219,7 +219,7 @@ def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
 def test_a_mistaken_parameter_is_named(tmp_path, params, text):
     write_arm(tmp_path)
     with pytest.raises(WiringError) as caught:
-        PlannerParticipant(config(tmp_path, **params))
+        Planner(config(tmp_path, **params))
     assert text in str(caught.value)
 
 

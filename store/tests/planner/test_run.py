@@ -14,8 +14,6 @@ from stepbus_schemas import Decoder, Plan
 pytestmark = pytest.mark.slow
 
 PROGRAM = """
-import sys
-import stepbus
 from stepbus import Description, Participant, PlanRequest, Poses
 
 
@@ -38,9 +36,6 @@ class Arm(Participant):
             return {}
         goal = [1.0, 0.1, -0.2]
         return {"plan_request": PlanRequest(id=step.index, start=[-1.0, 0.0, 0.0], goal=goal)}
-
-
-raise SystemExit(stepbus.main({"plant": Plant, "arm": Arm}[sys.argv[1]]))
 """
 
 SCENARIO = """
@@ -49,15 +44,15 @@ step: 8ms
 duration: 800ms
 participants:
   plant:
-    exec: [python, peers.py, plant]
+    participant: peers.py:Plant
     publishes: first
     outputs: {poses: Poses/1}
   arm:
-    exec: [python, peers.py, arm]
+    participant: peers.py:Arm
     inputs: {plan: {from: planner.plan, delay: 1}}
     outputs: {plan_request: PlanRequest/1}
   planner:
-    exec: [python, -m, stepbus_store.planner]
+    participant: stepbus_store.planner:Planner
     inputs: {request: arm.plan_request, poses: plant.poses}
     outputs: {plan: Plan/1, events: Event/1}
     params: {model: arm.urdf, joints: [one, two, three], tip: tip}

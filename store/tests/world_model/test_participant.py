@@ -19,7 +19,7 @@ from stepbus_schemas import (
     Poses,
     WiringError,
 )
-from stepbus_store.world_model.participant import WorldModelParticipant
+from stepbus_store.world_model.participant import WorldModel
 
 STORE = SCENARIOS / "store"
 ARM = [
@@ -64,7 +64,7 @@ def inputs(x=0.0, y=0.0, yaw=0.0, *, holding=False, width=0.09):
 
 
 def started():
-    participant = WorldModelParticipant(config())
+    participant = WorldModel(config())
     participant.start(described())
     return Stand(participant)
 
@@ -149,13 +149,13 @@ def test_landmarks_correct_the_pose_and_items_are_taken_from_where_they_are_seen
 
 
 def test_a_planogram_without_the_robot_is_refused():
-    participant = WorldModelParticipant(config())
+    participant = WorldModel(config())
     with pytest.raises(WiringError, match="has no link 'chassis' of a body"):
         participant.start(described(NAMES[1:]))
 
 
 def test_links_that_the_model_lacks_are_refused():
-    participant = WorldModelParticipant(config())
+    participant = WorldModel(config())
     inputs = described([*NAMES, "tail"])
     inputs["planogram"].details["body"][-1] = "robot"
     with pytest.raises(WiringError, match="links tail are not in"):

@@ -16,7 +16,7 @@ from stepbus import (
     WiringError,
 )
 from stepbus.testing import Bench, feed, make_config, scenario_config
-from stepbus_controller.participant import ControllerParticipant
+from stepbus_controller.participant import Controller
 
 PORTS = {"inputs": {"joint_state": JointState}, "outputs": {"command": JointCommand}}
 
@@ -142,7 +142,7 @@ def test_who_publishes_first_does_not_see_the_inputs_of_the_step():
 def test_a_shipped_controller_runs_on_the_bench_of_its_scenario():
     config = scenario_config("two_link", "controller", set={"controller.params.law": "pd"})
     joints = Description(names=["joint1", "joint2"])
-    bench = Bench(ControllerParticipant, config, {"joint_state": joints, "reference": joints})
+    bench = Bench(Controller, config, {"joint_state": joints, "reference": joints})
     state = JointState(position=[0.1, 0.2], velocity=[0.0, 0.0])
     target = JointReference(position=[0.0, 0.0], velocity=[0.0, 0.0], acceleration=[0.0, 0.0])
     published = bench.step(joint_state=state, reference=target)

@@ -10,7 +10,6 @@ from stepbus_orchestrator.errors import ExitCode
 # Reads something that is another in each run: its own process id.
 RACY = """
 import os
-import stepbus
 from stepbus import Description, JointCommand, JointState, Participant
 
 class Racy(Participant):
@@ -21,8 +20,6 @@ class Racy(Participant):
         state = step.read("joint_state", JointState)
         noise = os.getpid() * 1e-9 if step.index >= 7 else 0.0
         return {"command": JointCommand(mode="torque", values=[noise, state.position[1]])}
-
-raise SystemExit(stepbus.main(Racy))
 """
 SHORT = "duration=100ms"
 
@@ -31,7 +28,7 @@ SHORT = "duration=100ms"
 def racy(tmp_path):
     path = write_scenario(tmp_path / "source")
     (path.parent / "racy.py").write_text(RACY)
-    return [str(path), "--set", "controller.exec=[python, racy.py]", "--set", SHORT]
+    return [str(path), "--set", "controller.participant=racy.py:Racy", "--set", SHORT]
 
 
 @pytest.mark.slow
@@ -68,7 +65,7 @@ def test_a_participant_that_is_not_deterministic_is_caught_and_its_runs_are_kept
 
 def test_a_run_that_fails_ends_it_with_its_own_code(tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
-    override = fault("controller", "controller", "raise", 7)
+    override = fault("controller", "raise", 7)
     keep = str(tmp_path / "runs")
     code = cli.main(["verify", str(path), "--set", override, "--keep", keep])
     assert code == ExitCode.FAULT

@@ -11,11 +11,10 @@ from stepbus_orchestrator.cli.terminal.output import say_json, visible
 
 FORGED = "\\x1b[2J\\x1b[Hstepbus: two_link: finished\\nstepbus: all is well\\r\\x9b1m\\u202egnorw"
 RAISES = f"""
-from stepbus_participant import Participant, main
+from stepbus_participant import Participant
 class Loud(Participant):
     def update(self, step):
         raise ValueError("{FORGED}")
-main(Loud)
 """
 ENDS = RAISES.replace("raise ValueError(", "step.end(")
 
@@ -25,7 +24,7 @@ ENDS = RAISES.replace("raise ValueError(", "step.end(")
 def test_a_text_of_a_participant_cannot_pass_for_one_of_ours(tmp_path, program, code, mode):
     scenario = write_scenario(tmp_path / "source")
     (scenario.parent / "loud.py").write_text(program)
-    words = ["run", scenario, "--set", "mission.exec=[python, loud.py]", "--set", "duration=50ms"]
+    words = ["run", scenario, "--set", "mission.participant=loud.py:Loud", "--set", "duration=50ms"]
     command = [sys.executable, "-m", "stepbus_orchestrator.cli", *words, "--no-report", *mode]
     done = subprocess.run(
         [*command, "--out", tmp_path / "out"], capture_output=True, check=False, timeout=60

@@ -36,22 +36,22 @@ def failure_of(recording, *overrides, **options):
 
 
 @pytest.mark.parametrize(
-    ("program", "kind", "code", "sentence"),
+    ("kind", "code", "sentence"),
     [
-        ("controller", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
-        ("controller", "exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
-        ("controller", "kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("controller", "hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 0\.5 s"),
-        ("controller", "deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
-        ("controller", "port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
-        ("nonsense", "message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),
-        ("nonsense", "skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
-        ("nonsense", "time", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),
+        ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
+        ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 0\.5 s"),
+        ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),
+        ("skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
+        ("time", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),
     ],
 )  # fmt: skip
-def test_a_fault_in_a_step_is_blamed_with_its_step(joints_recording, program, kind, code, sentence):
+def test_a_fault_in_a_step_is_blamed_with_its_step(joints_recording, kind, code, sentence):
     deadlines = [STEP] if code == ExitCode.STEP_TIMEOUT else []
-    failure = failure_of(joints_recording, fault("controller", program, kind, 7), *deadlines)
+    failure = failure_of(joints_recording, fault("controller", kind, 7), *deadlines)
     assert (failure.code, failure.participant, failure.step) == (code, "controller", 7)
     assert re.search(sentence, str(failure))
 
@@ -65,13 +65,13 @@ def test_a_fault_in_a_step_is_blamed_with_its_step(joints_recording, program, ki
 )  # fmt: skip
 def test_a_fault_before_the_first_step_is_blamed(joints_recording, kind, sentence):
     deadlines = [READY] if kind == "hang" else []
-    failure = failure_of(joints_recording, fault("controller", "controller", kind, -1), *deadlines)
+    failure = failure_of(joints_recording, fault("controller", kind, -1), *deadlines)
     assert (failure.code, failure.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, str(failure))
 
 
 def test_a_program_of_another_version_of_a_message_is_refused(joints_recording):
-    failure = failure_of(joints_recording, fault("controller", "future", "none", 0))
+    failure = failure_of(joints_recording, "controller.participant=joints.py:Future")
     assert failure.code == ExitCode.START
     assert "was refused: output controller.command: the program has JointCommand/2" in str(failure)
 
@@ -83,28 +83,24 @@ def test_a_program_that_never_joins_is_blamed(joints_recording):
 
 
 def test_one_that_does_not_end_is_blamed_and_killed(joints_recording):
-    failure = failure_of(
-        joints_recording, fault("controller", "controller", "hang-at-close", 0), STOP
-    )
+    failure = failure_of(joints_recording, fault("controller", "hang-at-close", 0), STOP)
     assert failure.code == ExitCode.STOP_TIMEOUT
 
 
 def test_a_recording_without_a_step_is_no_test_that_passes(tmp_path):
-    first = fault("controller", "controller", "raise", 0)
+    first = fault("controller", "raise", 0)
     recording = run_joints(tmp_path, first, in_process=True).recording
     with pytest.raises(RecordingFailed, match="no complete step of plant: there is nothing to"):
         replay(recording, "plant")
 
 
 def test_the_log_of_one_that_failed_is_quoted(joints_recording):
-    failure = failure_of(joints_recording, fault("controller", "controller", "raise", 7))
+    failure = failure_of(joints_recording, fault("controller", "raise", 7))
     assert "ValueError: the knee" in str(failure).partition("its log ends below\n")[2]
 
 
 def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
-    failure_of(
-        joints_recording, fault("controller", "controller", "exit", 7), update=tmp_path / "new.mcap"
-    )
+    failure_of(joints_recording, fault("controller", "exit", 7), update=tmp_path / "new.mcap")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -112,7 +108,10 @@ def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_p
     recording = run(
         load(write_large(tmp_path)), Options(out=tmp_path / "out", in_process=True)
     ).recording
-    program = [sys.executable, str(tmp_path / "talk.py"), "frozen"]
     with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read nothing for .* piled up"):
-        replay(recording, "reader", program=program, overrides=["reader.step_timeout=1s"])
+        replay(
+            recording,
+            "reader",
+            overrides=["reader.step_timeout=1s", "reader.params={frozen: true}"],
+        )
     assert replay(recording, "reader").equal

@@ -50,14 +50,12 @@ def test_an_equal_run_says_so_and_exits_with_0(recorded, tmp_path, capsys):
 
 
 def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
-    first = run_joints(
-        tmp_path, fault("controller", "controller", "end", 9), "duration=1s", in_process=True
-    )
-    other = "controller.exec=[python, joints.py, controller, end, '4']"
+    first = run_joints(tmp_path, fault("controller", "end", 9), "duration=1s", in_process=True)
+    other = "controller.params={fault: end, at: 4}"
     code = cli.main(["rerun", str(first.recording), "--set", other, "--out", str(tmp_path / "b")])
     said = capsys.readouterr().out
     assert code == ExitCode.DIFFERENT
-    assert "note: the scenario is not the recorded one: --set controller.exec" in said
+    assert "note: the scenario is not the recorded one: --set controller.params" in said
     assert (
         "first divergence: step 5: controller/command: the first has a message, the second has none"
         in said
@@ -65,7 +63,7 @@ def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
 
 
 def test_a_failed_run_exits_with_its_own_code(recorded, tmp_path, capsys):
-    broken = fault("controller", "controller", "raise", 7)
+    broken = fault("controller", "raise", 7)
     arguments = ["rerun", str(recorded), "--set", broken, "--out", str(tmp_path / "again")]
     assert cli.main(arguments) == ExitCode.FAULT
     assert "the knee is bent the wrong way" in capsys.readouterr().err
@@ -97,7 +95,7 @@ def test_of_a_run_that_was_interrupted_its_steps_are_compared(tmp_path, capsys):
 def test_a_change_in_a_recording_that_is_cut_off_is_found(tmp_path, capsys):
     recorded = run_joints(tmp_path, "duration=1s", in_process=True).recording
     cut = cut_off(rewrite(recorded, tmp_path / "fine.mcap", 512), 0.5)
-    other = "controller.exec=[python, joints.py, controller, end, '4']"
+    other = "controller.params={fault: end, at: 4}"
     words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", other]
     assert cli.main(words) == ExitCode.DIFFERENT
     assert "first divergence: step 5: controller/command" in capsys.readouterr().out
@@ -114,7 +112,7 @@ def test_where_nothing_ran_nothing_is_said_to_be_as_recorded(recorded, tmp_path,
 
 
 def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_path, capsys):
-    broken = fault("controller", "controller", "raise", -1)
+    broken = fault("controller", "raise", -1)
     failed = run_joints(tmp_path, broken, in_process=True)
     assert cli.main(["rerun", str(failed.recording), "--out", str(tmp_path / "again")]) != 0
     said = capsys.readouterr().out

@@ -79,7 +79,7 @@ def test_a_cut_recording_runs_again_and_the_damage_is_noted(tmp_path):
 
 @pytest.mark.slow
 def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
-    recorded = run_joints(tmp_path, fault("controller", "controller", "raise", 7), in_process=True)
+    recorded = run_joints(tmp_path, fault("controller", "raise", 7), in_process=True)
     again = Preparation(recorded.recording, tmp_path / "again").run()
     assert again.result.exit_code == recorded.exit_code == ExitCode.FAULT
     assert again.result.at_step == 7
@@ -132,7 +132,7 @@ def test_files_and_programs_outside_the_log_are_named(tmp_path):
 
 
 def test_a_scenario_without_a_duration_is_noted(tmp_path):
-    recorded = run_joints(tmp_path, fault("controller", "controller", "end", 9), in_process=True)
+    recorded = run_joints(tmp_path, fault("controller", "end", 9), in_process=True)
     origin = read_origin(recorded.recording)
     endless = "\n".join(
         line for line in origin.scenario.decode().splitlines() if not line.startswith("duration")

@@ -20,16 +20,15 @@ step: 5ms
 duration: 200ms
 participants:
   camera:
-    exec: [python, seldom.py, camera]
+    participant: seldom.py:Camera
     outputs: {picture: {type: Event/1, bulk: true}, note: Event/1}
   watcher:
-    exec: [python, seldom.py, watcher]
+    participant: seldom.py:Watcher
     inputs: {picture: camera.picture, note: {from: camera.note, delay: 2}}
     outputs: {seen: {type: Event/1, bulk: true}, note: Event/1}
 """
 
 SELDOM_PROGRAM = """
-import sys
 import stepbus
 from stepbus import Event
 
@@ -46,8 +45,6 @@ class Watcher(stepbus.Participant):
             return None
         note = Event(level="info", text=step.read("note").text)
         return {"seen": step.read("picture"), "note": note}
-
-raise SystemExit(stepbus.main({"camera": Camera, "watcher": Watcher}[sys.argv[1]]))
 """
 
 
@@ -95,20 +92,20 @@ def test_an_update_with_bulk_ports_is_the_recording_byte_for_byte(seldom, tmp_pa
 
 
 def test_a_run_that_its_controller_ended_is_equal(tmp_path):
-    recording = recorded(tmp_path, fault("controller", "controller", "end", 9))
+    recording = recorded(tmp_path, fault("controller", "end", 9))
     result = replay(recording, "controller")
     assert (result.equal, result.steps) == (True, 10)
 
 
 def test_ending_the_run_too_early_is_a_divergence(joints):
-    result = replay(joints, "controller", overrides=[fault("controller", "controller", "end", 9)])
+    result = replay(joints, "controller", overrides=[fault("controller", "end", 9)])
     found = result.divergence
     assert (found.step, found.topic, found.type) == (10, "controller/command", "missing")
     assert result.ports[0].missing == 12
 
 
 def test_a_failed_run_is_replayed_up_to_its_failure(tmp_path):
-    failed = run_joints(tmp_path, fault("controller", "controller", "raise", 9), in_process=True)
+    failed = run_joints(tmp_path, fault("controller", "raise", 9), in_process=True)
     assert failed.exit_code
     result = replay(failed.recording, "plant")
     assert (result.equal, result.ports[0].equal) == (True, 10)
@@ -155,5 +152,5 @@ def test_programs_of_the_peers_need_not_be_there(joints):
 
 
 def test_an_end_asked_for_too_early_is_noted(joints):
-    result = replay(joints, "controller", overrides=[fault("controller", "controller", "end", 9)])
+    result = replay(joints, "controller", overrides=[fault("controller", "end", 9)])
     assert result.notes == ["controller ended the run after step 9: the goal is reached"]

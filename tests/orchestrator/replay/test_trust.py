@@ -53,7 +53,7 @@ def test_a_strangers_recording_names_its_programs_and_starts_none(
     assert cli.main([words[0], str(unstarted), *words[1:]]) == ExitCode.UNTRUSTED == 12
     said = capsys.readouterr().err
     assert f"{unstarted} was not made by you on this machine. It starts, with your rights:" in said
-    assert "\n  controller  python joints.py controller\n" in said
+    assert "\n  controller  joints.py:Controller\n" in said
     assert "\n  its files: joints.py\n" in said
     assert ("mission" in said) == (words[0] == "rerun")
     assert said.endswith("nothing was started; if you trust that, use --trust\n")
@@ -75,7 +75,7 @@ def test_a_recording_of_ones_own_is_trusted_wherever_it_lies(recorded, tmp_path)
 
 
 def test_a_new_reference_is_trusted_like_the_run_it_comes_from(recorded, tmp_path):
-    new, other = tmp_path / "new.mcap", "controller.exec=[python, joints.py, controller, end, '4']"
+    new, other = tmp_path / "new.mcap", "controller.params={fault: end, at: 4}"
     update = ["--update", str(new), "--set", other]
     assert cli.main(["replay", str(recorded), *REPLAY, *update]) in {0, 10}
     assert programs_of(Recording(new)).is_known
@@ -97,7 +97,8 @@ def test_a_program_of_ones_own_needs_trust_only_where_it_could_run_a_file(strang
 
 def test_a_program_of_ones_own_needs_no_trust_for_data(two_link_recording, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    program = ["--exec", sys.executable, "-m", "stepbus_controller"]
+    program = ["--exec", sys.executable, "-m", "stepbus_participant"]
+    program.append("stepbus_controller:Controller")
     assert cli.main(["replay", str(two_link_recording), *REPLAY, *program]) == 0
 
 
@@ -127,7 +128,7 @@ def test_on_a_terminal_it_asks(stranger, answer, code):
     os.write(ours, f"{answer}\n".encode())
     assert process.wait(60) == code
     os.close(ours)
-    assert b"controller  python joints.py controller\r\n" in said
+    assert b"controller  joints.py:Controller\r\n" in said
 
 
 @pytest.mark.parametrize("spoil", ["a link", "others may write", "a folder", "no home"])
@@ -186,7 +187,7 @@ def test_a_package_of_a_recording_does_not_replace_an_installed_one(tmp_path):
     folder = package.parent
     for name in ("stepbus_schemas.py", "stepbus_participant.py", "zenoh.py"):
         (folder / name).write_text(spy)
-    rows = "mission: {exec: [python, -m, stepbus_mission], params: {task: sine, joints: [a], amplitude: 1}, outputs: {reference: JointReference/1}}"
+    rows = "mission: {participant: stepbus_mission:Mission, params: {task: sine, joints: [a], amplitude: 1}, outputs: {reference: JointReference/1}}"
     (folder / "scenario.yaml").write_text(
         f"name: shadow\nstep: 5ms\nduration: 20ms\nparticipants:\n  {rows}\n"
     )

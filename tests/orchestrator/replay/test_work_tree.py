@@ -155,7 +155,7 @@ def test_a_work_tree_that_you_have_not_run_is_shown_first(project, log, monkeypa
     assert (
         "You have not run arm/scenario.yaml on this machine. It starts, with your rights:" in said
     )
-    assert "\n  controller  python controller.py\n" in said
+    assert "\n  controller  controller.py:Controller\n" in said
     assert cli.main(["replay", str(log), *REPLAY, "--trust"]) == 0
     assert cli.main(["replay", str(log), *REPLAY]) == 0
 

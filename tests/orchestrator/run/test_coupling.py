@@ -9,8 +9,6 @@ from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.run.run_scenario import run
 
 ECHO = '''
-import sys
-import stepbus
 from stepbus import Event, Participant
 
 
@@ -32,9 +30,6 @@ class Sink(Participant):
         text = "nothing" if heard is None else heard.text
         mark = "!" if step.is_new("heard") else ""
         return {"said": Event(level="info", text=text[:20] + mark)}
-
-
-raise SystemExit(stepbus.main({"source": Source, "sink": Sink}[sys.argv[1]]))
 '''
 
 SCENARIO = """
@@ -43,10 +38,10 @@ step: 10ms
 duration: 60ms
 participants:
   source:
-    exec: [python, echo.py, source]
+    participant: echo.py:Source
     outputs: {said: Event/1}
   sink:
-    exec: [python, echo.py, sink]
+    participant: echo.py:Sink
     inputs: {heard: {from: source.said, delay: 0}}
     outputs: {said: Event/1}
 """

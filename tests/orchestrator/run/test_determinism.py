@@ -46,7 +46,7 @@ def test_another_parameter_gives_another_recording(tmp_path, reference):
 
 
 def test_a_participant_that_ends_the_run_ends_it_at_the_same_step_in_any_window(tmp_path):
-    end = "controller.exec=[python, joints.py, controller, end, '41']"
+    end = "controller.params={fault: end, at: 41}"
     narrow = run_joints(tmp_path / "narrow", end, "window=1", "batch=1", in_process=True)
     wide = run_joints(tmp_path / "wide", end, "window=64")
     assert narrow.sha256 == wide.sha256

@@ -273,7 +273,7 @@ MISTAKES = [
     (
         "  mission:",
         "  other:\n  mission:",
-        ":15: participants.other: is empty; it needs at least exec",
+        ":15: participants.other: needs either 'participant', a class, or 'exec', the command of a program",
     ),
 ]
 

@@ -5,22 +5,23 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from importlib.util import find_spec
 
 import pytest
 from support.runs.scenario import load_text, problem_of, problems_of, write
 
+import stepbus
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.scenario.packages import participant_modules
+from stepbus_orchestrator.scenario.packages import participant_classes
 
 SCENARIO = """\
 name: own
 step: 5ms
 participants:
   own:
-    exec: [python, {exec}]
+    participant: {participant}
     params: {params}
 """
+OWN = "from stepbus import Participant\nclass Own(Participant): pass\n"
 PARAMS = """\
 from typing import Literal
 from stepbus import Finite, Positive, Settings
@@ -37,8 +38,8 @@ class Params(Settings):
 """
 
 
-def scenario(params, exec_="main.py"):
-    return SCENARIO.format(exec=exec_, params=params)
+def scenario(params, participant="main.py:Own"):
+    return SCENARIO.format(participant=participant, params=params)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +63,7 @@ def test_a_setting_of_a_service_is_checked_with_its_place(capsys, setting, messa
 
 def test_the_world_file_is_checked_too(tmp_path):
     write(tmp_path, "bodies:\n  arm: {urdf: arm.urdf, fixed: true}\n", "world.yaml")
-    text = scenario("{world: world.yaml}", "-m, stepbus_plant")
+    text = scenario("{world: world.yaml}", "stepbus_plant:Plant")
     assert [row.rpartition("world.yaml:")[2] for row in problems_of(tmp_path, text)] == [
         f"2: bodies.arm.urdf: no file 'arm.urdf' ({tmp_path}/arm.urdf)",
         "2: bodies.arm.fixed: unknown key 'fixed'; did you mean 'fixed_base'?",
@@ -70,21 +71,23 @@ def test_the_world_file_is_checked_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("files", "exec_"),
+    ("files", "participant"),
     [
-        ({"main.py": PARAMS}, "main.py"),
-        ({"main.py": "from gains import Params\n", "gains.py": PARAMS}, "main.py"),
-        ({"main.py": "from gains import Gains as Params\n", "gains.py": PARAMS.replace("Params", "Gains")}, "main.py"),
-        ({"arm.py": PARAMS}, "-m, arm"),
-        ({"arm/__init__.py": "", "arm/__main__.py": "", "arm/params.py": PARAMS}, "-m, arm"),
-        ({"arm/__init__.py": "from .gains import Params\n", "arm/__main__.py": "", "arm/gains.py": PARAMS}, "-m, arm"),
+        ({"main.py": OWN + PARAMS}, "main.py:Own"),
+        ({"main.py": OWN + "from gains import Params\n", "gains.py": PARAMS}, "main.py:Own"),
+        ({"arm.py": OWN + PARAMS}, "arm:Own"),
+        ({"arm/__init__.py": OWN + "from .gains import Params\n", "arm/gains.py": PARAMS}, "arm:Own"),
+        ({"arm/__init__.py": "", "arm/own.py": OWN + PARAMS}, "arm.own:Own"),
+        ({"arm/own.py": OWN + "from gains import Params\n", "arm/gains.py": PARAMS}, "arm/own.py:Own"),
     ],
 )  # fmt: skip
-def test_a_class_of_the_scenarios_folder_is_found_and_checked(tmp_path, files, exec_):
+def test_a_class_of_the_scenarios_folder_is_checked(tmp_path, files, participant):
     for name, text in files.items():
         write(tmp_path, text, name)
-    assert load_text(tmp_path, scenario("{gain: 2}", exec_)).participants[0].params == {"gain": 2}
-    found = problems_of(tmp_path, scenario("{gain: -1, mode: sft}", exec_))
+    assert load_text(tmp_path, scenario("{gain: 2}", participant)).participants[0].params == {
+        "gain": 2
+    }
+    found = problems_of(tmp_path, scenario("{gain: -1, mode: sft}", participant))
     assert [row.removeprefix("scenario.yaml:6: participants.own.params.") for row in found] == [
         "gain: must be above 0, not -1",
         "mode: must be hard or soft, not 'sft'; did you mean 'soft'?",
@@ -92,7 +95,7 @@ def test_a_class_of_the_scenarios_folder_is_found_and_checked(tmp_path, files, e
 
 
 def test_what_values_contradict_is_checked_in_the_users_own_code(tmp_path):
-    write(tmp_path, PARAMS, "main.py")
+    write(tmp_path, OWN + PARAMS, "main.py")
     assert problem_of(tmp_path, scenario("{gain: 1, lower: 3}")) == (
         "scenario.yaml:6: participants.own.params.lower: is above upper, 1"
     )
@@ -101,23 +104,90 @@ def test_what_values_contradict_is_checked_in_the_users_own_code(tmp_path):
 @pytest.mark.parametrize(
     ("code", "reason"),
     [
-        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
-        ("print('hello')\nraise SystemExit(3)", "SystemExit: 3"),
-        ("import os; os._exit(1)", "Command"),
+        ("import no_such_module", "main.py cannot be imported: ModuleNotFoundError: No module named 'no_such_module'"),
+        ("print('hello')\nraise SystemExit(3)", "main.py ends while it is imported; put `raise SystemExit(…)` below `if __name__ =="),
+        ("import os; os._exit(1)", "main.py:Own cannot be imported to check it: Command"),
+        ("Own = 3", "'Own' in main.py is no participant; write `class Own(stepbus.Participant)`"),
+        ("class Own: pass", "'Own' in main.py is no participant; write `class Own(stepbus.Participant)`"),
+        ("del Own", "no class 'Own' in main.py"),
+        (f"{OWN.replace('Own', 'Owm')}del Own", "no class 'Own' in main.py; did you mean 'Owm'?"),
+        (f"{OWN.replace('Own', 'Controller')}del Own", "no class 'Own' in main.py; known: Controller"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("params", ["{gain: 1}", "{}"])
+def test_a_class_that_is_none_is_a_problem_and_never_a_traceback(
+    tmp_path, capsys, code, reason, params
+):
+    write(tmp_path, f"{OWN}{code}\n", "main.py")
+    write(tmp_path, scenario(params))
+    assert cli.main(["validate", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"participants.own.participant: {reason}" in said
+    assert "Traceback" not in said
+
+
+def test_a_class_that_is_none_ends_a_run_with_the_same_words(tmp_path):
+    write(tmp_path, OWN, "main.py")
+    path = write(tmp_path, scenario("{}", "main.py:Ow"))
+    for alone in (False, True):
+        result = stepbus.run(path, out=tmp_path / str(alone), in_process=alone)
+        assert (result.exit_code, result.participant) == (3, "own")
+        assert "no class 'Ow' in main.py; did you mean 'Own'?" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("participant: mian.py:Own", "participant: no file 'mian.py' in "),
+        ("participant: mian.py:Own", "; did you mean 'main.py'?"),
+        ("participant: stepbus_plnat:Plant", "no Python module 'stepbus_plnat', not installed for"),
+        ("participant: stepbus_plnat:Plant", "; did you mean 'stepbus_plant'?"),
+        ("participant: main.py", "must be FILE.py:CLASS or MODULE:CLASS, e.g. controller.py:Controller, not 'main.py'"),
+        ("participant: main.py:Own\n    exec: [python, main.py]", "exec: is for a program; main.py:Own is a class (`participant`); leave out one of them"),
+        ("participant: main.py:Own\n    bridge: json", "bridge: is for a program; main.py:Own is a class"),
+        ("every: 2", "participants.own: needs either 'participant', a class, or 'exec', the command"),
+    ],
+)  # fmt: skip
+def test_what_a_participant_is_is_said_once_and_right(tmp_path, rows, message):
+    write(tmp_path, OWN, "main.py")
+    text = scenario("{}").replace("participant: main.py:Own", rows)
+    assert any(message in row for row in problems_of(tmp_path, text))
+
+
+def test_the_nearer_one_of_class_and_program_counts(tmp_path):
+    write(tmp_path, OWN, "main.py")
+    write(tmp_path, scenario("{}"), "base.yaml")
+    top = "extends: base.yaml\nparticipants: {own: {exec: [python, main.py]}}\n"
+    spec = load_text(tmp_path, top).participants[0]
+    assert (spec.participant, spec.exec) == ("", ("python", "main.py"))
+    spec = load_text(tmp_path, top, "own.participant=main.py:Own").participants[0]
+    assert (spec.participant, spec.exec) == ("main.py:Own", ())
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        ("stepbus_plant", "stepbus_plant:Plant"),
+        ("stepbus_mission.goals", "stepbus_mission.goals:GoalSequence"),
     ],
 )
-def test_a_program_that_cannot_be_imported_is_a_problem_and_never_a_traceback(
-    tmp_path, code, reason
-):
-    write(tmp_path, f"{code}\n{PARAMS}", "main.py")
-    found = problem_of(tmp_path, scenario("{gain: 1}"))
-    assert "participants.own.params: " in found
-    assert f"main.py cannot be imported to check them: {reason}" in found
+def test_what_earlier_scenarios_start_as_a_program_is_the_class_of_today(tmp_path, module, name):
+    text = scenario(
+        "{world: package://stepbus_scenarios/two_link/world.yaml}"
+        if "plant" in name
+        else "{goals: [{type: grip, width: 0.1, force: 3}]}"
+    )
+    spec = load_text(
+        tmp_path, text.replace("participant: main.py:Own", f"exec: [python, -m, {module}]")
+    ).participants[0]
+    assert (spec.participant, spec.exec) == (name, ())
 
 
 def test_the_users_code_does_not_run_in_the_orchestrator(tmp_path, capfd):
     write(
-        tmp_path, f"import sys\nprint('ran')\nsys.modules['stepbus_spy'] = sys\n{PARAMS}", "main.py"
+        tmp_path,
+        f"import sys\nprint('ran')\nsys.modules['stepbus_spy'] = sys\n{OWN}{PARAMS}",
+        "main.py",
     )
     load_text(tmp_path, scenario("{gain: 1}"))
     assert "stepbus_spy" not in sys.modules
@@ -125,8 +195,8 @@ def test_the_users_code_does_not_run_in_the_orchestrator(tmp_path, capfd):
 
 
 @pytest.mark.parametrize("text", ["", "Params = 3\n", "class Params: pass\n"])
-def test_a_program_that_declares_nothing_takes_any_parameters(tmp_path, text):
-    write(tmp_path, text, "main.py")
+def test_a_class_beside_which_nothing_is_declared_takes_any_parameters(tmp_path, text):
+    write(tmp_path, OWN + text, "main.py")
     assert load_text(tmp_path, scenario("{anything: [1, 2]}")).participants[0].params
 
 
@@ -134,8 +204,7 @@ HEAVY = {"pybullet", "pinocchio", "cv2", "ompl", "scipy", "numpy", "ruamel.yaml"
 
 
 def test_the_parameters_of_a_service_load_nothing_heavy():
-    services = participant_modules()
-    names = [f"{name}.params" if find_spec(f"{name}.params") else name for name in services]
+    names = [name.rpartition(":")[0] for name in participant_classes()]
     code = f"import {', '.join(names)}\nimport json, sys\nprint(json.dumps(list(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert HEAVY & set(json.loads(done.stdout)) == set()

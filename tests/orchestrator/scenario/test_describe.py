@@ -16,7 +16,7 @@ from stepbus_orchestrator.scenario.describe.__main__ import generated_files, mai
 COMMENT = "# yaml-language-server: $schema="
 SCENARIO = """\
 participants:
-  plant: {{exec: [python, -m, stepbus_plant], params: {params}}}
+  plant: {{participant: stepbus_plant:Plant, params: {params}}}
 """
 
 

@@ -45,7 +45,7 @@ name: services
 step: 5ms
 participants:
   plant:
-    exec: [python, -m, stepbus_plant]
+    participant: stepbus_plant:Plant
     publishes: first
     outputs: {joint_state: JointState/1, rgb: {type: Image/1, bulk: true}}
     on_fault: stop
@@ -58,7 +58,7 @@ participants:
       stock: {seed: 3, missing: [cola]}
       script: [{at: 3s, jam: joint1}, {at: 0s, camera: wrist, off: true}]
   mission:
-    exec: [python, -m, stepbus_mission]
+    exec: [python, -m, json.tool]
     inputs: {joint_state: {from: plant.joint_state, delay: 1, type: JointState/1}}
     outputs: {reference: JointReference/1}
     on_fault: {hold: 1s, keep: 0s, safe: {reference: {position: [0], velocity: [0], acceleration: [0]}}}
@@ -68,17 +68,17 @@ participants:
       joints: [joint1]
       waypoints: [{position: 1}, {duration: 2, position: [3]}, {time: 5, position: {joint1: 1}}]
   sine:
-    exec: [python, -m, stepbus_mission]
+    participant: stepbus_mission:Mission
     params: {task: sine, joints: [a, b], amplitude: 1, omega: [1, 2], phase: {a: 0, b: 1}}
   goals:
-    exec: [python, -m, stepbus_mission.goals]
+    participant: stepbus_mission.goals:GoalSequence
     params:
       goals:
         - {type: move_joints, joints: {shoulder: 1}, duration: 2}
         - {type: move_to_pose, tip: hand, position: [0, 0, 0.3], rpy: [0, 0.12, 0], touches: [crate]}
         - {type: grip, width: 0.1, force: 3}
   position:
-    exec: [python, -m, stepbus_controller.position]
+    participant: stepbus_controller.position:PositionController
     params: {joints: [a]}
 bus: {transport: tcp, port: 7447, low_latency: false}
 faults: [kill plant at 3]

@@ -8,16 +8,22 @@ import pytest
 
 import stepbus
 from stepbus_orchestrator.scenario import NEEDS, check_installed, load
-from stepbus_orchestrator.scenario.packages import participant_modules
+from stepbus_orchestrator.scenario.packages import participant_classes
 
 WITHOUT = """
 import sys
 for name in sys.argv[2:]:
     sys.modules[name] = None
 """
-START = WITHOUT + "import runpy; runpy.run_module(sys.argv[1], run_name='started')"
-"""Imports what `python -m` imports, and does not take part."""
-PROGRAMS = [name for name in participant_modules() if not name.startswith("stepbus_store")]
+START = (
+    WITHOUT
+    + """
+from pathlib import Path
+from stepbus_participant import import_participant
+import_participant(sys.argv[1], Path())
+"""
+)
+PROGRAMS = [name for name in participant_classes() if not name.startswith("stepbus_store")]
 
 
 def start(*arguments):
@@ -37,7 +43,12 @@ def test_from_python_it_is_an_error_of_its_own(tmp_path, monkeypatch):
 def test_what_another_interpreter_or_somebody_else_starts_may_have_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     check_installed(load("two_link", ["plant.start=external"]))
-    check_installed(load("two_link", [f"plant.exec=[{sys.executable}, -m, stepbus_plant]"]))
+    check_installed(
+        load(
+            "two_link",
+            [f"plant.exec=[{sys.executable}, -m, stepbus_participant, 'stepbus_plant:Plant']"],
+        )
+    )
 
 
 @pytest.mark.slow
@@ -46,7 +57,7 @@ def test_the_table_has_what_a_program_imports_at_its_start(program):
     needs = {
         name
         for key, names in NEEDS.items()
-        if f"{program}.".startswith(f"{key}.")
+        if f"{program.partition(':')[0]}.".startswith(f"{key}.")
         for name in names
     }
     packages = ("pybullet", "pinocchio")

@@ -10,11 +10,11 @@ from stepbus_orchestrator.scenario import (
     OutputSpec,
     ScenarioError,
     builtin_names,
-    is_installed_package,
     load,
 )
 from stepbus_orchestrator.scenario.packages import declared
 from stepbus_orchestrator.scenario.reading.locate import locate, package_url
+from stepbus_participant import is_installed
 
 
 def test_a_scenario_becomes_frozen_types(tmp_path):
@@ -104,7 +104,7 @@ def acme(tmp_path, monkeypatch):
     write(folder, "extends: scenario.yaml\nname: pd\n", "pd.yaml")
     write(folder, "gravity: [0, 0, -9.81]\n", "world.yaml")
     write(site / "acme-1.0.dist-info", "Name: acme\nVersion: 1.0\n", "METADATA")
-    groups = "[stepbus.participants]\narm = acme_robots.arm\n[stepbus.scenarios]\na = acme_robots.scenarios\nb = acme_gone\n"
+    groups = "[stepbus.participants]\narm = acme_robots.arm:Arm\n[stepbus.scenarios]\na = acme_robots.scenarios\nb = acme_gone\n"
     write(site / "acme-1.0.dist-info", groups, "entry_points.txt")
     monkeypatch.syspath_prepend(site)
     declared.cache_clear()
@@ -122,8 +122,8 @@ def test_scenarios_of_installed_packages_are_found_by_name_without_an_import():
 
 @pytest.mark.usefixtures("acme")
 def test_no_folder_replaces_a_package_that_declares_participants():
-    assert is_installed_package("acme_robots.arm")
-    assert not is_installed_package("acme")
+    assert is_installed("acme_robots.arm")
+    assert not is_installed("acme")
 
 
 @pytest.mark.parametrize("name", ["store", "baxter/round_trip", "store/truth"])

@@ -51,10 +51,11 @@ def test_a_program_of_the_folder_comes_before_path(tmp_path):
         ("[python, -m, '..']", "no Python module '..'"),
         ("[python, -m]", "no Python module ''"),
         ("[python, -m, email]", "the Python package 'email' has no __main__.py"),
-        ("[]", "names no program"),
+        ("[]", "needs either 'participant', a class, or 'exec'"),
+        ("['']", "names no program"),
         ("python main.py", "must be a list, not 'python main.py'"),
         ("[python, main.py, 5]", "exec[2]: must be text, not 5; put it in quotes"),
-        ("", "the key 'exec' is missing"),
+        ("", "needs either 'participant', a class, or 'exec'"),
     ],
 )
 def test_a_program_that_cannot_be_started_is_named(tmp_path, exec_, message):

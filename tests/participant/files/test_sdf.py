@@ -8,7 +8,7 @@ from stepbus_orchestrator.scenario.files.names import names_in
 from stepbus_participant import read_urdf_text
 from stepbus_participant.files.urdf_check import Mimic, mimics, parse_urdf
 from stepbus_plant.params import Params
-from stepbus_plant.plant import Plant
+from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.world.file import load_world
 from stepbus_schemas import WiringError
 
@@ -56,7 +56,7 @@ def test_masses_stay_where_they_are(arm):
 def test_plant_and_controller_read_the_same_dynamics(arm, tmp_path):
     world = tmp_path / "world.yaml"
     world.write_text("physics_step: 1ms\nbodies: {arm: {urdf: arm.sdf, fixed_base: true}}")
-    plant = Plant(load_world(world), Params(world=world), 1_000_000, 0)
+    plant = SimulatedPlant(load_world(world), Params(world=world), 1_000_000, 0)
     robot, start = RobotModel(arm), np.array(plant.sense().position)
     plant.advance()
     acceleration = np.array(plant.sense().velocity) / 1e-3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import JOINTS, controller_config, make_controller
 
-from stepbus_controller.participant import ControllerParticipant
+from stepbus_controller.participant import Controller
 from stepbus_schemas import JointReference, JointState, RunError, WiringError
 
 PD = {"law": "pd", "kp": 100, "kd": 10, "model": "two_link.urdf"}
@@ -18,7 +18,7 @@ def reference(*position: float) -> JointReference:
 
 def problems_of(**params: object) -> list[str]:
     with pytest.raises(WiringError) as caught:
-        ControllerParticipant(controller_config(**params))
+        Controller(controller_config(**params))
     return str(caught.value).splitlines()
 
 
@@ -80,9 +80,7 @@ def test_a_missing_joint_is_named_with_its_nearest() -> None:
 
 
 def test_its_description_has_names_and_limits() -> None:
-    command = ControllerParticipant(controller_config(**PD, effort_limit=[50, 20])).describe()[
-        "command"
-    ]
+    command = Controller(controller_config(**PD, effort_limit=[50, 20])).describe()["command"]
     assert (command.names, command.limits) == (JOINTS, {"effort": [50.0, 20.0]})
 
 
@@ -186,14 +184,14 @@ def test_mistakes_beside_a_missing_model_are_listed_too() -> None:
 )
 def test_each_mistake_has_its_sentence(params: dict, sentence: str) -> None:
     with pytest.raises(WiringError, match=sentence):
-        ControllerParticipant(controller_config(**params))
+        Controller(controller_config(**params))
 
 
 def test_ports_that_do_not_fit_are_named() -> None:
     config = controller_config(**PD)
     del config.inputs["reference"]
     with pytest.raises(WiringError, match=r"controller\.inputs: none is of type JointReference/1"):
-        ControllerParticipant(config)
+        Controller(config)
 
 
 def test_a_prefix_names_one_of_two_robots_of_one_urdf() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import TWO_LINK, controller_config
 
-from stepbus_controller.participant import ControllerParticipant
+from stepbus_controller.participant import Controller
 from stepbus_kinematics import RobotModel
 from stepbus_schemas import WiringError
 
@@ -67,4 +67,4 @@ def test_an_effort_limit_the_model_leaves_at_zero_has_to_be_given(tmp_path) -> N
     (tmp_path / "weak.urdf").write_text(URDF.read_text().replace('effort="50"', 'effort="0"'))
     config = controller_config(tmp_path, law="pd", kp=1, kd=1, model="weak.urdf")
     with pytest.raises(WiringError, match="effort_limit: is 0 N·m for 'joint2' in the model"):
-        ControllerParticipant(config)
+        Controller(config)

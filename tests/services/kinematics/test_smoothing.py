@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import controller_config, make_controller
 
-from stepbus_controller.participant import ControllerParticipant
+from stepbus_controller.participant import Controller
 from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay
 from stepbus_schemas import JointReference, JointState, WiringError
 
@@ -77,6 +77,6 @@ def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoot
 )
 def test_mistakes_in_smoothing_are_named(params, text):
     with pytest.raises(WiringError) as caught:
-        ControllerParticipant(controller_config(**PD, **params))
+        Controller(controller_config(**PD, **params))
     (problem,) = str(caught.value).splitlines()
     assert text in problem

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from support.services.control import make_mission, mission_config
 
-from stepbus_mission.references.participant import MissionParticipant
+from stepbus_mission.references.participant import Mission
 from stepbus_schemas import JointReference, WiringError
 
 COLUMNS = {
@@ -38,9 +38,7 @@ def follow(folder: Path, t: float) -> JointReference:
 def problems_of(folder: Path, text: str, **params: object) -> list[str]:
     write(folder, text)
     with pytest.raises(WiringError) as caught:
-        MissionParticipant(
-            mission_config(folder, task="csv", joints=["a", "b"], file="path.csv", **params)
-        )
+        Mission(mission_config(folder, task="csv", joints=["a", "b"], file="path.csv", **params))
     return [line.partition("path.csv:")[2] for line in str(caught.value).splitlines()]
 
 

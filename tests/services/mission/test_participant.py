@@ -3,7 +3,7 @@
 import pytest
 from support.services.control import SINE, make_mission, mission_config
 
-from stepbus_mission.references.participant import MissionParticipant
+from stepbus_mission.references.participant import Mission
 from stepbus_schemas import Event, RunError, WiringError
 
 MOVE = {
@@ -14,7 +14,7 @@ MOVE = {
 
 
 def test_it_describes_its_joints() -> None:
-    assert MissionParticipant(mission_config(**MOVE)).describe()["reference"].names == ["a", "b"]
+    assert Mission(mission_config(**MOVE)).describe()["reference"].names == ["a", "b"]
 
 
 def test_it_tells_when_it_begins_and_when_it_is_done() -> None:
@@ -43,7 +43,7 @@ def test_an_event_is_published_only_where_it_is_wired() -> None:
 
 def test_every_mistake_in_the_params_is_listed() -> None:
     with pytest.raises(WiringError) as caught:
-        MissionParticipant(
+        Mission(
             mission_config(
                 task="sine", joints=["a", "a"], amplitude=[1, 2], omga=3, phase="x", end_when_done=1
             )
@@ -68,7 +68,7 @@ WAYPOINTS = [
 
 def test_every_mistake_in_the_waypoints_is_listed() -> None:
     with pytest.raises(WiringError) as caught:
-        MissionParticipant(mission_config(**{**MOVE, "waypoints": WAYPOINTS}))
+        Mission(mission_config(**{**MOVE, "waypoints": WAYPOINTS}))
     prefix = "participants.mission.params.waypoints"
     assert [line.removeprefix(prefix) for line in str(caught.value).splitlines()] == [
         "[0]: the first waypoint has a 'time', no 'duration'",
@@ -97,7 +97,7 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
 )
 def test_each_mistake_has_its_sentence(params: dict, sentence: str) -> None:
     with pytest.raises(WiringError, match=sentence):
-        MissionParticipant(mission_config(**params))
+        Mission(mission_config(**params))
 
 
 @pytest.mark.parametrize(
@@ -127,4 +127,4 @@ def test_a_users_generator_that_cannot_be_made_is_named(tmp_path) -> None:
     )
     config = mission_config(tmp_path, task="broken_generator:Broken", joints=["a"], rate=1)
     with pytest.raises(WiringError, match="task: Broken cannot be made: KeyError: 'rate'"):
-        MissionParticipant(config)
+        Mission(config)

@@ -7,7 +7,7 @@ import pytest
 from support.services.plant import TWO_LINK
 
 from stepbus_plant.params import Params
-from stepbus_plant.plant import Plant
+from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.world.file import load_world
 from stepbus_schemas import JointCommand
 
@@ -43,7 +43,7 @@ def make(folder, mode="torque", *, fixed=True, block=False):
     path = folder / "world.yaml"
     path.write_text(world.replace("MODE", mode) + (BLOCK if block else ""))
     params = Params(world=path)
-    return Plant(load_world(path), params, PERIOD_NS, seed=1)
+    return SimulatedPlant(load_world(path), params, PERIOD_NS, seed=1)
 
 
 def commander(plant):

@@ -5,7 +5,7 @@ import pytest
 from support.services.control import TWO_LINK, Stand
 
 from stepbus_participant import CallError, Config
-from stepbus_plant import PlantParticipant
+from stepbus_plant import Plant
 from stepbus_plant.errors import CommandError
 from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError
 
@@ -26,7 +26,7 @@ def config(takes="JointCommand/1", gives="JointState/1", every=1, **params):
 
 def started(names=(), **more):
     """Return a plant whose command inputs all speak of the same joints."""
-    participant = PlantParticipant(config(**more))
+    participant = Plant(config(**more))
     ports = dict.fromkeys(participant.config.inputs, Description(names=list(names)))
     participant.start(ports)
     return Stand(participant)
@@ -37,7 +37,7 @@ def torque(*values):
 
 
 def test_every_output_has_the_same_state_and_description():
-    plant = PlantParticipant(config())
+    plant = Plant(config())
     assert {port: text.names for port, text in plant.describe().items()} == {
         "joint_state": ["joint1", "joint2"],
         "copy": ["joint1", "joint2"],
@@ -94,7 +94,7 @@ def test_a_sender_of_unknown_joints_is_refused_before_the_clock_starts():
 
 def test_wrong_ports_and_wrong_parameters_are_listed_together():
     with pytest.raises(WiringError) as caught:
-        PlantParticipant(config(takes="Event/1", gives="JointCommand/1", sense="all", jonts=[]))
+        Plant(config(takes="Event/1", gives="JointCommand/1", sense="all", jonts=[]))
     starts = [line.split(": ")[0] for line in str(caught.value).splitlines()]
     assert starts == [
         "participants.plant.inputs.command",
@@ -109,11 +109,11 @@ def test_a_world_that_does_not_exist_is_refused():
     with pytest.raises(
         WiringError, match=r"participants\.plant\.params\.world: no file 'moon\.yaml'"
     ):
-        PlantParticipant(config(world="moon.yaml"))
+        Plant(config(world="moon.yaml"))
 
 
 def test_the_versions_that_shape_the_physics_are_recorded():
-    assert set(PlantParticipant(config()).versions()) >= {"numpy", "pybullet"}
+    assert set(Plant(config()).versions()) >= {"numpy", "pybullet"}
 
 
 def test_poses_are_published_at_their_own_period():
@@ -135,7 +135,7 @@ def test_poses_are_published_at_their_own_period():
 )
 def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):
     with pytest.raises(WiringError, match=sentence):
-        PlantParticipant(config(gives="Poses/1", poses_period=text))
+        Plant(config(gives="Poses/1", poses_period=text))
 
 
 def test_an_emergency_stop_brakes_whatever_is_commanded_until_it_is_released():

@@ -1,6 +1,7 @@
 """Participants for tests: a plant, a controller and a mission of two joints, which can go wrong.
 
-`joints.py ROLE [FAULT STEP]`: what goes wrong, and at which step.
+Their parameters `fault` and `at`: what goes wrong, and at which step; or else, as a program,
+`joints.py ROLE [FAULT STEP]`.
 """
 
 import os
@@ -24,9 +25,7 @@ from stepbus import (
 from stepbus_participant.session import outbox
 from stepbus_schemas import Outputs
 
-ROLE = sys.argv[1]
-FAULT = sys.argv[2] if len(sys.argv) > 2 else ""
-AT = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+ROLE, FAULT, AT = ([*sys.argv[1:], "", "", "0"] if __name__ == "__main__" else ["", "", "0"])[:3]
 
 
 class Mute(Exception):
@@ -36,27 +35,30 @@ class Mute(Exception):
         raise RuntimeError("no words")
 
 
-def go_wrong() -> None:
-    """Do what the command line says."""
-    if FAULT == "raise":
+def go_wrong(fault: str) -> None:
+    """Do what the parameters say."""
+    if fault == "raise":
         raise ValueError("the knee is bent the wrong way")
-    if FAULT == "mute":
+    if fault == "mute":
         raise Mute
-    if FAULT == "surrogate":
+    if fault == "surrogate":
         raise ValueError("the knee \ud800")
-    if FAULT == "exit":
+    if fault == "exit":
         os._exit(3)
-    if FAULT == "kill":
+    if fault == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
-    if FAULT == "stop":
+    if fault == "stop":
         os.kill(os.getpid(), signal.SIGSTOP)
-    if FAULT == "hang":
+    if fault == "hang":
         time.sleep(1000)
-    if FAULT == "nap":
+    if fault == "nap":
         time.sleep(1.5)
-    if FAULT == "deaf":
+    if fault == "deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(1000)
+
+
+NONSENSE = ("message", "envelope", "skip", "time", "garbage")
 
 
 class Faulty(Participant):
@@ -64,12 +66,14 @@ class Faulty(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        if AT < 0:
-            go_wrong()
+        self.fault = config.params.get("fault", FAULT)
+        self.at = int(config.params.get("at", AT or 0))
+        if self.at < 0:
+            go_wrong(self.fault)
 
     def check(self, step: stepbus.Step) -> None:
-        if step.index == AT:
-            go_wrong()
+        if step.index == self.at:
+            go_wrong(self.fault)
 
 
 class Plant(Faulty):
@@ -119,22 +123,42 @@ class Controller(Faulty):
         reference = step.get("reference", JointReference)
         wanted = reference.position if reference else [0.0, 0.0]
         values = [r - q for r, q in zip(wanted, state.position, strict=True)]
-        if step.index == AT and FAULT == "end":
+        if step.index == self.at and self.fault == "end":
             step.end("the goal is reached")
-        if step.index == AT and FAULT == "port":
+        if step.index == self.at and self.fault == "port":
             return {"komand": JointCommand(mode="torque", values=values)}
-        if step.index == AT and FAULT == "type":
+        if step.index == self.at and self.fault == "type":
             return {"command": Event(level="info", text="hello")}
-        if step.index == AT and FAULT == "mistyped":
+        if step.index == self.at and self.fault == "mistyped":
             return {"command": JointCommand(mode="torque", values="many")}
-        if step.index == AT and FAULT == "huge":
+        if step.index == self.at and self.fault == "huge":
             return {"command": JointCommand(mode="torque", values=[0.0] * 10_000)}
+        if step.index == self.at and self.fault in NONSENSE:
+            # Past the library's own checks.
+            real = outbox.encode
+            outbox.encode = lambda message: self.spoil(real, message)
         return {"command": JointCommand(mode="torque", values=values)}
 
+    def spoil(self, real, message):
+        if self.fault == "message" and isinstance(message, JointCommand):
+            return msgspec.msgpack.encode({"mode": "torque", "values": "many"})
+        if self.fault == "envelope" and isinstance(message, Outputs):
+            return msgspec.msgpack.encode({"token": message.token, "step": "seven"})
+        if self.fault == "skip" and isinstance(message, Outputs):
+            # With the time of that step: whoever sees it first names the same fault.
+            step = message.step + 1
+            t_ns = message.t_ns // message.step * step
+            return real(msgspec.structs.replace(message, step=step, t_ns=t_ns))
+        if self.fault == "time" and isinstance(message, Outputs):
+            return real(msgspec.structs.replace(message, t_ns=message.t_ns + 1))
+        if self.fault == "garbage" and isinstance(message, Outputs):
+            return b"\xc1 this is no MessagePack"
+        return real(message)
+
     def close(self) -> None:
-        if FAULT == "hang-at-close":
+        if self.fault == "hang-at-close":
             time.sleep(1000)
-        if FAULT == "raise-at-close":
+        if self.fault == "raise-at-close":
             raise RuntimeError("cannot let go")
 
 
@@ -156,39 +180,11 @@ class Mission(Faulty):
         }
 
 
-class Nonsense(Controller):
-    """Publishes bytes past the library's own checks: `port`s of a wrong kind, or no envelope."""
-
-    def update(self, step):
-        messages = super().update(step)
-        if step.index == AT:
-            real = outbox.encode
-            outbox.encode = lambda message: self.spoil(real, message)
-        return messages
-
-    def spoil(self, real, message):
-        if FAULT == "message" and isinstance(message, JointCommand):
-            return msgspec.msgpack.encode({"mode": "torque", "values": "many"})
-        if FAULT == "envelope" and isinstance(message, Outputs):
-            return msgspec.msgpack.encode({"token": message.token, "step": "seven"})
-        if FAULT == "skip" and isinstance(message, Outputs):
-            # With the time of that step: whoever sees it first names the same fault.
-            step = message.step + 1
-            t_ns = message.t_ns // message.step * step
-            return real(msgspec.structs.replace(message, step=step, t_ns=t_ns))
-        if FAULT == "time" and isinstance(message, Outputs):
-            return real(msgspec.structs.replace(message, t_ns=message.t_ns + 1))
-        if FAULT == "garbage" and isinstance(message, Outputs):
-            return b"\xc1 this is no MessagePack"
-        return real(message)
-
-
 ROLES = {
     "plant": Plant,
     "controller": Controller,
     "future": Future,
     "mission": Mission,
-    "nonsense": Nonsense,
 }
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from stepbus_orchestrator.run.run_scenario import run
 BRIDGED = PROGRAM.with_name("bridged.py")
 SILENT = {"hang", "stop", "child"}
 """Kinds that a deadline finds."""
-OWN = "exec: [python, joints.py, controller]"
+OWN = "participant: joints.py:Controller"
 
 
 def write_bridged(folder: Path, form: str, kind: str = "right", step: int = 7) -> Path:

@@ -17,16 +17,16 @@ step: 5ms
 duration: 500ms
 participants:
   plant:
-    exec: [python, joints.py, plant]
+    participant: joints.py:Plant
     publishes: first
     inputs: {command: controller.command}
     outputs: {joint_state: JointState/1}
   controller:
-    exec: [python, joints.py, controller]
+    participant: joints.py:Controller
     inputs: {joint_state: plant.joint_state, reference: mission.reference}
     outputs: {command: JointCommand/1}
   mission:
-    exec: [python, joints.py, mission]
+    participant: joints.py:Mission
     every: 4
     outputs: {reference: JointReference/1}
 """
@@ -49,9 +49,9 @@ def run_joints(
     return run(scenario, Options(out=folder / "out", **options), observer)
 
 
-def fault(role: str, program: str, kind: str, step: int) -> str:
+def fault(role: str, kind: str, step: int) -> str:
     """Return the override that lets a participant go wrong at a step."""
-    return f"{role}.exec=[python, joints.py, {program}, {kind}, '{step}']"
+    return f"{role}.params={{fault: {kind}, at: {step}}}"
 
 
 def leftovers(folder: Path) -> list[str]:

@@ -1,8 +1,8 @@
 """A scenario whose messages fill the buffers of a link."""
 
 _TALKER = """
-import os, signal, sys
-from stepbus import Event, JointReference, Participant, main
+import os, signal
+from stepbus import Event, JointReference, Participant
 
 class Mission(Participant):
     def update(self, step):
@@ -11,13 +11,11 @@ class Mission(Participant):
 
 class Reader(Participant):
     def start(self, inputs):
-        if sys.argv[1] == "frozen":
+        if self.config.params.get("frozen"):
             os.kill(os.getpid(), signal.SIGSTOP)
 
     def update(self, step):
         return {"event": Event(level="info", text=str(step.index))}
-
-raise SystemExit(main(Mission if sys.argv[1] == "mission" else Reader))
 """
 
 _LARGE = """
@@ -25,9 +23,9 @@ name: large
 step: 5ms
 duration: 500ms
 participants:
-  mission: {exec: [python, talk.py, mission], outputs: {reference: JointReference/1}}
+  mission: {participant: talk.py:Mission, outputs: {reference: JointReference/1}}
   reader:
-    exec: [python, talk.py, reader]
+    participant: talk.py:Reader
     inputs: {reference: mission.reference}
     outputs: {event: Event/1}
     step_timeout: 30s

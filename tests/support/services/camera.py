@@ -6,7 +6,7 @@ import numpy as np
 from support.services.devices import STEP_NS, box, joint, link, write_urdf
 
 from stepbus_participant import Config
-from stepbus_plant import PlantParticipant
+from stepbus_plant import Plant
 from stepbus_schemas import Description, Image, InputConfig, OutputConfig
 
 DOWN = "3.141592653589793 0 0"
@@ -59,7 +59,7 @@ def make_plant(
     *,
     seed: int = 0,
     **params: object,
-) -> PlantParticipant:
+) -> Plant:
     """Return a started plant of the world in a folder; outputs, inputs: port → type."""
     inputs = inputs or {}
     config = Config(
@@ -73,7 +73,7 @@ def make_plant(
         params={"world": "world.yaml", **params},
         publishes="first",
     )
-    participant = PlantParticipant(config)
+    participant = Plant(config)
     participant.start({port: Description() for port in inputs})
     return participant
 

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 import stepbus_scenarios
 from stepbus.testing import Bench
-from stepbus_controller.participant import ControllerParticipant
-from stepbus_mission.references.participant import MissionParticipant
+from stepbus_controller.participant import Controller
+from stepbus_mission.references.participant import Mission
 from stepbus_participant import Config
 from stepbus_schemas import Description, InputConfig, JointState, OutputConfig
 
@@ -73,12 +73,12 @@ def make_controller(config: Config, names: list[str] | None = None) -> Stand:
     """Return a started controller; names: the joint order of both its inputs."""
     description = Description(names=names or JOINTS)
     descriptions = {"joint_state": description, "reference": description}
-    return Stand(ControllerParticipant, config, descriptions)
+    return Stand(Controller, config, descriptions)
 
 
 def make_mission(config: Config) -> Stand:
     """Return a started mission."""
-    return Stand(MissionParticipant, config)
+    return Stand(Mission, config)
 
 
 class Arm:

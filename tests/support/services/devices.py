@@ -5,7 +5,7 @@ from pathlib import Path
 from support.services.control import Stand
 
 from stepbus_participant import Config
-from stepbus_plant import PlantParticipant
+from stepbus_plant import Plant
 from stepbus_schemas import Description, InputConfig, OutputConfig
 
 STEP_NS = 5_000_000
@@ -156,6 +156,6 @@ def make_stand(
         },
         publishes="first",
     )
-    participant = PlantParticipant(config)
+    participant = Plant(config)
     participant.start({port: Description(names=names.get(port, [])) for port in inputs})
     return Stand(participant)

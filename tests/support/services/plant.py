@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import JointCommand
 
 TWO_LINK = resources.files("stepbus_scenarios") / "two_link" / "two_link.urdf"
@@ -44,14 +44,16 @@ def body(name: str, urdf: str, settings: str = "{}", joints: str = "{}") -> str:
 
 def make_plant(
     folder: Path, *bodies: str, world: str = "", step_ns: int = 5 * MS, seed: int = 0, **params
-) -> Plant:
+) -> SimulatedPlant:
     """Return a plant of some bodies; by default of the two-link arm."""
     rows = "".join(bodies or [body("arm", "two_link")])
     path = write_world(folder, f"{world}\nbodies:\n{rows}")
-    return Plant(load_world(path), Params.of({"world": path.name, **params}), step_ns, seed)
+    return SimulatedPlant(
+        load_world(path), Params.of({"world": path.name, **params}), step_ns, seed
+    )
 
 
-def drive(plant: Plant, command: JointCommand, steps: int) -> np.ndarray:
+def drive(plant: SimulatedPlant, command: JointCommand, steps: int) -> np.ndarray:
     """Return position, velocity, effort after each step under one command: (steps, 3, n)."""
     plant.commander("command", plant.names).apply(command)
     rows = []
@@ -67,7 +69,9 @@ def torques(step: int) -> list[float]:
     return [15.0 * np.cos(0.01 * step) - 5.0, 4.0 * np.sin(0.017 * step)]
 
 
-def swing(plant: Plant, steps: int, names: tuple[str, ...] = ("joint1", "joint2")) -> np.ndarray:
+def swing(
+    plant: SimulatedPlant, steps: int, names: tuple[str, ...] = ("joint1", "joint2")
+) -> np.ndarray:
     """Return positions, velocities, efforts of the two-link arm under varying torques."""
     commander = plant.commander("command", names)
     rows = []

@@ -119,7 +119,7 @@ def _test_scenario(
     kept = {name: out for name, out in plant.outputs.items() if out.type in (_STATE, _EVENT)}
     tester = ParticipantSpec(
         name=_TESTER if plant.name != _TESTER else f"{_TESTER}_2",
-        exec=("python", "-m", "stepbus_selftest"),
+        participant="stepbus_selftest:Tester",
         every=plant.every,
         inputs={"joint_state": InputSpec(source=plant.name, port=port)},
         outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},

@@ -24,7 +24,7 @@ from stepbus_schemas import CallRecord, WiringError
 
 _KEPT = ("every", "publishes", "inputs", "outputs")
 """They decide who reads what at which step: a branch keeps them."""
-_CHANGEABLE = ("exec", "bridge", "params")
+_CHANGEABLE = ("participant", "exec", "bridge", "params")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.known_programs import fingerprint, is_known
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.replay.rerun import attached
+from stepbus_orchestrator.scenario import ParticipantSpec, upgraded, written_program
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -70,9 +71,10 @@ def programs_of(
     programs = fingerprint(scenario, files)
     if tree is not None and participant is not None:
         recorded_commands(recording)
+        program = tree.program(participant)
         return Programs(
             fingerprint=programs,
-            commands={participant: tree.command(participant)},
+            commands={participant: program.exec or (program.participant,)},
             files=(f"those in {tree.folder}",),
             is_known=tree.is_known and (not tree.overrides or is_known(programs)),
         )
@@ -91,12 +93,18 @@ def programs_of(
 
 
 def recorded_commands(recording: Recording) -> dict[str, tuple[str, ...]]:
-    """Return the recorded `exec` of each participant; raises WiringError where there is none."""
+    """Return the command, or the class, of each participant; raises WiringError without one."""
+    found = recorded_programs(recording).items()
+    return {name: spec.exec or (spec.participant,) for name, spec in found}
+
+
+def recorded_programs(recording: Recording) -> dict[str, ParticipantSpec]:
+    """Return the class or program of each participant, as it is recorded; raises WiringError."""
     text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
     content = parse_yaml(SCENARIO_ATTACHMENT, text)
     try:
-        rows = content["participants"].items()
-        return {name: tuple(map(str, row["exec"])) for name, row in rows}
+        rows = upgraded(content)["participants"].items()
+        return {name: written_program(name, row) for name, row in rows}
     except (KeyError, TypeError, AttributeError) as exc:
         raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is no scenario") from exc
 

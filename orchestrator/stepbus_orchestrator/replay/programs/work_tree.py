@@ -19,7 +19,12 @@ from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import is_known_folder
 from stepbus_orchestrator.run.reports.result import RESULT_FILE
-from stepbus_orchestrator.scenario import builtin_folders
+from stepbus_orchestrator.scenario import (
+    ParticipantSpec,
+    builtin_folders,
+    upgraded,
+    written_program,
+)
 from stepbus_orchestrator.scenario import read_data as read_scenario
 from stepbus_orchestrator.scenario.files.paths import BUILT, is_scenario
 from stepbus_participant import SettingsError, read_file
@@ -61,14 +66,12 @@ class WorkTree:
 
     def participants(self) -> dict[str, Any]:
         """Return the rows of the participants, as the file has them."""
-        rows: dict[str, Any] = read_scenario(self.file)["participants"]
+        rows: dict[str, Any] = upgraded(read_scenario(self.file))["participants"]
         return rows
 
-    def command(self, participant: str) -> tuple[str, ...]:
-        """Return the `exec` of a participant, as the file has it; empty where it has none."""
-        row = self.participants()[participant]
-        words = row.get("exec") if isinstance(row, dict) else None
-        return tuple(map(str, words)) if isinstance(words, list) else ()
+    def program(self, participant: str) -> ParticipantSpec:
+        """Return the class or program of a participant, as the file has it."""
+        return written_program(participant, self.participants()[participant])
 
     def shown(self) -> str:
         """Return the file's path, relative to the current folder where it is below."""

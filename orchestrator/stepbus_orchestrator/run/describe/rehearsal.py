@@ -4,24 +4,38 @@ import json
 import subprocess
 
 from stepbus_orchestrator.run.kernel.admission import welcome_of
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, command, missing, python_target
-from stepbus_participant import Problems
+from stepbus_orchestrator.scenario import (
+    ParticipantSpec,
+    Scenario,
+    check_classes,
+    command,
+    missing,
+)
+from stepbus_participant import Problems, is_ours
 from stepbus_schemas import encode
 
-_CHECKS = {"stepbus_plant": "stepbus_plant.check"}
-"""Package of a participant → the module that makes it and says what is wrong."""
+_CHECKS = {"stepbus_plant:Plant": "stepbus_plant.check"}
+"""Participant → the module that makes it and says what is wrong."""
 
 _LONGEST_S = 120.0
 
 
 def rehearse(scenario: Scenario, problems: Problems) -> None:
-    """Let each plant load its world, and add what is wrong with it, or is not installed."""
+    """Let each plant load its world, and add what is wrong with it, or is not installed.
+
+    Classes of the user's whose parameters have shown nothing are imported, too.
+    """
+    own = [
+        spec
+        for spec in scenario.participants
+        if spec.participant and not (spec.params or spec.is_external or is_ours(spec.participant))
+    ]
+    check_classes(scenario, own, problems)
     for spec in scenario.participants:
-        launch, name = python_target(spec.exec[1:]) if spec.exec[:1] == ("python",) else ("", "")
-        module = _CHECKS.get(name, "") if launch == "module" else ""
+        module = _CHECKS.get(spec.participant, "")
         lacking = missing(spec)
         if lacking and not spec.is_external:
-            problems.add(("participants", spec.name, "exec"), lacking)
+            problems.add(("participants", spec.name), lacking)
         elif module and not lacking:
             _ask(scenario, spec, module, problems)
 

@@ -92,7 +92,7 @@ class External(RunExtension):
         text = _SCRIPT.format(name=participant.name, command=command)
         write_file(script, text.encode(), 0o700)
         self._scripts.append(script)
-        own = shlex.join(participant.spec.exec)
+        own = shlex.join(participant.spec.program)
         self._tell(
             participant,
             f"start it elsewhere with `{shlex.join(['stepbus', *arguments])}`, which runs "

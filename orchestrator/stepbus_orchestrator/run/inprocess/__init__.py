@@ -1,6 +1,7 @@
 """A run in one process: participants take turns on one thread, over a bus in memory."""
 
 from .local_run import LocalRun, check_scenario
+from .modules import ScenarioModules
 from .surroundings import NATIVE_LOG, Surroundings
 
-__all__ = ["NATIVE_LOG", "LocalRun", "Surroundings", "check_scenario"]
+__all__ = ["NATIVE_LOG", "LocalRun", "ScenarioModules", "Surroundings", "check_scenario"]

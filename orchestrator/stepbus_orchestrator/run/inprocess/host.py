@@ -19,7 +19,7 @@ from stepbus_participant import HOST, Host, Ticket, append_to, last_error
 from .bus import HostedBus
 from .guard import Belongings, Ended
 from .hub import Hub
-from .program import Runnable
+from .modules import ScenarioModules
 
 
 class Late(BaseException):
@@ -38,8 +38,9 @@ class HostedParticipant:
         self,
         ticket: Ticket,
         bus: HostedBus,
-        program: Runnable,
+        program: Callable[[], int],
         *,
+        modules: ScenarioModules,
         hub: Hub,
         log: Path,
         take_program: Callable[[int], None],
@@ -56,12 +57,13 @@ class HostedParticipant:
             sys.stdout if shown else os.fdopen(append_to(log), "a", 1, "utf-8", "replace")
         )
         self.belongings = Belongings(
-            self.name, program.has_written, (turns.words, Row.THREADS + number)
+            self.name, modules.has_written, (turns.words, Row.THREADS + number)
         )
         self._hub = hub
         self.number = number
         self._words = turns.words
         self._program = program
+        self._modules = modules
         self._place = Host(ticket, bus, log, self._keep)
         self._take_program = take_program
         self._programs: list[int] = []
@@ -72,7 +74,6 @@ class HostedParticipant:
         self._streams = sys.stdout, sys.stderr
 
     def _enter(self) -> None:
-        self._program.enter()
         self._streams = sys.stdout, sys.stderr
         sys.stdout = sys.stderr = self.output
         words = self._words
@@ -82,7 +83,7 @@ class HostedParticipant:
     def _leave(self) -> None:
         self._words[1] = 0
         sys.stdout, sys.stderr = self._streams
-        self._program.leave()
+        self._modules.keep()
         if self.belongings.has_started:
             self.belongings.find_programs()
 
@@ -108,13 +109,12 @@ class HostedParticipant:
 
     def _run(self) -> int:
         try:
-            self._program.run()
+            return self._program()
         except SystemExit as exc:
             return self._code_of(exc.code)
         except Exception:  # noqa: BLE001  (it ends its process only)
             self._print(traceback.format_exc())
             return 1
-        return 0
 
     def _code_of(self, value: Any) -> int:
         if value is None or isinstance(value, int):

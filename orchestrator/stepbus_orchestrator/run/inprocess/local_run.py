@@ -28,7 +28,6 @@ from stepbus_orchestrator.scenario import (
     Scenario,
     faults_of,
     format_fault,
-    start_command,
 )
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
 from stepbus_schemas import WiringError
@@ -37,7 +36,8 @@ from .bus import HostedBus
 from .guard import Belongings, Guard
 from .host import HostedParticipant
 from .hub import Hub
-from .program import Guest, Program, Runnable, check_programs
+from .modules import ScenarioModules
+from .program import check_programs, program_of
 from .surroundings import NATIVE_LOG, Surroundings
 from .watch import Watch, traced, watched_from_outside
 
@@ -63,8 +63,9 @@ class LocalRun:
     """Hosts all participants in this process; none is played.
 
     bus: the orchestrator's, whose network the participants join. logs: folder of their logs.
-    groups: process groups of the programs that they have started. guard: keeps what one does to
-    this process from the others. result: returns what result.json would have, were the run over.
+    modules: of the scenario's folder. groups: process groups of the programs that they have
+    started. guard: keeps what one does to this process from the others. result: returns what
+    result.json would have, were the run over.
     """
 
     mesh = None
@@ -77,6 +78,7 @@ class LocalRun:
         token: str,
         logs: Path,
         options: Options,
+        modules: ScenarioModules,
         interrupt: threading.Event,
         result: Callable[[], bytes],
     ) -> None:
@@ -92,6 +94,7 @@ class LocalRun:
         self._options = options
         callers = (item for item in options.extensions if isinstance(item, HostedCaller))
         self._seat = next((item.seat for item in callers), None)
+        self._modules = modules
         self._interrupt = interrupt
         self._result = result
         self.guard = Guard(self._running, self._belongings)
@@ -229,7 +232,8 @@ class LocalRun:
                     counter=(self._turns.words, Row.PUBLISHED + number),
                     is_leaf=any(item.is_star for item in self._options.extensions),
                 ),
-                self._program(spec, scenario.folder),
+                program_of(spec, scenario.folder, self._seat),
+                modules=self._modules,
                 hub=self.hub,
                 log=self._logs / f"{spec.name}.log",
                 take_program=self._take_program,
@@ -241,11 +245,6 @@ class LocalRun:
             raise StartFailed(
                 f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
             ) from exc
-
-    def _program(self, spec: ParticipantSpec, folder: Path) -> Runnable:
-        if self._seat is not None and self._seat.name == spec.name:
-            return Guest(self._seat)
-        return Program(start_command(spec, folder)[1:], folder)
 
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""

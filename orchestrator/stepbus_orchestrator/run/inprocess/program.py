@@ -1,179 +1,61 @@
-"""Python programs, run in this process as `python` would run them in one of their own."""
+"""What a participant of a run in one process executes, in the place of its process."""
 
 import importlib
-import importlib.util
-import os
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from types import CodeType, ModuleType
-from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.run.extensions.hosted_caller import Seat
-from stepbus_orchestrator.scenario import (
-    ParticipantSpec,
-    Scenario,
-    is_installed_package,
-    python_target,
-)
-from stepbus_participant import main, read_file
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
+from stepbus_participant import import_participant, main
 from stepbus_schemas import WiringError
 
-_MAIN = "__main__"
+_BRIDGE = ("stepbus", "bridge")
 
 
 def check_programs(scenario: Scenario) -> None:
     """Raise WiringError, with all of them, for participants that need a process of their own."""
     problems = [
-        f"participants.{spec.name}: {why}"
+        f"participants.{spec.name}: `{' '.join(spec.exec)}` is a program of its own; "
+        f"{_remedy(spec)}leave out {argument('--in-process')}"
         for spec in scenario.participants
-        for why in [_why_not(spec)]
-        if why is not None
+        if not (spec.participant or _is_bridged(spec))
     ]
     if problems:
-        raise WiringError("\n".join([*problems, f"leave out {argument('--in-process')}"]))
+        raise WiringError("\n".join(problems))
 
 
-def _why_not(spec: ParticipantSpec) -> str | None:
-    if spec.bridge is not None or spec.exec[:2] == ("stepbus", "bridge"):
-        return None
-    program, *arguments = spec.exec
-    if program != "python":
-        return f"`{program}` is a program of its own; only `python` runs in one process"
-    launch, _ = python_target(arguments)
-    if not launch:
-        return f"`{' '.join(spec.exec)}` names neither a module nor a script"
-    if arguments[0].startswith("-") and arguments[0] != "-m":
-        return f"the interpreter's option {arguments[0]} needs an interpreter of its own"
-    return None
+def _is_bridged(spec: ParticipantSpec) -> bool:
+    return spec.bridge is not None or spec.exec[:2] == _BRIDGE
 
 
-class Runnable(Protocol):
-    """What a hosted participant executes."""
-
-    def run(self) -> None:
-        """Execute it to its end; raises what it raises, SystemExit included."""
-
-    def enter(self) -> None:
-        """Put its own arguments and modules in place."""
-
-    def leave(self) -> None:
-        """Take its own arguments and modules away."""
-
-    def has_written(self, content: dict[str, Any]) -> bool:
-        """Return whether code with these globals is its own, not a library's."""
+def _remedy(spec: ParticipantSpec) -> str:
+    """Return what to write instead of a program in Python."""
+    if spec.exec[:1] != ("python",):
+        return ""
+    files = [word for word in spec.exec if word.endswith(".py")]
+    name = f"{files[0]}:CLASS" if files else "MODULE:CLASS"
+    return f"write `participant: {name}` instead of `exec`, with the name of its class, or "
 
 
-class Guest:
-    """A participant that is no program: code of this process, with its arguments and modules."""
-
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-
-    def run(self) -> None:
-        """Take part; raises SystemExit."""
-        raise SystemExit(main(self._seat.make))
-
-    def enter(self) -> None:
-        """Do nothing."""
-
-    def leave(self) -> None:
-        """Do nothing."""
-
-    def has_written(self, _content: dict[str, Any]) -> bool:
-        """Return False: what our caller does, it does to its own process."""
-        return False
+def program_of(spec: ParticipantSpec, folder: Path, seat: Seat | None) -> Callable[[], int]:
+    """Return what takes part and returns the exit code; the class is imported when it is called."""
+    if seat is not None and seat.name == spec.name:
+        return lambda: main(seat.make)
+    if not spec.participant:
+        return lambda: _bridge(spec, folder)
+    return lambda: _take_part(spec.participant, folder)
 
 
-class Program:
-    """The `__main__` module of one participant, and the modules of its own folder.
+def _take_part(name: str, folder: Path) -> int:
+    try:
+        factory = import_participant(name, folder)
+    except WiringError as exc:
+        raise SystemExit(str(exc)) from None
+    return main(factory)
 
-    command: as `python` gets it, from `-m` or the script on. folder: its working directory. Modules
-    of that folder are loaded for each participant anew, as in a process of its own: what one keeps
-    in them, no other sees.
-    """
 
-    def __init__(self, command: Sequence[str], folder: Path) -> None:
-        self._command = list(command)
-        self._own = {_MAIN: ModuleType(_MAIN)}
-        self._others: dict[str, ModuleType | None] = {}
-        self._before: dict[str, ModuleType] = {}
-        launch, name = python_target(command)
-        self._argv = ["-m", *self._command[self._command.index(name) + 1 :]]
-        self._argv_before = sys.argv
-        self._module = name if launch == "module" else ""
-        self._script = folder / name
-        # `python -m` puts the working directory first, `python script` the folder of the script.
-        self._path = str(folder if self._module else self._script.parent.resolve())
-        # `python -P` puts none.
-        self._is_searched = "-P" not in self._command[: self._command.index(name)]
-
-    def run(self) -> None:
-        """Execute it to its end; raises what it raises, SystemExit included."""
-        main = self._own[_MAIN]
-        code = self._module_code(main) if self._module else self._script_code(main)
-        self._argv[0] = str(main.__file__)
-        exec(code, main.__dict__)  # noqa: S102  (it is what the user asks to run)
-
-    def _script_code(self, main: ModuleType) -> CodeType:
-        path = self._script / "__main__.py" if self._script.is_dir() else self._script
-        main.__file__ = str(path)
-        return compile(read_file(path), str(path), "exec", dont_inherit=True)
-
-    def _module_code(self, main: ModuleType) -> CodeType:
-        spec = importlib.util.find_spec(self._module)
-        if spec is not None and spec.submodule_search_locations:
-            spec = importlib.util.find_spec(f"{self._module}.{_MAIN}")
-        loader = getattr(spec, "loader", None)
-        if spec is None or loader is None:
-            raise ImportError(f"No module named {self._module}")
-        main.__spec__, main.__file__, main.__package__ = spec, spec.origin, spec.parent
-        code: CodeType = loader.get_code(spec.name)
-        return code
-
-    def enter(self) -> None:
-        """Put its own arguments and modules in place."""
-        modules = sys.modules
-        self._argv_before, sys.argv = sys.argv, self._argv
-        if self._is_searched:
-            sys.path.insert(0, self._path)
-        if len(self._own) > 1:
-            self._others = {name: modules.get(name) for name in self._own}
-            modules.update(self._own)
-        else:
-            self._others[_MAIN] = modules[_MAIN]
-            modules[_MAIN] = self._own[_MAIN]
-        if len(modules) != len(self._before):
-            self._before = dict(modules)
-
-    def leave(self) -> None:
-        """Take its own arguments and modules away, with those it has loaded meanwhile."""
-        modules = sys.modules
-        sys.argv = self._argv_before
-        if self._is_searched and self._path in sys.path:
-            sys.path.remove(self._path)
-        if len(modules) < len(self._before):
-            # It has removed some, which are the others' as well.
-            modules.update(self._before)
-        if len(modules) != len(self._before):
-            for name, module in tuple(modules.items()):
-                if name not in self._own and self._is_own(name, getattr(module, "__dict__", {})):
-                    self._own[name], self._others[name] = module, None
-        for name, other in self._others.items():
-            if other is None:
-                modules.pop(name, None)
-            else:
-                modules[name] = other
-
-    def has_written(self, content: dict[str, Any]) -> bool:
-        """Return whether code with these globals is its own, not a library's."""
-        name = content.get("__name__", _MAIN)
-        return name == _MAIN or self._is_own(name, content)
-
-    def _is_own(self, name: str, content: Mapping[str, Any]) -> bool:
-        """Return whether a module is of the participant's folder, and of no package installed."""
-        file = content.get("__file__") or ""
-        is_below = file.startswith(self._path + os.sep) and "site-packages" not in file
-        # A scenario may lie in a checkout of stepbus, or above it.
-        return is_below and not is_installed_package(name)
+def _bridge(spec: ParticipantSpec, folder: Path) -> int:
+    command = start_command(spec, folder)
+    arguments = command[command.index("stepbus_bridge") + 1 :]
+    return main(importlib.import_module("stepbus_bridge").bridge_to(arguments))

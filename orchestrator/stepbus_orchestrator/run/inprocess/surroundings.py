@@ -3,13 +3,13 @@
 import contextlib
 import ctypes
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from .guard import Guard
+from .modules import ScenarioModules
 
 NATIVE_LOG = "native.log"
 """Where libraries in C print, beside the logs of the participants."""
@@ -18,18 +18,19 @@ NATIVE_LOG = "native.log"
 class Surroundings:
     """Let participants work as in processes of their own; a context, left as it was entered.
 
-    folder: of the scenario; becomes the working directory. guard: keeps what a participant does to
-    the process from the others. native_log: where libraries in C print;
-    None: they print on descriptors 1 and 2, which are somebody else's. Raises OSError where the
-    folder or the log cannot be opened.
+    folder: of the scenario; becomes the working directory. modules: those of the folder. guard:
+    keeps what a participant does to the process from the others. native_log: where libraries in C
+    print; None: they print on descriptors 1 and 2, which are somebody else's. Raises OSError where
+    the folder or the log cannot be opened.
     """
 
-    def __init__(self, folder: Path, guard: Guard, native_log: Path | None) -> None:
+    def __init__(
+        self, folder: Path, modules: ScenarioModules, guard: Guard, native_log: Path | None
+    ) -> None:
         self._folder = folder
+        self._modules = modules
         self._guard = guard
         self._native_log = native_log
-        self._outside = list(sys.path), list(sys.argv)
-        self._inside = self._outside
         self._folder_outside = self._folder_inside = -1
         self._stack = contextlib.ExitStack()
 
@@ -66,15 +67,13 @@ class Surroundings:
         """Put what participants find in place."""
         self._folder_outside = _here()
         os.fchdir(self._folder_inside)
-        self._outside = list(sys.path), list(sys.argv)
         self._guard.enter()
-        sys.path[:], sys.argv[:] = self._inside
+        self._modules.enter()
 
     def leave(self) -> None:
         """Put back what was there before."""
-        self._inside = list(sys.path), list(sys.argv)
+        self._modules.leave()
         self._guard.leave()
-        sys.path[:], sys.argv[:] = self._outside
         os.fchdir(self._folder_outside)
         os.close(self._folder_outside)
 

@@ -268,4 +268,4 @@ def _why_not_ready(participant: ParticipantState) -> str:
 
 def _worker(participant: ParticipantState) -> str:
     """Return the program behind a bridge, which does the participant's work."""
-    return "" if participant.spec.bridge is None else f"`{' '.join(participant.spec.exec)}` "
+    return "" if participant.spec.bridge is None else f"`{' '.join(participant.spec.program)}` "

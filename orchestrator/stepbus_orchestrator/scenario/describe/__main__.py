@@ -17,9 +17,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.scenario.packages import participant_modules
+from stepbus_orchestrator.scenario.packages import participant_classes
 from stepbus_orchestrator.scenario.reading.declaration import ParticipantRow, ScenarioFile
-from stepbus_participant import Settings
+from stepbus_participant import Settings, declared_parameters
 
 from .schema import SchemaWriter
 from .tables import table, tables
@@ -35,7 +35,7 @@ def generated_files(root: Path) -> dict[Path, str]:
     """Return path → content of every generated file."""
     world = SchemaWriter().document(_class(_WORLD), "A world of stepbus")
     files = {root / "schemas/json/world.schema.json": _indented(world)}
-    own = {name: _project(name) for name in participant_modules()}
+    own = {name: _project(name) for name in participant_classes()}
     for project in sorted({Path(), *filter(None, own.values())}):
         services = [name for name, at in own.items() if at in (Path(), project)]
         schema = root / project / "schemas/json/scenario.schema.json"
@@ -49,7 +49,7 @@ def generated_files(root: Path) -> dict[Path, str]:
 
 def _project(module: str) -> Path | None:
     """Return the folder of the checkout whose pyproject.toml packs a module; None: elsewhere."""
-    spec = importlib.util.find_spec(module.partition(".")[0])
+    spec = importlib.util.find_spec(re.split("[.:]", module)[0])
     above = Path(spec.origin).resolve().parents if spec is not None and spec.origin else ()
     found = (folder for folder in above if (folder / "pyproject.toml").is_file())
     project = next(found, None)
@@ -63,23 +63,16 @@ def scenario_schema(services: Iterable[str]) -> dict[str, Any]:
     writer = SchemaWriter(partial=True)
     schema = writer.document(ScenarioFile, "A scenario of stepbus")
     row = writer.definitions[writer.reference(ParticipantRow)["$ref"].rpartition("/")[2]]
+    row["properties"]["participant"]["examples"] = sorted(services)
     row["allOf"] = [
         {
-            "if": {"properties": {"exec": {"const": ["python", "-m", name]}}, "required": ["exec"]},
+            "if": {"properties": {"participant": {"const": name}}, "required": ["participant"]},
             "then": {"properties": {"params": writer.reference(params)}},
         }
         for name in services
-        if (params := _params(name)) is not None
+        if (params := declared_parameters(name.rpartition(":")[0], Path())) is not None
     ]
     return schema
-
-
-def _params(service: str) -> type[Settings] | None:
-    """Return the class of a service's parameters; None where it declares none."""
-    own = importlib.util.find_spec(f"{service}.params")
-    module = importlib.import_module(f"{service}.params" if own else service)
-    found: type[Settings] | None = getattr(module, "Params", None)
-    return found
 
 
 def _class(name: str) -> type[Settings]:

@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import package_path
+from stepbus_participant import is_installed, package_path
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
 from ..model import ParticipantSpec, Scenario
-from ..packages import is_installed_package
 from ..program import python_target
 from .languages import declared_files, is_virtual, language, loaded_files
 from .names import FileUnreadable, modules_in, names_in
@@ -72,7 +71,7 @@ class FileSearch:
     def module(self, keys: Keys, module: str, bases: list[Path]) -> None:
         """Look for the Python file, or the files of the package, that a module's name means."""
         top = module.partition(".")[0]
-        if is_installed_package(module):
+        if is_installed(module):
             return
         for base in bases:
             if is_file(base / f"{top}.py"):
@@ -156,6 +155,11 @@ def search_files(scenario: Scenario) -> FileSearch:
         for keys, text, program in _words(spec):
             search.name(keys, text, [scenario.folder], program=program)
         row: Keys = ("participants", spec.name)
+        source = spec.participant.rpartition(":")[0]
+        if source.endswith(".py"):
+            search.name((*row, "participant"), source, [scenario.folder])
+        elif source:
+            search.module((*row, "participant"), source, [scenario.folder])
         for words in filter(None, (spec.exec, _bridged(spec.exec))):
             if language(words, scenario.folder) == "python":
                 launch, name = python_target(words[1:])

@@ -122,6 +122,7 @@ def _participant(
     publishes: Publishes = "first" if problems.has((*keys, "publishes")) else row.publishes
     return ParticipantSpec(
         name=name,
+        participant=row.participant or "",
         exec=row.exec,
         every=row.every,
         publishes=publishes,

@@ -54,8 +54,11 @@ class ParticipantRow(Settings):
     """The one of `templates` it is made from."""
     with_: dict[str, Any] = {}
     """Parameter of the template → its value."""
-    exec: tuple[str, ...]
-    """The command that starts it; see below."""
+    participant: str | None = None
+    """The class that it is, in Python: `my_controller.py:Controller` of a file beside the scenario,
+    `my_arm.controller:Controller` of a module; or else `exec`."""
+    exec: tuple[str, ...] = ()
+    """The command that starts it, for a program in any language; see below."""
     every: Count = ParticipantSpec.every
     """It fires at steps 0, `every`, 2 · `every` …"""
     publishes: Publishes = ParticipantSpec.publishes
@@ -115,13 +118,27 @@ class ParticipantRow(Settings):
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the command, and with descriptions of outputs."""
-        if not self.exec or not self.exec[0]:
+        if self.participant is not None:
+            yield from self._class_problems(self.participant)
+        elif not self.exec:
+            yield (), "needs either 'participant', a class, or 'exec', the command of a program"
+        elif not self.exec[0]:
             yield ("exec",), "names no program"
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"
         if self.bridge is not None:
             yield from self._describe_problems(self.bridge.describe)
+
+    def _class_problems(self, name: str) -> Iterator[tuple[Keys, str]]:
+        given = {"exec": self.exec, "bridge": self.bridge}
+        for key in (key for key, value in given.items() if value):
+            text = f"is for a program; {name} is a class (`participant`); leave out one of them"
+            yield (key,), text
+        source, _, attribute = name.rpartition(":")
+        if not source or not attribute.isidentifier():
+            text = "must be FILE.py:CLASS or MODULE:CLASS, e.g. controller.py:Controller"
+            yield ("participant",), f"{text}, not {name!r}"
 
     def _describe_problems(self, describe: Mapping[str, Any]) -> Iterator[tuple[Keys, str]]:
         for port, description in describe.items():

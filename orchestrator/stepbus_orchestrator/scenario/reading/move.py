@@ -35,6 +35,9 @@ def _row(row: Any, old: Path, new: Path) -> Any:
     if not isinstance(row, dict):
         return row
     row = {k: _renamed(v, old, new) if k in _SECTIONS else v for k, v in row.items()}
+    source, colon, name = str(row.get("participant") or "").rpartition(":")
+    if source.endswith(".py"):
+        row["participant"] = f"{os.path.relpath(old / source, new)}{colon}{name}"
     if isinstance(row.get("files"), list):
         # Patterns name no file.
         row["files"] = [f"{os.path.relpath(old, new)}/{pattern}" for pattern in row["files"]]

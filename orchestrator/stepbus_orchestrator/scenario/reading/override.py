@@ -11,6 +11,7 @@ from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse
 from stepbus_schemas import WiringError
 
 from .declaration import ScenarioFile
+from .merge import without_replaced
 
 TOP_KEYS = tuple(
     name for name in ScenarioFile.__struct_encode_fields__ if name not in {"extends", "templates"}
@@ -86,6 +87,8 @@ def _replaced(node: Any, keys: Keys, depth: int, value: Any) -> Any:
     """Return `node`, which stands at `keys[:depth]`, with the value at `keys` replaced."""
     key = str(keys[depth])
     last = depth == len(keys) - 1
+    if last and depth == 2 and keys[0] == "participants" and isinstance(node, dict):
+        node = without_replaced(node, {key: value})
     if isinstance(node, list):
         index = _index(node, key, keys[:depth])
         inner = value if last else _replaced(node[index], keys, depth + 1, value)

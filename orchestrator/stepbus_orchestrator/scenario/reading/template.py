@@ -82,7 +82,7 @@ class _Instance:
             if name not in self._used and self._template:
                 text = f"template {self._name!r} has no parameter {name!r}"
                 self._add((_WITH, name), text + suggest(name, self._used))
-        return merged(filled, own)
+        return merged(filled, own, self._keys)
 
     def places(self) -> Iterator[tuple[Keys, Place]]:
         """Yield where the keys of the template are, as keys of the participant."""

@@ -43,7 +43,7 @@ class Saved(msgspec.Struct):
     is_done: bool
 
 
-class MissionParticipant(Participant):
+class Mission(Participant):
     """Publishes a reference at every step.
 
     Outputs: one JointReference/1 and, if the scenario wires it, one Event/1 that reports the start

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from support.services.plant import MS, TWO_LINK, write_world
 
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import WiringError
 
 WORLD = """bodies:
@@ -17,7 +17,7 @@ WORLD = """bodies:
 @pytest.fixture
 def plant(tmp_path):
     world = load_world(write_world(tmp_path, WORLD))
-    plant = Plant(world, Params(world="world.yaml"), 5 * MS, 0)
+    plant = SimulatedPlant(world, Params(world="world.yaml"), 5 * MS, 0)
     yield plant
     plant.close()
 

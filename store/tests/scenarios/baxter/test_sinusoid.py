@@ -14,7 +14,7 @@ from stepbus_orchestrator.analysis.sinusoid import JointMotions
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 
 WORLD = SCENARIOS / "baxter/world.yaml"
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
@@ -108,7 +108,7 @@ def test_the_srdf_rules_398_pairs_out_and_nothing_touches_at_rest(monkeypatch):
     monkeypatch.setattr(
         pybullet, "setCollisionFilterPair", lambda *a, **k: (ruled_out.append(a), real(*a, **k))
     )
-    plant = Plant(load_world(WORLD), Params(world=WORLD.name), 50_000_000, 0)
+    plant = SimulatedPlant(load_world(WORLD), Params(world=WORLD.name), 50_000_000, 0)
     client = plant.physics.client
     pybullet.performCollisionDetection(client)
     assert (len(ruled_out), pybullet.getContactPoints(physicsClientId=client)) == (398, ())

@@ -9,7 +9,7 @@ import pytest
 from support.store_paths import SCENARIOS
 
 from stepbus_kinematics import RobotModel
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_plant.world.declaration import StockParams
 from stepbus_store.motion.ik.analytic import AnalyticChain
 
@@ -28,9 +28,9 @@ def kinematics() -> RobotModel:
     return RobotModel(ROBOT, ARM)
 
 
-def make_plant(**stock) -> Plant:
+def make_plant(**stock) -> SimulatedPlant:
     world = load_world(STORE / "world.yaml", StockParams(**stock))
-    return Plant(world, Params(world="world.yaml", joints=list(ARM)), 8_000_000, 0)
+    return SimulatedPlant(world, Params(world="world.yaml", joints=list(ARM)), 8_000_000, 0)
 
 
 def branch(kinematics: RobotModel, position: list[float]) -> np.ndarray:
@@ -96,7 +96,7 @@ def test_a_sleeping_body_that_the_script_lifts_falls():
     world = load_world(STORE / "world.yaml", StockParams(fill=0))
     script = [{"at": "2.8s", "body": "crate", "position": [3, 3, 0.5]}]
     params = Params.of({"world": "world.yaml", "script": script})
-    plant = Plant(world, params, 8_000_000, 0)
+    plant = SimulatedPlant(world, params, 8_000_000, 0)
     sensor = plant.pose_sensor(["crate_box"])
     heights = []
     for _ in range(425):

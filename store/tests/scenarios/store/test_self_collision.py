@@ -5,7 +5,7 @@ import pybullet as bullet
 import pytest
 from support.store_paths import SCENARIOS
 
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import JointCommand
 
 WORLD = SCENARIOS / "store/world.yaml"
@@ -19,7 +19,7 @@ INTO_CHASSIS = np.array([0.0, -2.9, 2.7, -0.9, -np.pi / 2, -np.pi / 2])
 
 @pytest.fixture(scope="module")
 def plant():
-    plant = Plant(
+    plant = SimulatedPlant(
         load_world(WORLD), Params(world=str(WORLD), joints=ARM, cameras=False), 16_000_000, 0
     )
     yield plant

@@ -1,15 +1,14 @@
-"""The store of `support.services.mission_store` as a participant; its second argument are its faults."""
+"""The store of `support.services.mission_store` as a participant; whoever copies it fills in TESTS."""
 
-import json
 import sys
-from pathlib import Path
 
-sys.path.insert(0, str(Path(sys.argv[2])))
+TESTS = None
+sys.path.insert(0, str(TESTS))
 
-from support.services.mission_store import FakeStore, shelf_a
+from support.services.mission_store import FakeStore, shelf_a  # noqa: E402
 
-from stepbus import Participant, main
-from stepbus_schemas import Description, Goal
+from stepbus import Participant  # noqa: E402
+from stepbus_schemas import Description, Goal  # noqa: E402
 
 
 class Store(Participant):
@@ -17,7 +16,7 @@ class Store(Participant):
 
     def __init__(self, config):
         super().__init__(config)
-        faults = json.loads(sys.argv[1])
+        faults = config.params["faults"]
         goods = shelf_a(("cola", 2), ("cola", 3), ("water", 4))
         self.store = FakeStore(goods, **faults)
 
@@ -43,7 +42,3 @@ class Store(Participant):
     def update(self, step):
         if step.is_new("goal"):
             self.store.carry_out(step.read("goal", Goal), "")
-
-
-if __name__ == "__main__":
-    raise SystemExit(main(Store))

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
 from stepbus_store.motion.goals.outcome import Outcome
 from stepbus_store.motion.manipulator.build import branching_manipulator
@@ -151,7 +151,7 @@ class PlantMotor:
             f"visuals: false, joint_defaults: {{mode: position}}, joints: {{{rows}}}}}\n"
         )
         params = Params(world=path.name, joints=JOINTS)
-        self._plant = Plant(load_world(path), params, 8_000_000, 0)
+        self._plant = SimulatedPlant(load_world(path), params, 8_000_000, 0)
         self._commander = self._plant.commander("command", JOINTS)
 
     def __call__(self, q: Any, v: Any) -> tuple[Any, Any]:

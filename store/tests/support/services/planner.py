@@ -12,7 +12,7 @@ from support.services.control import Stand
 
 from stepbus_participant import Config
 from stepbus_schemas import Description, InputConfig, OutputConfig, Plan, PlanRequest, Poses
-from stepbus_store.planner.participant import PlannerParticipant
+from stepbus_store.planner.participant import Planner
 from stepbus_store.planner.scene.scene import Margins, Scene, Surroundings
 
 MS = 1_000_000
@@ -91,11 +91,11 @@ def scenery(*things: Thing, shift: tuple[float, float, float] = (0.0, 0.0, 0.0))
     return described, Poses(position=position, orientation=[NO_TURN] * len(rows))
 
 
-def make_planner(folder: Path, described: Description, **params: Any) -> PlannerParticipant:
+def make_planner(folder: Path, described: Description, **params: Any) -> Planner:
     """Return a started planner."""
     if not (folder / "arm.urdf").exists():
         write_arm(folder)
-    planner = PlannerParticipant(config(folder, **params))
+    planner = Planner(config(folder, **params))
     planner.start({"request": Description(names=JOINTS), "poses": described})
     return planner
 
@@ -122,9 +122,7 @@ def every_ms(plan: Plan) -> np.ndarray:
     return spline(np.arange(0, plan.times[-1], 1e-3))
 
 
-def scene_of(
-    planner: PlannerParticipant, start: list[float], *things: Thing, **around: Any
-) -> Scene:
+def scene_of(planner: Planner, start: list[float], *things: Thing, **around: Any) -> Scene:
     """Return a scene without margins."""
     obstacles = planner.planner.obstacles
     placements = obstacles.placements(scenery(*things)[1])
@@ -133,13 +131,13 @@ def scene_of(
     return Scene(planner.planner.robot, surroundings, np.array(start), margins)
 
 
-def looked_at(planner: PlannerParticipant, *things: Thing) -> list[str]:
+def looked_at(planner: Planner, *things: Thing) -> list[str]:
     """Return the names of the things that a plan heeds."""
     links = scene_of(planner, START, *things).links
     return [name for name, _, _ in things if name in links]
 
 
-def touched(planner: PlannerParticipant, plan: Plan, *things: Thing, **around: Any) -> list[str]:
+def touched(planner: Planner, plan: Plan, *things: Thing, **around: Any) -> list[str]:
     """Return what the robot touches anywhere on a plan, looked at every ms without margins."""
     scene = scene_of(planner, plan.position[0], *things, **around)
     touches = (scene.touch(q) for q in every_ms(plan))

@@ -19,8 +19,7 @@ STEPS = 100
 """Of the recorded run; the mission publishes at every fourth."""
 
 GAIN = """
-    import sys
-    from stepbus import Config, Description, JointCommand, JointState, Participant, main
+    from stepbus import Config, Description, JointCommand, JointState, Participant
 
     class Controller(Participant):
         def __init__(self, config: Config) -> None:
@@ -33,8 +32,6 @@ GAIN = """
             state = step.read("joint_state", JointState)
             return {"command": JointCommand(mode="torque",
                                             values=[-self.gain * q for q in state.position])}
-
-    raise SystemExit(main(Controller))
 """
 
 
@@ -82,7 +79,7 @@ def test_it_works_over_tcp_where_each_may_publish_on_its_own_keys_only(recorded,
 
 
 def test_a_changed_participant_counts_from_the_step_on(recorded, tmp_path):
-    other = "controller.exec=[python, joints.py, controller, gain, '0']"
+    other = "controller.params={fault: gain, at: 0}"
     found = branch(recorded, 43, tmp_path / "b", [other], in_process=True)
     assert found.result.exit_code == 0
     assert found.changed == ["controller"]
@@ -95,7 +92,7 @@ def gained(tmp_path):
     path = write_scenario(tmp_path / "gain")
     (tmp_path / "gain" / "gain.py").write_text(textwrap.dedent(GAIN))
     program = [
-        "controller.exec=[python, gain.py]",
+        "controller.participant=gain.py:Controller",
         "controller.inputs={joint_state: plant.joint_state}",
     ]
     return run(load(path, program), Options(out=tmp_path / "a", in_process=True)).recording
@@ -156,12 +153,12 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
     program = path.parent / "gain.py"
     random_text = (
         textwrap.dedent(GAIN)
-        .replace("import sys", "import os")
+        .replace("from stepbus", "import os\nfrom stepbus", 1)
         .replace("-self.gain * q", "(step.index > 30) * os.urandom(1)[0] - q")
     )
     program.write_text(random_text)
     overrides = [
-        "controller.exec=[python, gain.py]",
+        "controller.participant=gain.py:Controller",
         "controller.inputs={joint_state: plant.joint_state}",
     ]
     first = run(load(path, overrides), Options(out=tmp_path / "a", in_process=True))
@@ -176,7 +173,7 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
 
 
 def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
-    crash = fault("controller", "controller", "raise", 10)
+    crash = fault("controller", "raise", 10)
     found = branch(recorded, 43, tmp_path / "b", [crash], in_process=True)
     assert found.result.exit_code == ExitCode.FAULT
     assert found.result.participant == "controller"
@@ -185,13 +182,13 @@ def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
 def test_an_end_that_a_changed_participant_asks_for_on_the_way_is_not_its_to_ask(
     recorded, tmp_path
 ):
-    early = fault("controller", "controller", "end", 10)
+    early = fault("controller", "end", 10)
     found = branch(recorded, 43, tmp_path / "b", [early], in_process=True)
     assert (found.result.exit_code, found.result.steps) == (0, STEPS)
 
 
 def test_it_ends_where_a_changed_participant_asks_for_it(recorded, tmp_path):
-    end = fault("controller", "controller", "end", 70)
+    end = fault("controller", "end", 70)
     assert branch(recorded, 43, tmp_path / "b", [end], in_process=True).result.steps == 71
 
 
@@ -244,8 +241,8 @@ def test_a_time_between_two_steps_is_refused(recorded, tmp_path):
 
 
 def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
-    failed = run_joints(tmp_path, fault("plant", "plant", "raise", 70), in_process=True)
-    repaired = "plant.exec=[python, joints.py, plant]"
+    failed = run_joints(tmp_path, fault("plant", "raise", 70), in_process=True)
+    repaired = "plant.params={}"
     found = branch(failed.recording, 60, tmp_path / "b", [repaired], in_process=True)
     assert (found.result.exit_code, found.result.steps) == (0, STEPS)
     assert below(found.result.recording, 60) == below(failed.recording, 60)
@@ -253,7 +250,7 @@ def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
 
 @pytest.mark.slow
 def test_a_debugged_participant_has_no_deadline(recorded, tmp_path):
-    slow = [fault("controller", "controller", "nap", 50), "controller.step_timeout=500ms"]
+    slow = [fault("controller", "nap", 50), "controller.step_timeout=500ms"]
     prepared = BranchPlan(recorded, 43, tmp_path / "b", slow)
     found = prepared.run(debug=["controller"])
     assert found.result.exit_code == 0
@@ -269,16 +266,14 @@ def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):
 
 
 def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
-    changes = ["controller.on_fault=hold", fault("controller", "controller", "kill", 10)]
+    changes = ["controller.on_fault=hold", fault("controller", "kill", 10)]
     found = branch(recorded, 43, tmp_path / "b", changes)
     assert found.result.exit_code == ExitCode.DIED
     assert "held" not in found.result.reason
 
 
 def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
-    held = run_joints(
-        tmp_path, "controller.on_fault=hold", fault("controller", "controller", "raise", 60)
-    )
+    held = run_joints(tmp_path, "controller.on_fault=hold", fault("controller", "raise", 60))
     assert branch(held.recording, 50, tmp_path / "b").result.exit_code == ExitCode.FAULT
     with pytest.raises(
         RecordingFailed, match="controller had failed and was replaced from step 60"

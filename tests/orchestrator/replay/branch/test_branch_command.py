@@ -50,7 +50,7 @@ def test_a_branch_of_a_recording_that_is_cut_off_is_as_recorded_up_to_its_end(
 
 
 def test_a_branch_of_a_run_without_a_step_compares_nothing(tmp_path, capsys):
-    broken = fault("controller", "controller", "raise", 0)
+    broken = fault("controller", "raise", 0)
     failed = run_joints(tmp_path, broken, in_process=True).recording
     assert run_command(failed, tmp_path, "--at", "0") == ExitCode.FAULT
     assert "as recorded" not in capsys.readouterr().out
@@ -70,7 +70,7 @@ def test_json_has_the_result_and_nothing_else(recorded, tmp_path, capsys):
 
 def test_variants_lie_side_by_side_with_one_picture(recorded, tmp_path, capsys):
     pytest.importorskip("matplotlib")
-    programs = "controller.exec=[python, joints.py, controller, none, '1'],[python, joints.py, controller, none, '2']"
+    programs = "controller.params={at: 1},{at: 2}"
     words = ["branch", str(recorded), "--at", "20", "--vary", programs, "--in-process"]
     out = tmp_path / "v"
     assert cli.main([*words, "--plot", "plant.joint_state.position[0]", "--out", str(out)]) == 0

@@ -103,7 +103,7 @@ def test_nobody_is_late_while_a_run_is_paused(tmp_path):
 
 @pytest.mark.slow
 def test_a_debugged_participant_has_no_deadline(tmp_path, monkeypatch):
-    slow = [fault("controller", "controller", "nap", 7), "controller.step_timeout=500ms"]
+    slow = [fault("controller", "nap", 7), "controller.step_timeout=500ms"]
     scenario = load(write_scenario(tmp_path / "source"), slow)
     late = run(scenario, Options(out=tmp_path / "late"))
     result = run(scenario, Options(out=tmp_path / "out", extensions=[Debug(["controller"])]))

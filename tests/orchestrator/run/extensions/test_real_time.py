@@ -122,7 +122,7 @@ def test_in_one_process_too(tmp_path, plain):
 
 @pytest.mark.slow
 def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
-    nap = fault("controller", "controller", "nap", 7)
+    nap = fault("controller", "nap", 7)
     keeps = ("controller.real_time=true", "controller.on_late=fail")
     result = run_joints(tmp_path, nap, *keeps, extensions=[RealTime(5 * MS, 0.1)])
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")

@@ -20,7 +20,7 @@ from stepbus_orchestrator.processes.turns import Turns, make_file
 from stepbus_orchestrator.run.inprocess.bus import HostedBus
 from stepbus_orchestrator.run.inprocess.host import HostedParticipant
 from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.program import Program
+from stepbus_orchestrator.run.inprocess.modules import ScenarioModules
 from stepbus_orchestrator.run.reports.progress import Silent
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
@@ -72,9 +72,7 @@ def test_the_start_order_changes_nothing(tmp_path, separate):
 )  # fmt: skip
 def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
     deadlines = FAST if code == ExitCode.STEP_TIMEOUT else ()
-    result = run_joints(
-        tmp_path, fault("controller", "controller", kind, 7), *deadlines, in_process=True
-    )
+    result = run_joints(tmp_path, fault("controller", kind, 7), *deadlines, in_process=True)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert re.search(sentence, result.reason)
     steps = stepbus.Recording(result.recording)["plant.joint_state"].steps
@@ -92,9 +90,7 @@ def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentenc
 def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
     phases = ("spawn", "join", "ready") if kind == "hang" else ()
     short = [f"controller.{phase}_timeout=300ms" for phase in phases]
-    result = run_joints(
-        tmp_path, fault("controller", "controller", kind, -1), *short, in_process=True
-    )
+    result = run_joints(tmp_path, fault("controller", kind, -1), *short, in_process=True)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)
 
@@ -107,16 +103,14 @@ def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
     tmp_path, separate, kind, code
 ):
     deadlines = ["controller.stop_timeout=1s"] if code == ExitCode.STOP_TIMEOUT else []
-    result = run_joints(
-        tmp_path, fault("controller", "controller", kind, 0), *deadlines, in_process=True
-    )
+    result = run_joints(tmp_path, fault("controller", kind, 0), *deadlines, in_process=True)
     assert (result.exit_code, result.participant) == (code, "controller")
     steps = stepbus.Recording(result.recording)["plant.joint_state"].steps
     assert list(steps) == list(range(101))
 
 
 def test_a_participant_can_end_the_run(tmp_path):
-    result = run_joints(tmp_path, fault("controller", "controller", "end", 41), in_process=True)
+    result = run_joints(tmp_path, fault("controller", "end", 41), in_process=True)
     assert (result.exit_code, result.steps) == (0, 42)
     assert result.reason == "controller: the goal is reached"
 
@@ -140,7 +134,7 @@ def test_faults_on_messages_end_alike(tmp_path, text):
 
 def test_a_participant_that_failed_is_held(tmp_path):
     path = write_scenario(tmp_path / "source")
-    overrides = [fault("mission", "mission", "raise", 40), "mission.on_fault=hold"]
+    overrides = [fault("mission", "raise", 40), "mission.on_fault=hold"]
     results = [
         run(load(path, overrides), Options(out=tmp_path / str(alone), in_process=alone))
         for alone in (False, True)
@@ -152,14 +146,17 @@ def test_a_participant_that_failed_is_held(tmp_path):
 
 def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
     path = write_scenario(tmp_path / "source")
-    scenario = load(path, ["controller.exec=[sleep, '1']", "mission.exec=[python, -O, joints.py]"])
+    programs = ["controller.exec=[sleep, '1']", "mission.exec=[python, joints.py, mission]"]
     with pytest.raises(stepbus.WiringError) as caught:
-        run(scenario, Options(out=tmp_path / "out", in_process=True))
-    assert "participants.controller: `sleep` is a program of its own" in str(caught.value)
-    assert "participants.mission: the interpreter's option -O" in str(caught.value)
-    for words, why in (("python", "names neither a module nor a script"), ("stepbus, validate, two_link", "`stepbus` is a program of its own")):  # fmt: skip
-        with pytest.raises(stepbus.WiringError, match=why):
-            run(load(path, [f"mission.exec=[{words}]"]), Options(out=tmp_path / "out", in_process=True))  # fmt: skip
+        run(load(path, programs), Options(out=tmp_path / "out", in_process=True))
+    instead = (
+        "write `participant: joints.py:CLASS` instead of `exec`, with the name of its class, or "
+        "leave out `in_process`"
+    )
+    assert str(caught.value).splitlines() == [
+        "participants.controller: `sleep 1` is a program of its own; leave out `in_process`",
+        f"participants.mission: `python joints.py mission` is a program of its own; {instead}",
+    ]
     with pytest.raises(stepbus.WiringError, match="'kill plant at 3': a fault of a process needs"):
         run(load(path, (), ["kill plant at 3"]), Options(out=tmp_path / "out", in_process=True))
     assert not (tmp_path / "out").exists()
@@ -197,7 +194,7 @@ def test_one_that_does_not_let_itself_be_ended_is_given_up(tmp_path):
     write_scenario(tmp_path / "source")
     text = STUBBORN.replace("stepbus.HOST", "__import__('stepbus_participant').HOST")
     (tmp_path / "source" / "stubborn.py").write_text(text)
-    overrides = ["mission.exec=[python, stubborn.py]", "mission.stop_timeout=500ms"]
+    overrides = ["mission.participant=stubborn.py:Stubborn", "mission.stop_timeout=500ms"]
     scenario = load(tmp_path / "source" / "scenario.yaml", overrides)
     result = run(scenario, Options(out=tmp_path / "out", in_process=True))
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission")
@@ -225,7 +222,7 @@ def test_ctrl_c_ends_one_that_computes(tmp_path):
     path = write_scenario(tmp_path / "source")
     process = subprocess.Popen(
         [*STEPBUS, "run", str(path), "--in-process", "--json", "--out", str(tmp_path / "out"),
-         "--set", fault("controller", "controller", "hang", 7)],
+         "--set", fault("controller", "hang", 7)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     log = tmp_path / "out/run.mcap"
@@ -250,7 +247,9 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
 
 
 def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
-    (tmp_path / "worker.py").write_text("raise SystemExit('no room for this')\n")
+    def leave() -> int:
+        raise SystemExit("no room for this")
+
     hub, turns = Hub(), Turns(make_file())
     bus = LoopbackBus(make_queue=hub.queue)
     ticket = Ticket(
@@ -258,8 +257,8 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
     hosted = HostedParticipant(
-        ticket, HostedBus(bus, "worker", [], counter=(turns.words, 0)), Program(["worker.py"], tmp_path),
-        hub=hub, log=Path("/dev/full"), take_program=lambda _group: None, shown=False,
+        ticket, HostedBus(bus, "worker", [], counter=(turns.words, 0)), leave,
+        modules=ScenarioModules(tmp_path, []), hub=hub, log=Path("/dev/full"), take_program=lambda _group: None, shown=False,
         number=1, turns=turns,
     )  # fmt: skip
     assert hosted.wait(5)

@@ -97,10 +97,11 @@ class Done(NamedTuple):
 def write_misbehaving(source, kind, moment):
     """Write the scenario whose controller misbehaves; return its path."""
     text = SCENARIO.replace("500ms", "2s")
-    path = write_scenario(
-        source, text.replace("joints.py, controller]", f"misbehaving.py, {kind}, {moment}]")
-    )
-    (source / "misbehaving.py").write_bytes((PROGRAMS / "misbehaving.py").read_bytes())
+    path = write_scenario(source, text.replace("joints.py:Controller", "misbehaving.py:Controller"))
+    program = (PROGRAMS / "misbehaving.py").read_text()
+    assert 'KIND, MOMENT = "", ""' in program
+    program = program.replace('KIND, MOMENT = "", ""', f"KIND, MOMENT = {kind!r}, {moment!r}")
+    (source / "misbehaving.py").write_text(program)
     return path
 
 
@@ -201,7 +202,6 @@ def test_from_python_the_process_is_killed_with_a_result(tmp_path):
 
 PRINTER = """
 import subprocess
-import stepbus
 from stepbus import Event, Participant
 
 class Printer(Participant):
@@ -209,8 +209,6 @@ class Printer(Participant):
         if step.index == 1:
             subprocess.run("head -c 100M /dev/zero; sleep 1", shell=True, check=True)
         return {"event": Event(level="info", text="done")}
-
-raise SystemExit(stepbus.main(Printer))
 """
 
 
@@ -221,7 +219,7 @@ def test_what_libraries_and_programs_print_is_bounded(tmp_path):
     (source / "printer.py").write_text(PRINTER)
     (source / "scenario.yaml").write_text(
         "name: p\nstep: 10ms\nduration: 30ms\nparticipants:\n"
-        "  one: {exec: [python, printer.py], outputs: {event: Event/1}}\n"
+        "  one: {participant: printer.py:Printer, outputs: {event: Event/1}}\n"
     )
     words = ["run", str(source / "scenario.yaml"), "--in-process", "--no-report"]
     done = subprocess.run(

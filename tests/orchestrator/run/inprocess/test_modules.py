@@ -1,110 +1,86 @@
-"""Participants in one process: each has its own modules, arguments and folder."""
+"""Participants in one process: the modules of their scenario, and none of another one."""
 
 import sys
-from pathlib import Path
-from types import ModuleType
 
+import pytest
 from support.runs.joints import write_scenario
 
 import stepbus
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.inprocess.program import Program
 from stepbus_orchestrator.run.run_scenario import run
 
-
-def test_a_scenario_above_the_packages_of_stepbus_does_not_load_them_again(monkeypatch):
-    program = Program(["worker.py"], Path(stepbus.__file__).parents[1])
-    before = sys.modules["stepbus"]
-    module = ModuleType("extra")
-    module.__file__ = stepbus.__file__
-    program.enter()
-    monkeypatch.setitem(sys.modules, "stepbus.extra_for_a_test", module)
-    program.leave()
-    assert sys.modules["stepbus.extra_for_a_test"] is module
-    assert sys.modules["stepbus"] is before
-
-
-ARGUMENTS = """
-import sys
-from stepbus import Event, Participant, main
+SPEAKER = """
+from stepbus import Event, Participant
+import words
 
 class Speaker(Participant):
     def update(self, step):
-        return {"event": Event(level="info", text=sys.argv[1])}
-
-raise SystemExit(main(Speaker))
-"""
-
-
-def test_each_participant_keeps_its_own_arguments(tmp_path):
-    source = tmp_path / "source"
-    source.mkdir()
-    (source / "speaker.py").write_text(ARGUMENTS)
-    rows = "".join(
-        f"\n  {name}: {{exec: [python, speaker.py, {name}], outputs: {{event: Event/1}}}}"
-        for name in ("one", "two")
-    )
-    (source / "scenario.yaml").write_text(
-        f"name: c\nstep: 10ms\nduration: 30ms\nparticipants:{rows}\n"
-    )
-    result = stepbus.run(source / "scenario.yaml", out=tmp_path / "out", in_process=True)
-    assert result.exit_code == 0, result.reason
-    recording = stepbus.Recording(result.recording)
-    for name in ("one", "two"):
-        assert {message.text for _, message in recording[f"{name}.event"].messages()} == {name}
-
-
-COUNTER = """
-from stepbus import Event, Participant, main
-import counting
-
-class Counter(Participant):
-    def update(self, step):
         import late
-        counting.count += 1
-        late.count += 1
         print("at", step.index)
-        return {"event": Event(level="info", text=f"{counting.count} {late.count}")}
-
-if __name__ == "__main__":
-    raise SystemExit(main(Counter))
+        return {"event": Event(level="info", text=words.WORD + late.WORD + self.config.name)}
 """
 
 
-def test_modules_of_the_scenario_belong_to_one_participant_each(tmp_path):
-    source = tmp_path / "source"
-    source.mkdir()
-    for name in ("counting", "late"):
-        (source / f"{name}.py").write_text("count = 0\n")
-    (source / "counter.py").write_text(COUNTER)
+def write_speakers(folder, word, participant="speaker.py:Speaker"):
+    """Write a scenario with two participants of one class, which says a word of its folder."""
+    folder.mkdir(exist_ok=True)
+    (folder / "speaker.py").write_text(SPEAKER)
+    for name in ("words", "late"):
+        (folder / f"{name}.py").write_text(f"WORD = {word!r}\n")
     rows = "".join(
-        f"\n  {name}: {{exec: [python, counter.py], outputs: {{event: Event/1}}}}"
+        f"\n  {name}: {{participant: '{participant}', outputs: {{event: Event/1}}}}"
         for name in ("one", "two")
     )
-    (source / "scenario.yaml").write_text(
-        f"name: c\nstep: 10ms\nduration: 50ms\nparticipants:{rows}\n"
-    )
+    path = folder / "scenario.yaml"
+    path.write_text(f"name: c\nstep: 10ms\nduration: 50ms\nparticipants:{rows}\n")
+    return path
+
+
+def said(result, name):
+    assert result.exit_code == 0, result.reason
+    messages = stepbus.Recording(result.recording)[f"{name}.event"].messages()
+    return {message.text for _, message in messages}
+
+
+@pytest.mark.parametrize("participant", ["speaker.py:Speaker", "speaker:Speaker"])
+def test_a_class_of_the_folder_is_the_same_in_both_ways(tmp_path, participant):
+    path = write_speakers(tmp_path / "source", "hello", participant)
     results = [
-        stepbus.run(source / "scenario.yaml", out=tmp_path / str(alone), in_process=alone)
-        for alone in (False, True)
+        stepbus.run(path, out=tmp_path / str(alone), in_process=alone) for alone in (False, True)
     ]
+    assert said(results[1], "two") == {"hellohellotwo"}
     assert results[0].sha256 == results[1].sha256
-    last = stepbus.Recording(results[1].recording)["two.event"].messages()
-    assert [message.text for _, message in last][-1] == "5 5"
     assert (tmp_path / "True/logs/one.log").read_text().split("\n")[4] == "at 4"
-    assert not {"counting", "late", "counter"} & set(sys.modules)
+    assert not {"words", "late", "speaker"} & set(sys.modules)
 
 
-def test_no_folder_of_a_scenario_replaces_a_package_of_stepbus(tmp_path):
+@pytest.mark.parametrize("participant", ["speaker.py:Speaker", "speaker:Speaker"])
+def test_a_later_run_has_the_files_as_they_are_then_and_of_its_own_folder(tmp_path, participant):
+    for word, folder in (("a", "first"), ("bb", "first"), ("c", "second")):
+        path = write_speakers(tmp_path / folder, word, participant)
+        result = stepbus.run(path, out=tmp_path / word, in_process=True)
+        assert said(result, "one") == {f"{word}{word}one"}
+
+
+def test_a_module_of_the_callers_of_the_same_name_is_another(tmp_path, monkeypatch):
+    own = type(sys)("speaker")
+    monkeypatch.setitem(sys.modules, "speaker", own)
+    result = stepbus.run(
+        write_speakers(tmp_path / "source", "x"), out=tmp_path / "out", in_process=True
+    )
+    assert said(result, "one") == {"xxone"}
+    assert sys.modules["speaker"] is own
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_no_folder_of_a_scenario_replaces_a_package_of_stepbus(tmp_path, in_process):
     source = tmp_path / "source"
     write_scenario(source)
     for name in ("stepbus_selftest", "stepbus_mission"):
         (source / name).mkdir()
-        for file in ("__init__", "__main__"):
-            (source / name / f"{file}.py").write_text("raise SystemExit('replaced')\n")
-    task = "mission={exec: [python, -m, stepbus_mission], outputs: {reference: JointReference/1}, params: {task: sine, joints: [hip, knee], amplitude: 1, omega: 1}}"
-    result = run(
-        load(source / "scenario.yaml", [task]), Options(out=tmp_path / "out", in_process=True)
-    )
+        (source / name / "__init__.py").write_text("raise SystemExit('replaced')\n")
+    task = "mission={participant: 'stepbus_mission:Mission', outputs: {reference: JointReference/1}, params: {task: sine, joints: [hip, knee], amplitude: 1, omega: 1}}"
+    options = Options(out=tmp_path / "out", in_process=in_process)
+    result = run(load(source / "scenario.yaml", [task]), options)
     assert "replaced" not in result.reason
     assert result.exit_code == 0, result.reason

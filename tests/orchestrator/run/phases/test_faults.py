@@ -36,7 +36,7 @@ def recorded_steps(result):
 )  # fmt: skip
 def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentence):
     deadlines = FAST if code == ExitCode.STEP_TIMEOUT else ()
-    result = run_joints(tmp_path, fault("controller", "controller", kind, 7), *deadlines)
+    result = run_joints(tmp_path, fault("controller", kind, 7), *deadlines)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert re.search(sentence, result.reason)
     assert recorded_steps(result)[:8] == list(range(8))
@@ -53,7 +53,7 @@ def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentenc
     ],
 )  # fmt: skip
 def test_a_broken_message_ends_the_run_and_blames_its_sender(tmp_path, kind, sentence):
-    result = run_joints(tmp_path, fault("controller", "nonsense", kind, 7))
+    result = run_joints(tmp_path, fault("controller", kind, 7))
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")
     assert re.search(sentence, result.reason)
     assert recorded_steps(result)[:7] == list(range(7))
@@ -61,7 +61,7 @@ def test_a_broken_message_ends_the_run_and_blames_its_sender(tmp_path, kind, sen
 
 def test_garbage_in_place_of_outputs_is_named_when_the_step_times_out(tmp_path):
     slow = "plant.step_timeout=1s"
-    result = run_joints(tmp_path, fault("controller", "nonsense", "garbage", 7), slow, *FAST)
+    result = run_joints(tmp_path, fault("controller", "garbage", 7), slow, *FAST)
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
     assert "step 7 (t = 0.035 s): controller" in result.reason
 
@@ -76,7 +76,7 @@ def test_garbage_in_place_of_outputs_is_named_when_the_step_times_out(tmp_path):
 )  # fmt: skip
 def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
     deadlines = ["controller.ready_timeout=500ms"] if kind == "hang" else []
-    result = run_joints(tmp_path, fault("controller", "controller", kind, -1), *deadlines)
+    result = run_joints(tmp_path, fault("controller", kind, -1), *deadlines)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     assert re.search(sentence, result.reason)
 
@@ -88,14 +88,14 @@ def test_a_program_that_does_not_take_part_is_named(tmp_path):
 
 
 def test_a_program_for_another_version_of_a_message_is_refused_naming_both_sides(tmp_path):
-    result = run_joints(tmp_path, "controller.exec=[python, joints.py, future]")
+    result = run_joints(tmp_path, "controller.participant=joints.py:Future")
     assert result.exit_code == ExitCode.START
     assert "the program has JointCommand/2, the scenario JointCommand/1" in result.reason
 
 
 def test_a_slow_start_of_one_is_not_blamed_on_those_that_wait_for_it(tmp_path):
     result = run_joints(
-        tmp_path, fault("plant", "plant", "hang", -1), "plant.ready_timeout=2s", "controller.ready_timeout=1s"
+        tmp_path, fault("plant", "hang", -1), "plant.ready_timeout=2s", "controller.ready_timeout=1s"
     )  # fmt: skip
     assert (result.exit_code, result.participant) == (ExitCode.START, "plant")
 
@@ -108,7 +108,7 @@ def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
     tmp_path, kind, code
 ):
     deadlines = ["controller.stop_timeout=1s"] if code == ExitCode.STOP_TIMEOUT else []
-    result = run_joints(tmp_path, fault("controller", "controller", kind, 0), *deadlines)
+    result = run_joints(tmp_path, fault("controller", kind, 0), *deadlines)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert recorded_steps(result) == list(range(101))
 
@@ -124,7 +124,7 @@ def test_a_port_in_use_is_named(tmp_path):
 
 
 def test_a_participant_can_end_the_run_and_everybody_finishes_that_step(tmp_path):
-    result = run_joints(tmp_path, fault("controller", "controller", "end", 41))
+    result = run_joints(tmp_path, fault("controller", "end", 41))
     assert (result.exit_code, result.steps) == (0, 42)
     assert result.reason == "controller: the goal is reached"
     assert recorded_steps(result) == list(range(43))

@@ -7,8 +7,6 @@ from stepbus_orchestrator import Options, Recording, load, run_scenario
 STEPS = 3
 BYTES = 6_000_000
 PROGRAM = f"""
-import sys
-
 import stepbus
 from stepbus_schemas import Description, Image
 
@@ -26,9 +24,6 @@ class Camera(stepbus.Participant):
         pixels = bytes({BYTES})
         return {{"image": Image(width={BYTES // 3}, height=1, encoding="rgb8", data=pixels,
                                focal=(1.0, 1.0), centre=(0.0, 0.0))}}
-
-
-raise SystemExit(stepbus.main(Camera if sys.argv[1] == "camera" else Viewer))
 """
 SCENARIO = f"""
 name: last_image
@@ -36,12 +31,12 @@ step: 5ms
 duration: {STEPS * 5}ms
 participants:
   camera:
-    exec: [python, camera.py, camera]
+    participant: camera.py:Camera
     publishes: first
     stop_timeout: 60s
     outputs: {{image: {{type: Image/1, bulk: true}}}}
   viewer:
-    exec: [python, camera.py, viewer]
+    participant: camera.py:Viewer
     stop_timeout: 60s
     inputs: {{image: camera.image}}
 """

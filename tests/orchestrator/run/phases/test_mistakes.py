@@ -18,18 +18,18 @@ step: 20ms
 duration: 200ms
 participants:
   plant:
-    exec: [python, -m, stepbus_plant]
+    participant: stepbus_plant:Plant
     publishes: first
     inputs: {command: controller.command}
     outputs: {joint_state: JointState/1, events: Event/1}
     params: {world: world.yaml, joints: [joint1, joint2]}
   controller:
-    exec: [python, -m, stepbus_controller.position]
+    participant: stepbus_controller.position:PositionController
     inputs: {joint_state: plant.joint_state, reference: mission.reference}
     outputs: {command: JointCommand/1}
     params: {joints: [joint1, joint2]}
   mission:
-    exec: [python, -m, stepbus_mission]
+    participant: stepbus_mission:Mission
     outputs: {reference: JointReference/1}
     params:
       task: sine

@@ -143,7 +143,7 @@ def test_a_fault_that_it_reports_ends_the_run(tmp_path, elsewhere):
     processes = []
     result, _ = run_with_external(
         tmp_path,
-        fault("controller", "controller", "raise", 7),
+        fault("controller", "raise", 7),
         invited=lambda: processes.append(elsewhere.join(tmp_path / TICKET)),
     )
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "controller")

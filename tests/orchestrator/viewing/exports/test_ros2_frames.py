@@ -14,7 +14,7 @@ step: 5ms
 duration: 500ms
 participants:
   plant:
-    exec: [python, -m, stepbus_plant]
+    participant: stepbus_plant:Plant
     outputs: {joint_state: JointState/1, poses: Poses/1}
     params: {world: world.yaml}
 """

@@ -15,7 +15,7 @@ from support.services.plant import (
     swing,
 )
 
-from stepbus_plant import Plant
+from stepbus_plant import SimulatedPlant
 from stepbus_plant.errors import PhysicsError
 from stepbus_schemas import JointCommand, WiringError
 
@@ -24,7 +24,7 @@ def free_wheel(tmp_path, settings="{}", world=""):
     return make_plant(tmp_path, body("w", "free_wheel", settings), world=world, step_ns=MS)
 
 
-def idle(plant: Plant, steps: int) -> Plant:
+def idle(plant: SimulatedPlant, steps: int) -> SimulatedPlant:
     for _ in range(steps):
         plant.advance()
     return plant

@@ -6,7 +6,7 @@ import pytest
 from stepbus_kinematics import RobotModel
 from stepbus_participant import parse_urdf
 from stepbus_plant.params import Params
-from stepbus_plant.plant import Plant
+from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.world.file import load_world
 from stepbus_schemas import JointCommand, WiringError
 
@@ -28,7 +28,7 @@ def make(tmp_path, joint_type="revolute", joints=JOINTS):
         + joints + "}}}"
     )  # fmt: skip
     params = Params(world=tmp_path / "world.yaml")
-    return Plant(load_world(params.world), params, 5_000_000, 0)
+    return SimulatedPlant(load_world(params.world), params, 5_000_000, 0)
 
 
 def followed(position):
@@ -104,6 +104,6 @@ def test_a_body_that_can_only_fall_is_a_warning(tmp_path):
     path = tmp_path / "world.yaml"
     path.write_text(path.read_text().replace("fixed_base: true, ", ""))
     params = Params(world=path)
-    (warning,) = Plant(load_world(path), params, 5_000_000, 0).warnings.take()
+    (warning,) = SimulatedPlant(load_world(path), params, 5_000_000, 0).warnings.take()
     assert warning.startswith("body arm: it is not fixed to the world and has no collision shape")
     assert warning.endswith("is `fixed_base: true` missing?")

@@ -6,7 +6,7 @@ from support.services.devices import joint, link, make_stand, write_urdf
 
 from stepbus_plant import load_world
 from stepbus_plant.params import Params
-from stepbus_plant.plant import Plant
+from stepbus_plant.plant import SimulatedPlant
 from stepbus_schemas import WiringError
 
 WORLD = """
@@ -34,7 +34,7 @@ def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=Non
     world = load_world(folder / "world.yaml")
     items = {body: SimpleNamespace(type=name, make=None) for body, name in (types or {}).items()}
     world.items.update(items)
-    plant = Plant(world, Params(world="world.yaml"), 1_000_000, 0)
+    plant = SimulatedPlant(world, Params(world="world.yaml"), 1_000_000, 0)
     try:
         return plant.describe_poses(plant.pose_sensor(links))
     finally:

@@ -6,7 +6,7 @@ import pybullet
 import pytest
 from support.services.devices import box, link, write_can, write_urdf
 
-from stepbus_plant import Params, Plant, load_world
+from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_plant.world.declaration import StockParams
 from stepbus_plant.world.stock import draw_items
 from stepbus_schemas import WiringError
@@ -82,7 +82,7 @@ def test_a_kind_can_be_missing_and_shelves_half_full(tmp_path):
 def test_params_change_mass_and_friction_of_a_type(tmp_path):
     stock = {"seed": 1, "types": {"can": {"mass": 9, "friction": 0.05}}}
     params = Params.of({"world": "world.yaml", "stock": stock})
-    plant = Plant(load(tmp_path, params.stock), params, 4_000_000, 0)
+    plant = SimulatedPlant(load(tmp_path, params.stock), params, 4_000_000, 0)
     world = plant.world
     number, item = next(
         (n, world.items[name])
@@ -97,7 +97,7 @@ def test_params_change_mass_and_friction_of_a_type(tmp_path):
 
 
 def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
-    plant = Plant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
+    plant = SimulatedPlant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
     said = plant.describe_poses(plant.pose_sensor(None))
     assert said.names == ["board", *plant.world.items]
     assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
@@ -117,7 +117,7 @@ def _carton(folder, height, steps):
     """Return the pose of a carton on a board whose top is at 0.5 m, after some steps."""
     text = STOCK.replace("    can: {urdf: can.urdf, mass: 0.35}\n", "")
     text = text.replace("position: [0.0, 0, 0.5], yaw", f"position: [0.0, 0, {height}], yaw")
-    plant = Plant(load(folder, text=text), Params(world="world.yaml"), 4_000_000, 0)
+    plant = SimulatedPlant(load(folder, text=text), Params(world="world.yaml"), 4_000_000, 0)
     for _ in range(steps):
         plant.advance()
     number = list(plant.world.bodies).index("carton_a_1")
@@ -173,7 +173,7 @@ def test_a_kind_whose_mass_cannot_be_scaled_is_refused_with_its_line(tmp_path, m
     urdf = tmp_path / "can.urdf"
     urdf.write_text(re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', urdf.read_text()))
     with pytest.raises(WiringError) as caught:
-        Plant(world, Params(world="world.yaml"), 8_000_000, 0)
+        SimulatedPlant(world, Params(world="world.yaml"), 8_000_000, 0)
     told = str(caught.value).splitlines()
     assert len(told) == 4
     assert all(sentence in line for line in told)
@@ -182,7 +182,7 @@ def test_a_kind_whose_mass_cannot_be_scaled_is_refused_with_its_line(tmp_path, m
 def test_a_planogram_has_the_slots_to_the_centimetre(tmp_path):
     text = STOCK.replace("[0.0, 0, 0.5]", "[0.004, 0, 0.5]")
     world = load(tmp_path, text=text)
-    plant = Plant(world, Params(world="world.yaml"), 8_000_000, 0)
+    plant = SimulatedPlant(world, Params(world="world.yaml"), 8_000_000, 0)
     sensor = plant.pose_sensor(None)
     true, plan = sensor.sense(), plant.planogram(sensor)
     for name, truth, place in zip(sensor.names, true.position, plan.position, strict=True):

@@ -27,6 +27,3 @@ class Controller(stepbus.Participant):
         rates = [wanted.velocity[i] - v for i, v in zip(self.order, state.velocity)]
         torque = [kp * error + kd * rate for error, rate in zip(errors, rates)]
         return {"command": stepbus.JointCommand(mode="torque", values=torque)}
-
-
-raise SystemExit(stepbus.main(Controller))

@@ -1,0 +1,67 @@
+"""The process of a participant that is a class: `python -P -m stepbus_participant my.py:Class`.
+
+With `--check`, it reads `[{"participant": …, "params": …}, …]` from standard input and writes for
+each a list of problems, `[keys, message]`: a user's code is not imported by the orchestrator.
+"""
+
+import contextlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from stepbus_schemas import WiringError, error_text
+
+from .parameters.problems import Keys
+from .parameters.read import find_problems
+from .process.classes import declared_parameters, import_participant, is_installed
+from .process.main import main
+
+
+def _take_part(name: str, folder: Path) -> int:
+    source = name.rpartition(":")[0]
+    if source.endswith(".py") or not is_installed(source):
+        # Only from here on: `python -P` has loaded what is installed, not what the folder has.
+        sys.path.insert(0, str(folder))
+    try:
+        factory = import_participant(name, folder)
+    except WiringError as exc:
+        sys.stderr.write(f"{exc}\n")
+        return 1
+    return main(factory)
+
+
+def _check(requests: list[dict[str, Any]], folder: Path) -> int:
+    sys.path.insert(0, str(folder))
+    answer = os.dup(1)
+    os.dup2(2, 1)
+    with contextlib.redirect_stdout(sys.stderr):
+        found = [_problems(row["participant"], row["params"], folder) for row in requests]
+    with os.fdopen(answer, "w", encoding="utf-8") as file:
+        json.dump(found, file)
+    return 0
+
+
+def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Keys, str]]:
+    try:
+        import_participant(name, folder)
+        declared = declared_parameters(name.rpartition(":")[0], folder)
+    except WiringError as exc:
+        return [(("participant",), str(exc))]
+    except SystemExit:
+        text = "ends while it is imported; put `raise SystemExit(…)` below `if __name__ == …`"
+        return [(("participant",), f"{name.rpartition(':')[0]} {text}")]
+    except Exception as exc:  # noqa: BLE001  code of the user's
+        source = name.rpartition(":")[0]
+        return [(("participant",), f"{source} cannot be imported: {error_text(exc)}")]
+    found = [] if declared is None else find_problems(declared, params, folder)
+    return [(("params", *keys), message) for keys, message in found]
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--check"]:
+        sys.exit(_check(json.load(sys.stdin), Path.cwd()))
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -P -m stepbus_participant my_file.py:Class")
+    sys.exit(_take_part(sys.argv[1], Path.cwd()))
