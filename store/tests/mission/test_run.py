@@ -52,9 +52,7 @@ def sales(folder, **faults):
     folder.mkdir()
     path = folder / "scenario.yaml"
     program = (STORE_PROGRAMS / "fake_store.py").read_text()
-    (folder / "fake_store.py").write_text(
-        program.replace("TESTS = None", f"TESTS = {str(STORE_TESTS)!r}")
-    )
+    (folder / "fake_store.py").write_text(program.replace("TESTS", str(STORE_TESTS)))
     path.write_text(SCENARIO.format(faults=json.dumps(faults)))
     return run(load(path), Options(out=folder / "out", in_process=True))
 

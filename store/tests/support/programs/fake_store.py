@@ -1,9 +1,8 @@
-"""The store of `support.services.mission_store` as a participant; whoever copies it fills in TESTS."""
+"""The store of `support.services.mission_store` as a participant; whoever copies it fills in the folder of the tests."""
 
 import sys
 
-TESTS = None
-sys.path.insert(0, str(TESTS))
+sys.path.insert(0, "TESTS")
 
 from support.services.mission_store import FakeStore, shelf_a  # noqa: E402
 
