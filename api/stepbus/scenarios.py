@@ -21,7 +21,7 @@ class Scenario:
     ```python
     scenario = stepbus.Scenario(name="swing", step="5ms", duration="2s")
     scenario.add(
-        "plant", ["python", "-m", "stepbus_plant"], publishes="first",
+        "plant", "stepbus_plant:Plant", publishes="first",
         inputs={"command": "controller.command"}, outputs={"joint_state": stepbus.JointState},
         params={"world": "world.yaml"},
     )
@@ -43,7 +43,7 @@ class Scenario:
     def add(
         self,
         name: str,
-        exec: Sequence[str],  # noqa: A002  as in a scenario file
+        program: str | Sequence[str],
         *,
         inputs: Mapping[str, str | Mapping[str, Any]] | None = None,
         outputs: Mapping[str, PortType | Mapping[str, Any]] | None = None,
@@ -52,14 +52,16 @@ class Scenario:
     ) -> Self:
         """Add a participant and return the scenario.
 
-        exec: its command line. inputs: port → `participant.output`, or a map with `from` and
+        program: its class, as `participant` of a scenario file has it, or its command line, as
+        `exec`. inputs: port → `participant.output`, or a map with `from` and
         `delay`. outputs: port → message class, its name, or a map with `type` and `bulk`. params:
         what the participant reads. options: the other keys of a participant, such as `every`,
         `publishes` or `step_timeout`.
         """
         given = {"inputs": inputs, "outputs": outputs, "params": params, **options}
         rows = {key: value for key, value in given.items() if value is not None}
-        self.participants[name] = {"exec": list(exec), **rows}
+        start = {"participant": program} if isinstance(program, str) else {"exec": list(program)}
+        self.participants[name] = {**start, **rows}
         return self
 
     def data(self) -> dict[str, Any]:

@@ -29,7 +29,7 @@ def as_python(duration="100ms"):
     for spec in recorded.participants:
         scenario.add(
             spec.name,
-            list(spec.exec),
+            spec.participant,
             publishes=spec.publishes,
             inputs={port: f"{item.source}.{item.port}" for port, item in spec.inputs.items()},
             outputs={port: getattr(stepbus, item.type[:-2]) for port, item in spec.outputs.items()},
@@ -53,7 +53,7 @@ def test_a_scenario_in_python_gives_the_same_recording(result, tmp_path):
 
 def test_all_mistakes_of_a_scenario_in_python_are_listed():
     scenario = stepbus.Scenario(name="arm", step="5", folder=TWO_LINK, options={"windw": 3})
-    scenario.add("plant", ["python", "-m", "stepbus_plant"], inputs={"command": "controler.x"})
+    scenario.add("plant", "stepbus_plant:Plant", inputs={"command": "controler.x"})
     with pytest.raises(stepbus.ScenarioError) as caught:
         scenario.check()
     text = str(caught.value)
@@ -69,6 +69,7 @@ def test_values_of_python_reach_the_scenario():
         "controller.params.path": Path("a/b"),
     }
     scenario = as_python()
+    del scenario.participants["controller"]["participant"]
     scenario.participants["controller"].update(exec=["python", "-c", "pass"])
     params = scenario.check(set=values).participant("controller").params
     assert params["kp"] == [80.0, 1e-9]

@@ -21,7 +21,7 @@ def test_the_reference_has_every_key(key):
 
 def test_the_first_example_of_the_reference_is_a_scenario(tmp_path):
     text = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[0]
-    text = re.sub(r"-m, stepbus_\w+", "-c, pass", text)
+    text = re.sub(r"participant: stepbus_\w+:\w+", "exec: [python, -c, pass]", text)
     assert load(write(tmp_path, text)).name == "arm"
 
 

@@ -8,7 +8,7 @@ import pytest
 from support.paths import CHECKOUT
 from support.runs.scenario import problems_of
 
-from stepbus_orchestrator.scenario import is_installed
+from stepbus_participant import is_installed
 
 PAGE = (CHECKOUT / "docs/security.md").read_text(encoding="utf-8")
 NAMED = re.findall(r"`((?:store/)?tests/[\w/]+\.py)(?:::(\w+))?`", PAGE)

@@ -59,19 +59,20 @@ def import_source(source: str, folder: Path) -> ModuleType:
         return importlib.import_module(source)
     path = (folder / source).absolute()
     name = _module_name(path)
-    if name not in sys.modules:
-        if str(path.parent) not in sys.path:
-            # As for `python file.py`: beside it is what it imports.
-            sys.path.insert(0, str(path.parent))
-        module = sys.modules[name] = ModuleType(name)
-        module.__file__ = str(path)
-        try:
-            # As for `python file.py`, from no cache: that of a file changed in this second is old.
-            exec(compile(read_file(path), path, "exec", dont_inherit=True), module.__dict__)  # noqa: S102
-        except BaseException:
-            sys.modules.pop(name, None)
-            raise
-    return sys.modules[name]
+    if name in sys.modules:
+        return sys.modules[name]
+    if str(path.parent) not in sys.path:
+        # As for `python file.py`: beside it is what it imports.
+        sys.path.insert(0, str(path.parent))
+    module = sys.modules[name] = ModuleType(name)
+    module.__file__ = str(path)
+    try:
+        # As for `python file.py`, from no cache: that of a file changed in this second is old.
+        exec(compile(read_file(path), path, "exec", dont_inherit=True), module.__dict__)  # noqa: S102
+    except BaseException:
+        sys.modules.pop(name, None)
+        raise
+    return module
 
 
 def declared_parameters(source: str, folder: Path) -> type[Settings] | None:

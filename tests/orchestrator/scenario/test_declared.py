@@ -208,3 +208,18 @@ def test_the_parameters_of_a_service_load_nothing_heavy():
     code = f"import {', '.join(names)}\nimport json, sys\nprint(json.dumps(list(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert HEAVY & set(json.loads(done.stdout)) == set()
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_file_that_is_called_as_a_module_of_python_is_another_one(tmp_path, alone):
+    source = (
+        "import signal\nfrom stepbus import Event, Participant\n"
+        "class Own(Participant):\n"
+        "    def update(self, step):\n"
+        "        return {'event': Event(level='info', text=str(signal.SIGINT))}\n"
+    )
+    write(tmp_path, source, "signal.py")
+    row = "participant: signal.py:Own\n    outputs: {event: Event/1}"
+    text = scenario("{}").replace("participant: main.py:Own", row) + "duration: 20ms\n"
+    result = stepbus.run(write(tmp_path, text), out=tmp_path / "out", in_process=alone)
+    assert result.exit_code == 0, result.reason

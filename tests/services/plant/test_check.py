@@ -105,7 +105,7 @@ def test_validate_lists_all_of_them_at_once(arm, capsys):
 
 
 def test_an_engine_that_crashes_is_a_sentence(arm, monkeypatch, capsys):
-    monkeypatch.setattr(rehearsal, "_CHECKS", {"stepbus_plant": "stepbus_plant.no"})
+    monkeypatch.setattr(rehearsal, "_CHECKS", {"stepbus_plant:Plant": "stepbus_plant.no"})
     assert cli.main(["validate", str(arm())]) == 2
     said = capsys.readouterr().err
     assert "participants.plant: its world cannot be loaded: " in said

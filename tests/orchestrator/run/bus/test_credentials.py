@@ -83,7 +83,7 @@ def test_nobody_speaks_for_another_to_the_orchestrator(tmp_path, own_temp, refer
 
 
 FORGER = """
-import runpy, sys, threading, time
+import runpy, threading, time
 
 from stepbus_participant import ZenohBus, load_ticket
 from stepbus_schemas import Stop, encode, encoding_of
@@ -103,7 +103,7 @@ def subscribe_and_forge(bus, key, sink):
         threading.Thread(target=forge, args=[bus], daemon=True).start()
 
 ZenohBus.subscribe = subscribe_and_forge
-runpy.run_module(sys.argv.pop(1), run_name="__main__")
+runpy.run_module("stepbus_participant", run_name="__main__")
 """
 FORGED = """
 name: forged
@@ -111,7 +111,7 @@ extends: two_link
 duration: 1s
 participants:
   NAME:
-    exec: [python, forger.py, stepbus_NAME]
+    exec: [python, forger.py, 'stepbus_NAME:CLASS']
 """
 
 
@@ -123,6 +123,6 @@ participants:
 def test_no_participant_takes_a_stop_from_another_one(tmp_path, name, transport):
     (tmp_path / "forger.py").write_text(FORGER)
     scenario = tmp_path / "forged.yaml"
-    scenario.write_text(FORGED.replace("NAME", name))
+    scenario.write_text(FORGED.replace("NAME", name).replace("CLASS", name.capitalize()))
     result = stepbus.run(scenario, out=tmp_path / "run", set={"bus.transport": transport})
     assert (result.exit_code, result.steps) == (0, 200), result.reason

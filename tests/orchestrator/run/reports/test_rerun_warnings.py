@@ -21,7 +21,9 @@ def reading(tmp_path):
     old = '"""Proportional;'
     text = program.read_text()
     assert old in text
-    program.write_text(text.replace("ROLE = sys", 'open("gains" + ".dat").close()\nROLE = sys', 1))
+    program.write_text(
+        text.replace("ROLE, FAULT", 'open("gains" + ".dat").close()\nROLE, FAULT', 1)
+    )
     for name in ("gains.dat", "unread.dat"):
         path.with_name(name).write_text("1")
     return path

@@ -14,7 +14,9 @@ def broken(tmp_path):
     path = write_scenario(tmp_path / "source")
     program = path.with_name("joints.py")
     text = program.read_text()
-    program.write_text(text.replace("ROLE = sys", 'print("one line")\nprint(1 / 0)\nROLE = sys', 1))
+    program.write_text(
+        text.replace("ROLE, FAULT", 'print("one line")\nprint(1 / 0)\nROLE, FAULT', 1)
+    )
     return path
 
 
