@@ -167,9 +167,10 @@ def test_a_run_that_was_not_in_real_time_has_no_lateness_to_plot(result):
 
 
 def test_a_failed_result_raises_when_checked_and_prints_in_a_line(tmp_path):
-    options = {"set": [*SHORT, "controller.exec=[python, -c, exit(3)]"], "out": tmp_path / "out"}
-    result = stepbus.run("two_link", **options)
-    assert repr(result).startswith("<Result two_link: failed after 0 steps (")
+    result = stepbus.run(
+        "two_link", set=SHORT, out=tmp_path / "out", faults=["kill controller at 5"]
+    )
+    assert repr(result).startswith("<Result two_link: failed after 5 steps (")
     with pytest.raises(stepbus.RunFailure) as caught:
         result.check()
     assert (caught.value.code, caught.value.participant) == (result.exit_code, "controller")

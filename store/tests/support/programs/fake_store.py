@@ -4,10 +4,10 @@ import sys
 
 sys.path.insert(0, "TESTS")
 
-from support.services.mission_store import FakeStore, shelf_a  # noqa: E402
+from support.services.mission_store import FakeStore, shelf_a
 
-from stepbus import Participant  # noqa: E402
-from stepbus_schemas import Description, Goal  # noqa: E402
+from stepbus import Participant
+from stepbus_schemas import Description, Goal
 
 
 class Store(Participant):
