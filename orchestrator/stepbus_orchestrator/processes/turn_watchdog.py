@@ -146,6 +146,7 @@ def report(turns: Turns, pid: int, culprit: int, how: str, path: Sequence[str] =
     words = [str(turns.file), str(pid), str(culprit), how]
     paths = os.pathsep.join([*path, os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     environment = {**os.environ, "PYTHONPATH": paths} if paths else None
+    # no time-out: it copies a recording, which takes what its size takes; Ctrl-C ends it.
     return subprocess.call([*command, *words], pass_fds=[turns.file], env=environment)
 
 

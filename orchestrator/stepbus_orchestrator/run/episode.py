@@ -218,7 +218,7 @@ class Episode:
             raise WiringError("no run has begun")
         self.step = step
         self._is_waiting = True
-        answer = self._queue.get()
+        answer = self._queue.get()  # no time-out: the caller steps when it likes
         if answer is _END:
             raise StepsOver
         return answer

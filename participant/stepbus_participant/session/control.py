@@ -99,7 +99,7 @@ class Control:
     def poll(self) -> None:
         """Process the messages that have arrived; raises as `wait` does."""
         for _ in range(self._queue.qsize()):
-            self._process(*self._queue.get())
+            self._process(*self._queue.get())  # no time-out: it is not empty
 
     def _process(self, key: str, data: bytes) -> None:
         if key == _LOST:

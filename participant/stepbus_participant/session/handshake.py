@@ -39,6 +39,6 @@ def _accept_handshakes(sources: list[Source]) -> None:
     for source in sources:
         # What follows the first handshake, with its bulk content, is for the step loop (P4.9).
         while not source.connected and not source.queue.empty():
-            data = source.queue.get()
+            data = source.queue.get()  # no time-out: it is not empty
             if data is not None:
                 source.accept(data)

@@ -195,7 +195,7 @@ class StepLoop:
     def _next(self, source: Source, queue: Any) -> Any:
         """Return the next item of a queue; None in it means that the orchestrator has sent."""
         if not queue.empty():
-            item = queue.get()
+            item = queue.get()  # no time-out: it is not empty
             if item is not None:
                 return item
             self._control.poll()

@@ -50,8 +50,8 @@ if MISTAKE == "NoBulkHandshake":
 elif MISTAKE == "WrongStamp":
     outbox.stamp = lambda step, token: step.to_bytes(8, "little", signed=True) + b"another"
 elif MISTAKE == "WrongLength":
-    pack = outbox.Outbox._pack
-    outbox.Outbox._pack = lambda self, step, ports, bulk, end: pack(
+    pack = outbox.Outbox._pack  # noqa: SLF001
+    outbox.Outbox._pack = lambda self, step, ports, bulk, end: pack(  # noqa: SLF001
         self, step, ports, {port: size + 1 for port, size in bulk.items()}, end
     )
 elif MISTAKE in {"AnyRun", "AnyStep"}:

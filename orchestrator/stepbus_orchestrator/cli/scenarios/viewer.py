@@ -78,7 +78,7 @@ class _Viewer:
             self.process.wait(_END_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.wait()
+            self.process.wait()  # no time-out: it was killed
         self._listener.join(_END_S)
 
 

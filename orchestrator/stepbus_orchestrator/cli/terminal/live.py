@@ -111,7 +111,7 @@ class Aside:
         self._thread.join(_LAST_S)
 
     def _work(self) -> None:
-        while (show := self._queue.get()) is not None:
+        while (show := self._queue.get()) is not None:  # no time-out: a daemon thread
             show()
 
 

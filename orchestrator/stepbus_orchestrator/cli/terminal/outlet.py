@@ -102,7 +102,7 @@ class Outlet(io.BufferedIOBase):
     def _work(self) -> None:
         while not self.failure:
             with self._changed:
-                self._changed.wait_for(lambda: self._waiting)
+                self._changed.wait_for(lambda: self._waiting)  # no time-out: a daemon thread
                 chunk = bytes(self._waiting[:_CHUNK_BYTES])
             written, failure = self._write(chunk)
             with self._changed:

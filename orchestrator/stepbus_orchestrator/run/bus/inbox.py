@@ -58,7 +58,7 @@ class Inbox:
         take(item)
         # Not until it is empty: a process that floods the bus must not keep us from the deadlines.
         for _ in range(self._queue.qsize()):
-            take, item = self._queue.get()
+            take, item = self._queue.get()  # no time-out: it is not empty
             if take is not _ignore:
                 self._take_quiet()
                 take(item)

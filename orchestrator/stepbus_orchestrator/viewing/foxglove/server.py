@@ -138,7 +138,7 @@ class Server:
             ping_timeout=_PATIENCE_S,
             logger=_silent(),
         ):
-            await self._over.wait()
+            await self._over.wait()  # no time-out: `close` sets it
             ends = [asyncio.create_task(client.socket.close()) for client in self._clients]
             if ends:
                 await asyncio.wait(ends, timeout=_END_S)
@@ -250,7 +250,7 @@ async def _send(client: _Client) -> None:
     """Send what is new, as fast as a client reads."""
     with contextlib.suppress(_closed()):
         while True:
-            await client.news.wait()
+            await client.news.wait()  # no time-out: its client may be silent
             client.news.clear()
             texts, client.texts = client.texts, []
             for text in texts:

@@ -177,7 +177,7 @@ class Session:
             return False
         take(item)
         for _ in range(self._inbox.qsize()):
-            take, item = self._inbox.get()
+            take, item = self._inbox.get()  # no time-out: it is not empty
             take(item)
         return True
 
