@@ -106,7 +106,7 @@ def _report(task: Task) -> None:
     summary = Summary()
     for piece in tracking_pieces(recording):
         summary.take(piece)
-    summary.lines(tracking_pieces(recording))
+    summary.lines()
     device_panels(recording)
 
 

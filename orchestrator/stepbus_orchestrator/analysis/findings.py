@@ -14,9 +14,8 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, split_topic
 from stepbus_participant import SettingsError
 from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import Description
+from stepbus_schemas import Description, Goal
 
-from .angles import FULL_TURN, goal_targets, goal_turns, in_degrees, parameter_angles
 from .signals import Signal, signal_of
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
@@ -26,6 +25,7 @@ _ASKING = frozenset(
 """Types that are for somebody; a status, an event or a picture may be for the recording only."""
 
 _TOLERANCE = 1e-6
+_FULL_TURN = 2 * math.pi + 1e-3
 _PERMANENT = 0.5
 _FAR = 20
 """How many times its stop a prismatic joint is sent to where millimetres are meant for metres."""
@@ -133,8 +133,9 @@ def _beyond(name: str, joint: Joint, count: _Count) -> str:
     unit = "rad" if joint.is_rotary else "m"
     stop = joint.lower if count.worst < joint.lower else joint.upper
     text = f"{name} is sent to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
-    if joint.is_rotary and abs(count.worst) > FULL_TURN:
-        text += in_degrees(count.worst)
+    if joint.is_rotary and abs(count.worst) > _FULL_TURN:
+        radians = math.radians(count.worst)
+        text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"
     elif not joint.is_rotary and abs(count.worst) > _FAR * abs(stop):
         text += f"; is it in mm? {count.worst:.4g} mm is {count.worst / 1000:.4g} m"
     return text
@@ -158,8 +159,6 @@ def findings(recording: Recording) -> list[str]:
         *_wiring(recording, rows),
         *(line for row in watched for line in row.lines()),
         *_goal_lines(recording, plants.values()),
-        *goal_turns(recording),
-        *parameter_angles(rows),
     ]
 
 
@@ -169,13 +168,22 @@ def _goal_lines(recording: Recording, plants: Iterable[Mapping[str, Joint]]) -> 
     # Goals name joints as the model does, without the prefix of one of two robots.
     joints = {name.rpartition("/")[2]: joint for name, joint in joints.items()} | joints
     counts: dict[tuple[str, str], _Count] = {}
-    for topic, name, value in goal_targets(recording):
+    for topic, name, value in _goal_targets(recording):
         if name in joints:
             count = counts.setdefault((topic, name), _Count())
             count.take_targets(np.array([value]), joints[name])
     for (topic, name), count in counts.items():
         if count.cut:
             yield f"{topic}: {_beyond(name, joints[name], count)}"
+
+
+def _goal_targets(recording: Recording) -> Iterator[tuple[str, str, float]]:
+    """Yield port, joint and target of each joint that a goal moves [rad or m]."""
+    for port in recording.of_type("Goal/1"):
+        for _, goal in port.messages():
+            if isinstance(goal, Goal):
+                for joint, value in zip(goal.joints, goal.values, strict=False):
+                    yield port.topic.replace("/", ".", 1), joint, value
 
 
 def _quantities(port: Port) -> tuple[str, ...]:

@@ -69,13 +69,6 @@ def test_degrees_where_radians_belong_are_asked_for(tmp_path):
     ) in lines
 
 
-def test_degrees_in_a_parameter_that_no_message_shows_are_asked_for(tmp_path):
-    lines = found(tmp_path, "mission.params.phase={joint1: 0, joint2: 90}")
-    assert lines == [
-        "mission.params.phase.joint2 is 90 rad, 14.3 turns; is it in degrees? 90° is 1.571 rad"
-    ]
-
-
 def goals(tmp_path, *sent, joint_type="revolute", joint="elbow"):
     """Return the findings of a recording with goals for a joint with stops at ±2."""
     limits = {"lower": [-2.0], "upper": [2.0]}
@@ -96,15 +89,6 @@ def test_degrees_in_a_goal_are_asked_for(tmp_path):
     millimetres = Goal(id=2, type="move_joints", joints=["elbow"], values=[300.0])
     (line,) = goals(tmp_path, millimetres, joint_type="prismatic")
     assert line.endswith("beyond its stop at 2 m; is it in mm? 300 mm is 0.3 m")
-
-
-def test_degrees_in_the_turn_of_a_base_are_asked_for(tmp_path):
-    assert goals(tmp_path, Goal(id=1, type="turn", by=3.0)) == []
-    turn = Goal(id=1, type="turn", by=-90.0)
-    drive = Goal(id=2, type="go_to", base=(1.0, 0.0, 45.0))
-    one, other = goals(tmp_path, turn, drive)
-    assert "a base turns by -90 rad, 14.3 turns; is it in degrees? -90° is -1.571 rad" in one
-    assert "a base turns to 45 rad, 7.16 turns; is it in degrees? 45° is 0.7854 rad" in other
 
 
 def test_millimetres_where_metres_belong_are_asked_for(tmp_path):

@@ -26,9 +26,8 @@ def test_both_arms_follow_their_own_references(result):
 
 def test_the_summary_and_the_plots_have_both(result):
     lines = write_report(result.recording)
-    assert [line.split(":")[0] for line in lines[:4]] == [f"sinusoid  {name}" for name in JOINTS]
-    assert all(name in lines[4] for name in JOINTS)
-    assert lines[5].startswith("plots")
+    assert all(name in lines[0] for name in JOINTS)
+    assert lines[1].startswith("plots")
 
 
 @pytest.mark.slow

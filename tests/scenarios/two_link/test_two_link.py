@@ -1,6 +1,8 @@
 """The two-link scenario, as a newcomer runs it, and what its recording holds."""
 
 import json
+import runpy
+from importlib import resources
 
 import jsonschema
 import msgpack
@@ -25,6 +27,9 @@ FIGURES = {
 }
 
 
+EXPECTED_FIT = {"amplitude": 0.9995, "lag": -0.0001}
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Return the result of each scenario, run once."""
@@ -45,6 +50,15 @@ def test_each_law_tracks_as_well_as_it_should(tracking, name):
     rmse = tracking_rmse(tracking[name])
     assert list(rmse) == ["joint1", "joint2"]
     assert list(rmse.values()) == pytest.approx(FIGURES[name], rel=0.2)
+
+
+def test_the_metric_of_the_scenario_gives_amplitude_and_lag(results):
+    path = resources.files("stepbus_scenarios") / "two_link/metrics.py"
+    found = runpy.run_path(str(path))["sinusoid"](Recording(results["two_link"].recording))
+    assert found == pytest.approx(
+        {f"{name}.joint{n}": value for n in (1, 2) for name, value in EXPECTED_FIT.items()},
+        abs=1e-4,
+    )
 
 
 def test_direct_torque_and_velocity_with_maximum_force_agree(tracking):

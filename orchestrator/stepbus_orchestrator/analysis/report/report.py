@@ -49,7 +49,7 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             found = [*findings(recording), *([late] if late else [])]
             problems = [f"attention {line}" for line in found]
             if tracking.measured:
-                lines = summary.lines(tracking_pieces(recording, has_commands=False))
+                lines = summary.lines()
             profiles = read_profiles(path.parent)
             lines = [*lines, *problems, *profile_lines(profiles)]
             if _lacks_dynamics(recording):

@@ -1,9 +1,8 @@
 """What the summary of a run says of its joints."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from stepbus_orchestrator.analysis.signals import Tracking
-from stepbus_orchestrator.analysis.sinusoid import JointMotions
 from stepbus_orchestrator.analysis.tracking import TrackingError
 
 _SETTLED_S = 2.0
@@ -17,7 +16,6 @@ class Summary:
     def __init__(self) -> None:
         self._last_s = 0.0
         self._units: dict[str, str] = {}
-        self._motions = JointMotions()
         self._whole, self._settled = TrackingError(0.0), TrackingError(_SETTLED_S)
 
     def take(self, piece: Tracking) -> None:
@@ -25,22 +23,21 @@ class Summary:
         ends = [float(state.t[-1]) for state in piece.states.values()]
         self._last_s = max([self._last_s, *ends])
         self._units |= {joint: piece.unit(joint) for joint in piece.joints}
-        for part in (self._motions, self._whole, self._settled):
+        for part in (self._whole, self._settled):
             part.take(piece)
 
-    def lines(self, pieces: Iterable[Tracking]) -> list[str]:
-        """Return it in lines, none without a reference. pieces: the same, read once more."""
+    def lines(self) -> list[str]:
+        """Return it in lines, none without a reference."""
         settled = self._last_s > _SETTLED_S
         rmse = (self._settled if settled else self._whole).rmse()
         if not rmse:
             return []
         when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
-        lines = self._motions.lines(pieces, _SETTLED_S if settled else 0.0)
         if len(rmse) > _MOST_NAMED:
-            return [*lines, f"tracking RMSE {when}: at most {', '.join(self._worst(rmse))}"]
+            return [f"tracking RMSE {when}: at most {', '.join(self._worst(rmse))}"]
         units = self._units
         values = ", ".join(f"{joint} {value:.3g} {units[joint]}" for joint, value in rmse.items())
-        return [*lines, f"tracking RMSE {when}: {values}"]
+        return [f"tracking RMSE {when}: {values}"]
 
     def _worst(self, rmse: Mapping[str, float]) -> Iterator[str]:
         """Yield the worst joint of each unit."""

@@ -99,7 +99,7 @@ def peak_of_a_report(path):
         for piece in tracking_pieces(recording, 200_000):
             found.take(piece)
             summary.take(piece)
-        summary.lines(tracking_pieces(recording, 200_000))
+        summary.lines()
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     return peak
