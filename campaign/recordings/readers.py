@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.report.panels.devices import device_panels
+from stepbus_orchestrator.analysis.report.panels.fields import field_panels
 from stepbus_orchestrator.analysis.report.summary import Summary
 from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.cli.commands import execute
@@ -107,7 +107,7 @@ def _report(task: Task) -> None:
     for piece in tracking_pieces(recording):
         summary.take(piece)
     summary.lines()
-    device_panels(recording)
+    field_panels(recording)
 
 
 def _prepare_replay(task: Task) -> None:

@@ -4,14 +4,9 @@ import csv
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 from stepbus_participant import open_regular
-
-from .panels.devices import Panel
-from .panels.style import colour
 
 PARTS = ("compute", "transport", "record", "wait")
 _FOLDER = "profile"
@@ -67,21 +62,3 @@ def profile_lines(profiles: Sequence[StepProfile]) -> list[str]:
         f"longest with: {longest}"
     )
     return lines
-
-
-def profile_panels(profiles: Sequence[StepProfile]) -> list[Panel]:
-    """Return a panel with a stacked bar for each participant; none without profiles."""
-    return [partial(_draw, profiles=profiles)] if profiles else []
-
-
-def _draw(axis: Any, profiles: Sequence[StepProfile]) -> None:
-    names = [profile.name for profile in reversed(profiles)]
-    left = [0.0] * len(names)
-    for index, part in enumerate(PARTS):
-        widths = [profile.parts[part] for profile in reversed(profiles)]
-        style = {"color": "#dddddd"} if part == "wait" else {"color": colour(index)}
-        axis.barh(names, widths, left=left, label=part, **style)
-        left = [start + width for start, width in zip(left, widths, strict=True)]
-    axis.set_xlabel("time a step [µs]")
-    axis.set_title("profile", loc="left", fontsize=10)
-    axis.legend(loc="lower right", fontsize=9)

@@ -13,33 +13,21 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_schemas import WiringError
 
-from .curves.curve import Curve
+from .curves.curve import Curve, Line
 from .panels.style import legend, line
 
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
-_MOST_LINES = 20
+MOST_LINES = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlottedSignal:
-    """One panel. title: of it. unit: of its values; may be empty. lines: label → values, (T,)."""
+class Panel:
+    """One panel. title: of it. unit: of its values; may be empty. lines, dashed: by label."""
 
     title: str
     unit: str
-    t: Array
-    lines: dict[str, Array]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Overlay:
-    """One panel with a signal of several recordings.
-
-    lines: name of the recording → times [s] and values, both of shape (T,); the first is dashed.
-    """
-
-    title: str
-    unit: str
-    lines: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    lines: dict[str, Line] = field(default_factory=dict)
+    dashed: dict[str, Line] = field(default_factory=dict)
 
 
 def signal_names(recording: Recording) -> list[str]:
@@ -52,7 +40,7 @@ def signal_names(recording: Recording) -> list[str]:
     ]
 
 
-def find_signals(recording: Recording, text: str) -> list[PlottedSignal]:
+def find_signals(recording: Recording, text: str) -> list[Panel]:
     """Return what a text names: `participant.port`, `….field`, `….field[0]` or `….field[joint1]`.
 
     Raises WiringError where the recording has no such numbers.
@@ -72,37 +60,18 @@ def find_signals(recording: Recording, text: str) -> list[PlottedSignal]:
     return [_signal(port, name, index, text) for name in fields]
 
 
-def draw_signals(title: str, signals: Sequence[PlottedSignal], target: Path | BinaryIO) -> None:
-    """Write the picture, to a stream as PNG.
+def draw_signals(
+    title: str, panels: Sequence[Panel], target: Path | BinaryIO, *, mark_s: float | None = None
+) -> None:
+    """Write the picture, to a stream as PNG. mark_s: a time that is marked [s].
 
     Raises ImportError without matplotlib, RecordingFailed when it cannot be written.
     """
-    figure, axes = _panels(title, len(signals))
-    for axis, signal in zip(axes, signals, strict=True):
-        _draw(axis, signal)
-    _save(figure, target)
-
-
-def draw_overlays(
-    title: str, overlays: Sequence[Overlay], target: Path, *, mark_s: float, before: float
-) -> None:
-    """Write a picture of several recordings; raises as `draw_signals`.
-
-    mark_s: a time that is marked [s]. before: how much is shown before it, as a share of the time
-    behind it.
-    """
-    figure, axes = _panels(title, len(overlays))
-    for axis, overlay in zip(axes, overlays, strict=True):
-        _label(axis, overlay.title, overlay.unit)
-        end_s = max((float(t[-1]) for t, _ in overlay.lines.values() if len(t)), default=mark_s)
-        start_s = max(0.0, mark_s - before * (end_s - mark_s))
-        for number, (name, (t, values)) in enumerate(overlay.lines.items()):
-            shown = t >= start_s
-            curve = Curve()
-            curve.add(t[shown], values[shown][:, None])
-            line(axis, curve.line(0), name, number - 1, dashed=number == 0)
-        axis.axvline(mark_s, color="grey", linewidth=1)
-        legend(axis)
+    figure, axes = _panels(title, len(panels))
+    for axis, panel in zip(axes, panels, strict=True):
+        _draw(axis, panel)
+        if mark_s is not None:
+            axis.axvline(mark_s, color="grey", linewidth=1)
     _save(figure, target)
 
 
@@ -138,31 +107,31 @@ def drawn(figure: Any, form: str) -> bytes:
     return stream.getvalue()
 
 
-def _draw(axis: Any, signal: PlottedSignal) -> None:
-    _label(axis, signal.title, signal.unit)
-    for number, (label, values) in enumerate(signal.lines.items()):
-        curve = Curve()
-        curve.add(signal.t, values[:, None])
-        line(axis, curve.line(0), label, number)
-    legend(axis)
-
-
-def _label(axis: Any, title: str, unit: str) -> None:
-    axis.set_title(title, loc="left", fontsize=10)
-    axis.set_ylabel(f"[{unit}]" if unit else "")
+def _draw(axis: Any, panel: Panel) -> None:
+    axis.set_title(panel.title, loc="left", fontsize=10)
+    axis.set_ylabel(f"[{panel.unit}]" if panel.unit else "")
     axis.grid(visible=True, alpha=0.3)
+    axis.margins(x=0.01)
+    for rows, is_dashed in ((panel.lines, False), (panel.dashed, True)):
+        for number, (label, (t, values)) in enumerate(rows.items()):
+            curve = Curve()
+            curve.add(t, values[:, None])
+            line(axis, curve.line(0), label, number, dashed=is_dashed)
+    labels = [*panel.lines, *panel.dashed]
+    if labels != [panel.title.rpartition(": ")[2]]:
+        legend(axis)
 
 
-def _signal(port: Port, field: str, index: str | None, text: str) -> PlottedSignal:
+def _signal(port: Port, field: str, index: str | None, text: str) -> Panel:
     values = port[field].astype(float)
     columns = {"": values} if values.ndim == 1 else _columns(port, values)
     if index is not None:
         columns = _chosen(columns, index, text)
-    elif len(columns) > _MOST_LINES:
-        columns = dict(list(columns.items())[:_MOST_LINES])
+    elif len(columns) > MOST_LINES:
+        columns = dict(list(columns.items())[:MOST_LINES])
     title = f"{port.topic.replace('/', '.', 1)}.{field}"
-    lines = {label or title: row for label, row in columns.items()}
-    return PlottedSignal(title=title, unit=port.units.get(field, ""), t=port.t, lines=lines)
+    lines = {label or title: (port.t, row) for label, row in columns.items()}
+    return Panel(title=title, unit=port.units.get(field, ""), lines=lines)
 
 
 def _columns(port: Port, values: Array) -> dict[str, Array]:

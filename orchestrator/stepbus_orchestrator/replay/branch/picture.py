@@ -1,9 +1,10 @@
 """One picture of a recording and its branches."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.report.signals_plot import Overlay, draw_overlays, find_signals
+from stepbus_orchestrator.analysis.report.signals_plot import Panel, draw_signals, find_signals
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import ExtraMissing, extra_hint
@@ -40,10 +41,22 @@ def draw_variants(
         )
     step_s = _step_s(opened[RECORDED])
     try:
-        draw_overlays(str(recording), found, target, mark_s=at * step_s, before=_BEFORE)
+        shown = [_shown(panel, at * step_s) for panel in found]
+        draw_signals(str(recording), shown, target, mark_s=at * step_s)
     except ImportError as exc:
         raise ExtraMissing(f"plots need {exc.name}{extra_hint(exc.name or '')}") from exc
-    return [overlay.title for overlay in found]
+    return [panel.title for panel in found]
+
+
+def _shown(panel: Panel, mark_s: float) -> Panel:
+    """Return a panel from a little before a time on; what was recorded is dashed."""
+    end_s = max((float(t[-1]) for t, _ in panel.lines.values() if len(t)), default=mark_s)
+    start_s = max(0.0, mark_s - _BEFORE * (end_s - mark_s))
+    rows = {
+        name: (t[t >= start_s], values[t >= start_s]) for name, (t, values) in panel.lines.items()
+    }
+    dashed = {RECORDED: rows.pop(RECORDED)} if RECORDED in rows else {}
+    return replace(panel, lines=rows, dashed=dashed)
 
 
 def _step_s(recording: Recording) -> float:
@@ -52,21 +65,21 @@ def _step_s(recording: Recording) -> float:
     return next((float(port.t[-1] / port.steps[-1]) for port in ports), 0.0)
 
 
-def _chosen(recordings: Mapping[str, Recording], signals: Sequence[str]) -> list[Overlay]:
-    overlays: dict[str, Overlay] = {}
+def _chosen(recordings: Mapping[str, Recording], signals: Sequence[str]) -> list[Panel]:
+    panels: dict[str, Panel] = {}
     for name, recording in recordings.items():
         for text in signals:
             for signal in find_signals(recording, text):
-                for label, values in signal.lines.items():
+                for label, row in signal.lines.items():
                     title = signal.title if label == signal.title else f"{signal.title}: {label}"
-                    overlay = overlays.setdefault(title, Overlay(title=title, unit=signal.unit))
-                    overlay.lines[name] = signal.t, values
-    return list(overlays.values())
+                    panel = panels.setdefault(title, Panel(title=title, unit=signal.unit))
+                    panel.lines[name] = row
+    return list(panels.values())
 
 
-def _errors(recordings: Mapping[str, Recording]) -> list[Overlay]:
+def _errors(recordings: Mapping[str, Recording]) -> list[Panel]:
     """Return the error of each joint with a reference, or the position of each that is measured."""
-    overlays: dict[str, Overlay] = {}
+    panels: dict[str, Panel] = {}
     for name, recording in recordings.items():
         tracking = read_tracking(recording)
         joints = tracking.joints or tracking.measured
@@ -77,7 +90,7 @@ def _errors(recordings: Mapping[str, Recording]) -> list[Overlay]:
             what = "error" if tracking.joints else "position"
             values = tracking.error(joint) if tracking.joints else state.of("position", joint)
             title = f"{joint}: {what}"
-            overlay = overlays.setdefault(title, Overlay(title=title, unit=tracking.unit(joint)))
+            panel = panels.setdefault(title, Panel(title=title, unit=tracking.unit(joint)))
             if values is not None:
-                overlay.lines[name] = state.t, values
-    return list(overlays.values())
+                panel.lines[name] = state.t, values
+    return list(panels.values())

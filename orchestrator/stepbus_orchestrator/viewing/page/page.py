@@ -190,7 +190,7 @@ def _head(run: RunPage, label: str) -> str:
 
 
 def _is_shown(line: str) -> bool:
-    return not line.startswith(("plots ", "no plots ", "profile ", "limit "))
+    return not line.startswith(("plots ", "no plots "))
 
 
 def _facts(run: RunPage) -> Iterator[tuple[str, str]]:

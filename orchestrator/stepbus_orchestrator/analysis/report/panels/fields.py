@@ -1,17 +1,16 @@
-"""Plots of what no other panel shows: sensors, named numbers, and message types of one's own."""
+"""Curves of what is no joint: base, gripper, sensors, named numbers, types of one's own."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.report.curves.curve import Curve
+from stepbus_orchestrator.analysis.report.signals_plot import Panel
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_schemas import json_schema
 
-_SHOWN = ("Imu/1", "Scalars/1", "Wrench/1")
+_SHOWN = ("BaseState/1", "GripperState/1", "Imu/1", "Scalars/1", "Wrench/1")
 _MOST_PANELS = 8
 _MOST_LINES = 8
 _NUMBERS = "fiub"
@@ -42,12 +41,14 @@ class _Field:
 
     def labels(self) -> Sequence[str]:
         """Return the name of each line."""
+        if self.width == 1:
+            return [self.name]
         names = self.port.names
         each = range(self.width)
         return names if len(names) == self.width > 0 else [f"[{index}]" for index in each]
 
 
-def field_panels(recording: Recording) -> list[Callable[[Any], None]]:
+def field_panels(recording: Recording) -> list[Panel]:
     """Return a panel for each field of numbers of such ports, up to eight."""
     wanted = (*_SHOWN, *recording.types.declarations)
     ports = [port for port in recording.ports.values() if port.type in wanted]
@@ -60,15 +61,13 @@ def field_panels(recording: Recording) -> list[Callable[[Any], None]]:
         for field in fields:
             field.take(piece[field.port.topic])
     plotted = [field for field in fields if field.width > 0]
-    return [partial(_draw, field=field) for field in plotted[:_MOST_PANELS]]
+    return [_panel(field) for field in plotted[:_MOST_PANELS]]
 
 
-def _draw(axis: Any, field: _Field) -> None:
-    port, labels = field.port, field.labels()
-    axis.set_title(f"{port.participant}.{port.name}: {field.name}")
-    axis.set_xlabel("simulation time [s]")
-    axis.set_ylabel(f"{field.name} [{field.unit}]" if field.unit else field.name)
-    for index, label in enumerate(labels[:_MOST_LINES]):
-        axis.plot(*field.curve.line(index), linewidth=1.5, label=label if field.width > 1 else None)
-    if field.width > 1:
-        axis.legend(loc="best", fontsize=9)
+def _panel(field: _Field) -> Panel:
+    port, labels = field.port, field.labels()[:_MOST_LINES]
+    return Panel(
+        title=f"{port.participant}.{port.name}: {field.name}",
+        unit=field.unit,
+        lines={label: field.curve.line(index) for index, label in enumerate(labels)},
+    )
