@@ -100,4 +100,4 @@ clean:
 # it would compile it each time too, which was a quarter of a start.
 setup:
 	@scripts/setup_venv.sh
-	@$(PYTHON) -m compileall -q api orchestrator participant scenarios schemas services store
+	@$(PYTHON) -m compileall -q api orchestrator participant scenarios schemas services store tools

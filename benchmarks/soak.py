@@ -39,7 +39,7 @@ _KB_PER_MB = 1024.0
 _REPORT = """
 import sys
 from pathlib import Path
-from stepbus_orchestrator.analysis.report import write_report
+from stepbus_tools.report import write_report
 print(*write_report(Path(sys.argv[1])), sep="\\n")
 """
 

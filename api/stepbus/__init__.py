@@ -14,7 +14,6 @@ if TYPE_CHECKING:
         Diff,
         Diverged,
         ExitCode,
-        Exported,
         Interrupted,
         Observer,
         OutputExists,
@@ -36,14 +35,13 @@ if TYPE_CHECKING:
         StartFailed,
         StepTimeout,
         StopTimeout,
-        SweepProgress,
-        SweepResult,
         Tolerance,
         Verification,
     )
     from stepbus_orchestrator import Scenario as CheckedScenario
     from stepbus_participant import *
     from stepbus_schemas import *
+    from stepbus_tools import Exported, SweepProgress, SweepResult
 
     from . import testing
     from .recordings import branch, diff, export, recover, replay, report, rerun
@@ -58,6 +56,7 @@ _HOMES = (
     ".recordings",
     ".sweeps",
     "stepbus_orchestrator",
+    "stepbus_tools",
 )
 """Where a name of `__all__` comes from: the first that has it."""
 

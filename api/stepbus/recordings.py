@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stepbus_orchestrator import (
     Branch,
     Diff,
-    Exported,
     Observer,
     Preparation,
     Recording,
@@ -20,18 +20,18 @@ from stepbus_orchestrator import (
     Rerun,
     Tolerance,
     branch_recording,
-    damage_line,
-    export_recording,
     parse_tolerance,
     read_tolerance,
     replay_participant,
-    report_recordings,
 )
 from stepbus_orchestrator import diff as diff_recordings
 from stepbus_orchestrator import recover as recover_recording
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .overrides import Overrides, overrides
+
+if TYPE_CHECKING:
+    from stepbus_tools import Exported
 
 Source = str | PathLike[str]
 """A recording: its path, the folder of its run, or the `Result` of the run."""
@@ -197,6 +197,8 @@ def export(
     RecordingFailed when nothing can be exported or a file cannot be written, WiringError for
     a target, camera or viewpoint that does not fit, ExtraMissing without the extra `export`.
     """
+    from stepbus_tools import damage_line, export_recording  # noqa: PLC0415  (a tool, when asked)
+
     given = {
         "parquet": parquet, "csv": csv, "scene": scene, "ros2": ros2, "foxglove": foxglove,
         "video": video,
@@ -218,6 +220,8 @@ def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
     out: default: report.html beside the first recording. Raises RecordingFailed when a recording
     cannot be read or the page cannot be written, ExtraMissing without the extra `report`.
     """
+    from stepbus_tools import report_recordings  # noqa: PLC0415  (a tool, when it is asked for)
+
     if not recordings:
         raise WiringError("nothing to report; name a recording")
     target = None if out is None else Path(out)

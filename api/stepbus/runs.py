@@ -25,7 +25,6 @@ from stepbus_orchestrator import (
     check_installed,
     default_folder,
     plan,
-    report_recordings,
     run_scenario,
 )
 from stepbus_orchestrator import Scenario as CheckedScenario
@@ -118,6 +117,8 @@ def run(
     )
     result = run_scenario(loaded, options, observer, interrupt)
     if report and result.steps and result.recording.exists():
+        from stepbus_tools import report_recordings  # noqa: PLC0415  (a tool, when it is asked for)
+
         try:
             report_recordings([result.recording])
         except StepbusError as exc:

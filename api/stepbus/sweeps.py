@@ -8,8 +8,8 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal
 
-from stepbus_orchestrator import SweepProgress, SweepResult, Terms, default_name, find_spec
-from stepbus_orchestrator import sweep_scenario as run_sweep
+from stepbus_tools import SweepProgress, SweepResult, Terms, default_name, find_spec
+from stepbus_tools import sweep_scenario as run_sweep
 
 from .overrides import Overrides, overrides, yaml_text
 

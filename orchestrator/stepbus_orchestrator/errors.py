@@ -23,6 +23,25 @@ from enum import IntEnum
 
 from stepbus_schemas import RunError, WiringError
 
+__all__ = [
+    "BusFailed",
+    "Diverged",
+    "ExitCode",
+    "Interrupted",
+    "OutputExists",
+    "ParticipantDied",
+    "ParticipantFault",
+    "RecordingFailed",
+    "RunFailure",
+    "StartFailed",
+    "StepTimeout",
+    "StopTimeout",
+    "Untrusted",
+    "argument",
+    "command_line",
+    "indented",
+]
+
 
 class ExitCode(IntEnum):
     """One exit code per cause (docs/exit-codes.md)."""

@@ -38,11 +38,6 @@ from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
 from .run.setup.folder import first_new
 from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
-from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
-from .sweep import sweep as sweep_scenario
-from .viewing.exports import Exported, damage_line
-from .viewing.exports import export as export_recording
-from .viewing.page import report as report_recordings
 
 __all__ = [
     "Branch",
@@ -51,7 +46,6 @@ __all__ = [
     "Diverged",
     "Episode",
     "ExitCode",
-    "Exported",
     "External",
     "Interrupted",
     "Observer",
@@ -79,9 +73,6 @@ __all__ = [
     "StepTimeout",
     "StepTiming",
     "StopTimeout",
-    "SweepProgress",
-    "SweepResult",
-    "Terms",
     "Tolerance",
     "Verification",
     "as_external",
@@ -89,13 +80,9 @@ __all__ = [
     "call",
     "check_data",
     "check_installed",
-    "damage_line",
     "default_folder",
-    "default_name",
     "describe",
     "diff",
-    "export_recording",
-    "find_spec",
     "first_new",
     "load",
     "parse_tolerance",
@@ -103,8 +90,6 @@ __all__ = [
     "read_tolerance",
     "recover",
     "replay_participant",
-    "report_recordings",
     "run_scenario",
-    "sweep_scenario",
     "verify",
 ]

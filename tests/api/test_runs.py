@@ -9,7 +9,7 @@ import pytest
 
 import stepbus
 import stepbus_scenarios
-from stepbus_orchestrator.analysis.report.lateness import read_lateness
+from stepbus_tools.report.lateness import read_lateness
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 SHORT = {"duration": "100ms"}

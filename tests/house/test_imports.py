@@ -8,10 +8,17 @@ from support.paths import CHECKOUT
 
 SOURCE = (
     "api", "benchmarks", "docs", "examples", "orchestrator", "participant", "scenarios", "schemas",
-    "services", "store/stepbus_store",
+    "services", "store/stepbus_store", "tools",
 )  # fmt: skip
 """Where that holds. The campaign calls every reader of a recording, also those inside a package."""
-EXPORTING = {"stepbus_participant.parameters"}
+EXPORTING = {
+    "stepbus_participant.parameters",
+    *(
+        f"stepbus_orchestrator.{name}"
+        for name in ("cli", "errors", "recording", "scenario", "toolkit")
+    ),
+    "stepbus_orchestrator.recording.layout",
+}
 """Sub-packages that other packages may import from, beside the packages themselves."""
 ONE = {"stepbus_gym": "stepbus", "stepbus_pytest": "stepbus"}
 """Packages that are part of another one."""

@@ -8,7 +8,11 @@ from support.paths import CHECKOUT
 
 SOURCES = [
     path
-    for package in ("orchestrator/stepbus_orchestrator", "participant/stepbus_participant")
+    for package in (
+        "orchestrator/stepbus_orchestrator",
+        "participant/stepbus_participant",
+        "tools/stepbus_tools",
+    )
     for path in sorted((CHECKOUT / package).rglob("*.py"))
 ]
 WAITS = r"\.(acquire|communicate|get|join|wait|wait_for)$|^subprocess\.(run|call|check)|^select\."

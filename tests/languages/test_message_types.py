@@ -9,10 +9,10 @@ from support.tools import needs
 
 import stepbus
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"
 SHORT = ["duration=1s"]

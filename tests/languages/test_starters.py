@@ -9,9 +9,9 @@ from support.tools import needs, tracked
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
-from stepbus_orchestrator.diagnosis.conformance import conformance, select
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_tools.conformance import conformance, select
 
 TOOLS = {"c": ("make", "cc"), "java": ("javac",), "js": ("node",), "octave": ("octave-cli",)}
 # Zenoh builds for minutes, in the tests of the Rust example; Python runs in test_cli_commands.py.

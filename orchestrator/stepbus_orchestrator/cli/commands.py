@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
+from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_participant import suggest
-from stepbus_schemas import StepbusError
+from stepbus_schemas import StepbusError, WiringError
 
 from .command import Command
 from .terminal.outlet import hurry
@@ -25,32 +26,56 @@ _MODULES = {
     "validate": "scenarios.validate",
     "describe": "scenarios.describe",
     "types": "scenarios.types",
-    "selftest": "participants.selftest",
     "call": "scenarios.call",
     "new": "setup.new",
-    "doctor": "setup.doctor",
     "replay": "recordings.replay",
     "diff": "recordings.diff",
-    "plot": "recordings.plot",
     "verify": "scenarios.verify",
-    "sweep": "sweeps.sweep",
     "rerun": "recordings.rerun",
     "branch": "recordings.branch",
     "recover": "recordings.recover",
-    "report": "recordings.report",
-    "export": "recordings.export",
-    "view": "recordings.view",
-    "conformance": "participants.conformance",
     "bridge": "participants.bridge",
     "join": "participants.join",
 }
-"""Command → its module here. Only the one that is typed is loaded: all take half a second."""
+"""Command of the core → its module here. Only the one that is typed is loaded: all take half a
+second. The others are entry points, which take a while to find."""
 
 
-def load_commands(names: Iterable[str] = tuple(_MODULES)) -> tuple[Command, ...]:
-    """Load commands by name; default: all, in the order of the overview."""
-    modules = (import_module(f"{__package__}.{_MODULES[name]}") for name in names)
-    return tuple(module.COMMAND for module in modules)
+def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
+    """Load commands by name; default: all that can be loaded, in the order of the overview.
+
+    Raises WiringError for one by name of another package that cannot be loaded.
+    """
+    if names is not None:
+        return tuple(map(_load, names))
+    commands = []
+    for name in _all_names():
+        try:
+            commands.append(_load(name))
+        except WiringError as exc:
+            # The others are listed all the same.
+            print_error(str(exc))
+    return tuple(commands)
+
+
+def _all_names() -> tuple[str, ...]:
+    return (*_MODULES, *(name for name in named_points(COMMANDS) if name not in _MODULES))
+
+
+def _load(name: str) -> Command:
+    if name in _MODULES:
+        command: Command = import_module(f"{__package__}.{_MODULES[name]}").COMMAND
+        return command
+    point = named_points(COMMANDS)[name]
+    try:
+        loaded = point.load()
+    except (ImportError, AttributeError) as exc:
+        raise WiringError(
+            f"the command {name!r} cannot be loaded from {point.value}: {exc}"
+        ) from exc
+    if not isinstance(loaded, Command):
+        raise WiringError(f"the command {name!r} is no Command: {point.value}")
+    return loaded
 
 
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
@@ -58,7 +83,7 @@ _UNKNOWN = re.compile(r"unrecognized arguments: (--[\w-]+)")
 _OPTION = re.compile(r"(?<!\w)--[a-z][\w-]*")
 
 
-def make_parser(names: Iterable[str] = tuple(_MODULES)) -> argparse.ArgumentParser:
+def make_parser(names: Iterable[str] | None = None) -> argparse.ArgumentParser:
     """Return the parser of commands by name; default: all."""
     parser = _Parser(
         prog="stepbus",
@@ -132,14 +157,29 @@ def _no_text(arguments: Sequence[str]) -> str:
     return next((word for word in words if any("\ud800" <= c <= "\udfff" for c in word)), "")
 
 
+def _typed(arguments: Sequence[str]) -> Sequence[str] | None:
+    """Return the command that is typed, none for `--version`; None: show all."""
+    first = arguments[0] if arguments else ""
+    if first == "--version":
+        return ()
+    # The core's own first: to find the others takes a while.
+    is_command = first in _MODULES or (
+        not first.startswith("-") and first in named_points(COMMANDS)
+    )
+    return (first,) if is_command else None
+
+
 def execute(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code."""
     if odd := _no_text(arguments):
         print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
         return ExitCode.SCENARIO
     # Without a command that exists, the overview or the error shows all of them.
-    names = arguments[:1] if arguments and arguments[0] in _MODULES else _MODULES
-    args = make_parser(names).parse_args(arguments)
+    try:
+        args = make_parser(_typed(arguments)).parse_args(arguments)
+    except WiringError as exc:
+        print_error(str(exc))
+        return ExitCode.SCENARIO
     if args.command.is_run:
         hurry()
     try:

@@ -1,19 +1,15 @@
 """What installed packages add to stepbus, its own included: participants and scenarios."""
 
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from stepbus_orchestrator.plugins import points
 from stepbus_participant import PARTICIPANTS
 
 
-@cache
 def declared(group: str) -> tuple[str, ...]:
     """Return the modules of an entry point group, such as `stepbus.participants`, sorted."""
-    # It takes longer to load than all else here, and only some commands need it.
-    from importlib.metadata import entry_points  # noqa: PLC0415
-
-    return tuple(sorted({point.value for point in entry_points(group=group)}))
+    return tuple(sorted({point.value for point in points(group)}))
 
 
 def participant_classes() -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from stepbus_orchestrator.cli import main
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["runn", "two_link"], "'join'); did you mean 'run'?"),
+        (["runn", "two_link"], "'view'); did you mean 'run'?"),
         (["run", "two_link", "--transport", "tpc"], "'tcp'); did you mean 'tcp'?"),
         (["run", "two_link", "--windw", "3"], "arguments: --windw 3; did you mean '--window'?"),
         (["sweep", "two_link", "--sampels", "3"], "--sampels 3; did you mean '--samples'?"),

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.recording.reader.recorded_types import recorded_types
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
-from stepbus_orchestrator.viewing.page import write_page
 from stepbus_schemas import Description, Outputs, Scalars, Types, WiringError, encode
+from stepbus_tools.report import write_report
+from stepbus_tools.viewing.page import write_page
 
 STEP_NS = 1_000_000
 THRUSTER = {

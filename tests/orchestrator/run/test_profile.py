@@ -6,9 +6,9 @@ import json
 import pytest
 
 from stepbus_orchestrator import Options, load, run_scenario
-from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.extensions.profile import Profile
+from stepbus_tools.report import write_report
 
 STEPS = 40
 PARTICIPANTS = ("controller", "mission", "plant")

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, write
 
+from stepbus_orchestrator.plugins import all_points
 from stepbus_orchestrator.scenario import (
     BusSpec,
     Deadlines,
@@ -12,7 +13,6 @@ from stepbus_orchestrator.scenario import (
     builtin_names,
     load,
 )
-from stepbus_orchestrator.scenario.packages import declared
 from stepbus_orchestrator.scenario.reading.locate import locate, package_url
 from stepbus_participant import is_installed
 
@@ -107,10 +107,10 @@ def acme(tmp_path, monkeypatch):
     groups = "[stepbus.participants]\narm = acme_robots.arm:Arm\n[stepbus.scenarios]\na = acme_robots.scenarios\nb = acme_gone\n"
     write(site / "acme-1.0.dist-info", groups, "entry_points.txt")
     monkeypatch.syspath_prepend(site)
-    declared.cache_clear()
+    all_points.cache_clear()
     yield
     monkeypatch.undo()
-    declared.cache_clear()
+    all_points.cache_clear()
 
 
 @pytest.mark.usefixtures("acme")

@@ -3,11 +3,11 @@
 import pytest
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.analysis.report import write_report
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
+from stepbus_tools.report import write_report
 
 JOINTS = ["left/joint1", "left/joint2", "right/joint1", "right/joint2"]
 

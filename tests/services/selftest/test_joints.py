@@ -9,9 +9,9 @@ import pytest
 
 from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.diagnosis.selftest import selftest
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_schemas import WiringError
+from stepbus_tools.selftest import selftest
 
 PROGRAM = """
 import math

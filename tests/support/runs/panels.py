@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
 from stepbus_orchestrator.analysis.signals import Signal, Tracking
 from stepbus_schemas import (
     JointCommand,
     JointReference,
     JointState,
 )
+from stepbus_tools.report.curves.tracking import TrackingCurves
 
 
 def arm(mode="position", **state):

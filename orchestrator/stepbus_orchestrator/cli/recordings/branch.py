@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
-from stepbus_orchestrator.analysis.report import write_report
+from stepbus_orchestrator.cli.after_run import after_run_lines
 from stepbus_orchestrator.cli.command import Command, add_overrides, add_recording
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, OutputExists
+from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
-from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, draw_variants, variants
-from stepbus_orchestrator.viewing.page import page_line
+from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 
@@ -172,8 +172,7 @@ def _conclude(branch: Branch, found: Diff | None, *, has_plots: bool) -> None:
         say(f"{result.steps} steps, byte for byte as recorded")
     if has_plots and result.recording.exists() and result.steps:
         with abortable():
-            lines = write_report(result.recording, has_plots=True)
-            for line in [*lines, page_line(result.recording, lines)]:
+            for line in after_run_lines(result.recording, has_plots=True):
                 say(line)
     say(f"recording {result.recording}\n{result.hashes()}")
 
@@ -245,7 +244,7 @@ def _picture(
     target = out / _PICTURE
     try:
         at = branches[0][1].at
-        draw_variants(args.recording, drawn, target, at=at, signals=args.plot)
+        view("variants")(args.recording, drawn, target, at=at, signals=args.plot)
     except ExtraMissing as exc:
         say(f"no picture: {exc}")
         return None

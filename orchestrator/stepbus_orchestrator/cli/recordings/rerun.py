@@ -1,8 +1,9 @@
 """`stepbus rerun`: repeat a run from nothing but its recording."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.command import Command, add_overrides, number
@@ -10,9 +11,10 @@ from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.plugins import RERUNS, points
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
-from stepbus_orchestrator.sweep import SPEC_FILE, rerun_row
+from stepbus_orchestrator.run.reports.result import Result
 from stepbus_schemas import WiringError
 
 from .trust import add_trust, trusted_programs
@@ -32,8 +34,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    if (args.recording / SPEC_FILE).is_file():
-        return _execute_row(args)
+    if rerun_row := _rerun_row(args.recording):
+        return _execute_row(args, rerun_row)
     if args.row is not None:
         raise WiringError(f"{args.recording} holds no sweep, so it has no run {args.row}")
     trusted = trusted_programs(args)
@@ -57,7 +59,14 @@ def _execute(args: argparse.Namespace) -> int:
     return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
 
 
-def _execute_row(args: argparse.Namespace) -> int:
+def _rerun_row(folder: Path) -> Callable[..., Any] | None:
+    """Return what repeats a run of a folder with many, such as a sweep; None: it is no such one."""
+    if not folder.is_dir():
+        return None
+    return next((p.load() for p in points(RERUNS) if (folder / p.name).is_file()), None)
+
+
+def _execute_row(args: argparse.Namespace, rerun_row: Callable[..., Any]) -> int:
     """Do one run of a sweep again, and compare."""
     if args.row is None or args.set:
         raise WiringError(f"{args.recording} is a sweep: give the number of a run, and no --set")
@@ -65,7 +74,7 @@ def _execute_row(args: argparse.Namespace) -> int:
     title = f"run {args.row}"
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
         again = rerun_row(args.recording, args.row, out, display, interrupt)
-    result = again.result
+    result: Result = again.result
     if args.json:
         say_json({"equal": again.equal, "row": again.row, "result": result})
     elif again.equal and result.steps:

@@ -2,10 +2,10 @@
 
 import argparse
 import threading
-from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
+from stepbus_orchestrator.cli.after_run import after_run_lines, load_after_run
 from stepbus_orchestrator.cli.command import Command, add_foxglove, add_scenario_arguments, number
 from stepbus_orchestrator.cli.signals import settle
 from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
@@ -198,8 +198,8 @@ def _execute(args: argparse.Namespace) -> int:
     # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
     is_read = not (args.json and args.no_report)
     if is_read:
-        # Where memory is short, its library ends this process: rather now than behind a run.
-        _writer()
+        # NumPy ends this process where memory is short: rather now than behind a run.
+        load_after_run()
     out = args.out or default_folder(scenario, Path("runs"))
     pace = Pace(args.pause_at)
     options = Options(
@@ -247,13 +247,6 @@ def _views(args: argparse.Namespace) -> list[list[str]]:
     return views if args.foxglove is None else [*views, ["--foxglove", str(args.foxglove)]]
 
 
-def _writer() -> Callable[..., list[str]]:
-    """Return what writes the report. It loads NumPy, and for plots Matplotlib."""
-    from stepbus_orchestrator.analysis.report import write_report  # noqa: PLC0415
-
-    return write_report
-
-
 def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> list[str]:
     """Make the plots, and return the lines of the summary about the recording."""
     if not result.recording.exists() or result.steps == 0:
@@ -262,16 +255,9 @@ def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> l
         return [_NO_REPORT]
     try:
         with abortable():
-            lines = _writer()(result.recording, has_plots=has_plots)
-            return [*lines, *(_page(result, lines) if has_plots else [])]
+            return after_run_lines(result.recording, has_plots=has_plots)
     except KeyboardInterrupt:
         return [_NO_REPORT]
-
-
-def _page(result: Result, lines: list[str]) -> list[str]:
-    from stepbus_orchestrator.viewing.page import page_line  # noqa: PLC0415  (loads NumPy)
-
-    return [page_line(result.recording, lines)]
 
 
 def _summarise(result: Result, lines: list[str]) -> None:

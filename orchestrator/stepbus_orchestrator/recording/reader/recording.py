@@ -4,9 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.plugins import Plot, view
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.hash_chain import messages_sha256
 from stepbus_orchestrator.recording.holes import Holes
@@ -18,9 +19,6 @@ from .descriptions import Names, read_description
 from .port import Port
 from .recorded_types import recorded_types
 from .source import Source
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.viewing.notebook import Plot
 
 
 class UnknownPort(WiringError, KeyError):
@@ -134,21 +132,18 @@ class Recording:
         """Return its path and its end."""
         return f"<Recording {self.path}, up to step {self.last_step}>"
 
-    def plot(self, *signals: str) -> "Plot":
+    def plot(self, *signals: str) -> Plot:
         """Return a picture of signals, such as `plant.joint_state.position`; a notebook shows it.
 
         signals: as of `stepbus plot`; none: the positions of all joints. Raises WiringError for one
         that is not there, ExtraMissing without matplotlib.
         """
-        from stepbus_orchestrator.viewing.notebook import plot  # noqa: PLC0415  (loads matplotlib)
-
-        return plot(self, signals)
+        picture: Plot = view("plot")(self, signals)
+        return picture
 
     def _repr_html_(self) -> str:
         """Return a table of its ports, for a notebook."""
-        from stepbus_orchestrator.viewing.notebook import recording_html  # noqa: PLC0415  (draws)
-
-        return recording_html(self)
+        return str(view("recording_html")(self))
 
     def close(self) -> None:
         """Close the file; what was read stays."""

@@ -12,6 +12,7 @@ from typing import Self
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
 from stepbus_participant import installed_version, write_file
 
@@ -96,9 +97,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
     def _repr_html_(self) -> str:
         """Return outcome, reason and figures, for a notebook."""
-        from stepbus_orchestrator.viewing.notebook import result_html  # noqa: PLC0415  (draws)
-
-        return result_html(self)
+        return str(view("result_html")(self))
 
     def hashes(self) -> str:
         """Return the hash of the messages, if there is one, and that of the file, a line each."""

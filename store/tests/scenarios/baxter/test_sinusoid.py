@@ -10,12 +10,12 @@ import pytest
 from support.store_paths import SCENARIOS
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.analysis.report.curves.tracking import TrackingCurves
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_plant import Params, SimulatedPlant, load_world
+from stepbus_tools.report.curves.tracking import TrackingCurves
 
 WORLD = SCENARIOS / "baxter/world.yaml"
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")

@@ -1,1 +1,0 @@
-"""Checks of what takes part and where: a program, a plant, this machine."""

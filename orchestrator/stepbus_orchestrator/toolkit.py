@@ -1,0 +1,163 @@
+"""What tools use of the orchestrator beside what users do; all else in its rooms is its own.
+
+Each name is imported when it is first used: a tool loads what it needs, and no more.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .analysis.comparison import FieldTolerance, PortComparison, Tolerance, differences
+    from .analysis.diff import diff
+    from .analysis.findings import findings
+    from .analysis.replaced import replaced
+    from .analysis.signals import (
+        Array,
+        Signal,
+        Tracking,
+        read_signal,
+        read_tracking,
+        tracking_pieces,
+    )
+    from .analysis.tracking import TrackingError, tracking_rmse
+    from .processes.child import Child
+    from .processes.environment import PYTHON
+    from .processes.launcher import Launcher
+    from .processes.limits import check_limits
+    from .processes.links.credentials import certificates, passwords
+    from .processes.links.endpoints import Mesh, make_mesh, new_token, private_folder
+    from .processes.watchdog import Watchdog
+    from .recording.timing import StepTiming
+    from .replay import ReplayResult, replay
+    from .replay.outputs.recorded import Recorded, envelope, recorded_descriptions, without_bulk
+    from .replay.rerun import attached_files, unpack_files
+    from .run.bus.session import open_bus
+    from .run.describe.describe import describe
+    from .run.inprocess import check_scenario
+    from .run.kernel.admission import max_message_bytes, welcome_of
+    from .run.kernel.descriptions import input_descriptions
+    from .run.live_file import LIVE_FILE, Line
+    from .run.reports.lateness import Lateness, in_units
+    from .run.reports.progress import Observer
+    from .run.reports.result import RESULT_FILE, Result
+    from .run.run_scenario import Options, run
+    from .run.setup.folder import read_files
+    from .run.setup.scratch import scratch_folder
+
+_HOMES = {
+    "Array": "analysis.signals",
+    "Child": "processes.child",
+    "FieldTolerance": "analysis.comparison",
+    "LIVE_FILE": "run.live_file",
+    "Lateness": "run.reports.lateness",
+    "Launcher": "processes.launcher",
+    "Line": "run.live_file",
+    "Mesh": "processes.links.endpoints",
+    "Observer": "run.reports.progress",
+    "Options": "run.run_scenario",
+    "PYTHON": "processes.environment",
+    "PortComparison": "analysis.comparison",
+    "RESULT_FILE": "run.reports.result",
+    "Recorded": "replay.outputs.recorded",
+    "ReplayResult": "replay",
+    "Result": "run.reports.result",
+    "Signal": "analysis.signals",
+    "StepTiming": "recording.timing",
+    "Tolerance": "analysis.comparison",
+    "Tracking": "analysis.signals",
+    "TrackingError": "analysis.tracking",
+    "Watchdog": "processes.watchdog",
+    "attached_files": "replay.rerun",
+    "certificates": "processes.links.credentials",
+    "check_limits": "processes.limits",
+    "check_scenario": "run.inprocess",
+    "describe": "run.describe.describe",
+    "diff": "analysis.diff",
+    "differences": "analysis.comparison",
+    "envelope": "replay.outputs.recorded",
+    "findings": "analysis.findings",
+    "in_units": "run.reports.lateness",
+    "input_descriptions": "run.kernel.descriptions",
+    "make_mesh": "processes.links.endpoints",
+    "max_message_bytes": "run.kernel.admission",
+    "new_token": "processes.links.endpoints",
+    "open_bus": "run.bus.session",
+    "passwords": "processes.links.credentials",
+    "private_folder": "processes.links.endpoints",
+    "read_files": "run.setup.folder",
+    "read_signal": "analysis.signals",
+    "read_tracking": "analysis.signals",
+    "recorded_descriptions": "replay.outputs.recorded",
+    "replaced": "analysis.replaced",
+    "replay": "replay",
+    "run": "run.run_scenario",
+    "scratch_folder": "run.setup.scratch",
+    "tracking_pieces": "analysis.signals",
+    "tracking_rmse": "analysis.tracking",
+    "unpack_files": "replay.rerun",
+    "welcome_of": "run.kernel.admission",
+    "without_bulk": "replay.outputs.recorded",
+}
+"""Name → its module."""
+
+__all__ = [
+    "LIVE_FILE",
+    "PYTHON",
+    "RESULT_FILE",
+    "Array",
+    "Child",
+    "FieldTolerance",
+    "Lateness",
+    "Launcher",
+    "Line",
+    "Mesh",
+    "Observer",
+    "Options",
+    "PortComparison",
+    "Recorded",
+    "ReplayResult",
+    "Result",
+    "Signal",
+    "StepTiming",
+    "Tolerance",
+    "Tracking",
+    "TrackingError",
+    "Watchdog",
+    "attached_files",
+    "certificates",
+    "check_limits",
+    "check_scenario",
+    "describe",
+    "diff",
+    "differences",
+    "envelope",
+    "findings",
+    "in_units",
+    "input_descriptions",
+    "make_mesh",
+    "max_message_bytes",
+    "new_token",
+    "open_bus",
+    "passwords",
+    "private_folder",
+    "read_files",
+    "read_signal",
+    "read_tracking",
+    "recorded_descriptions",
+    "replaced",
+    "replay",
+    "run",
+    "scratch_folder",
+    "tracking_pieces",
+    "tracking_rmse",
+    "unpack_files",
+    "welcome_of",
+    "without_bulk",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is first used (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__package__}.{_HOMES[name]}"), name)

@@ -1,6 +1,0 @@
-"""Runs and recordings for Foxglove and Lichtblick: foxglove.* messages, and who sends them."""
-
-from .feed import follow, play
-from .server import Server, open_server
-
-__all__ = ["Server", "follow", "open_server", "play"]

@@ -1,0 +1,63 @@
+"""Commands that installed packages add by entry points."""
+
+import pytest
+
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.plugins import all_points
+
+COMMAND = """
+from stepbus_orchestrator.cli.command import Command
+COMMAND = Command(
+    name="greet", summary="say hello", description="Says hello.", examples=("stepbus greet",),
+    add_arguments=lambda parser: parser.add_argument("--loud", action="store_true"),
+    execute=lambda args: print("HELLO" if args.loud else "hello") or 0,
+)
+"""
+
+
+@pytest.fixture
+def acme(tmp_path, monkeypatch):
+    """Install a package with commands: one that works, one of the core's name, two that do not."""
+    (tmp_path / "acme_tools.py").write_text(COMMAND)
+    info = tmp_path / "acme-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Name: acme\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[stepbus.commands]\ngreet = acme_tools:COMMAND\nvalidate = acme_tools:COMMAND\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    all_points.cache_clear()
+    yield info / "entry_points.txt"
+    monkeypatch.undo()
+    all_points.cache_clear()
+
+
+@pytest.mark.usefixtures("acme")
+def test_a_command_of_another_package_works_and_is_listed(capsys):
+    assert main(["greet", "--loud"]) == 0
+    assert capsys.readouterr().out == "HELLO\n"
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert "say hello" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["gret"])
+    assert "did you mean 'greet'?" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("acme")
+def test_no_package_replaces_a_command_of_the_core(capsys):
+    assert main(["validate", "two_link", "--steps", "1"]) == 0
+    assert "valid; 2000 steps" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("value", ["acme_gone:COMMAND", "acme_tools:gone", "acme_tools:Command"])
+def test_a_command_that_cannot_be_loaded_is_an_error_and_the_others_work(acme, capsys, value):
+    acme.write_text(f"[stepbus.commands]\nbroken = {value}\n")
+    assert main(["broken"]) == ExitCode.SCENARIO
+    assert "the command 'broken' " in (said := capsys.readouterr().err)
+    assert value in said
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    assert "run a scenario and record it" in capsys.readouterr().out

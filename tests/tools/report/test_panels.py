@@ -1,0 +1,106 @@
+"""The picture of a run: which panels there are, and what they show."""
+
+import numpy as np
+import pytest
+from support.runs.panels import arm, curves, reference, sliding
+
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
+from stepbus_schemas import BaseState, GripperState
+from stepbus_tools.report import write_report
+from stepbus_tools.report.panels.fields import field_panels
+from stepbus_tools.report.panels.tracking import joint_panels
+from stepbus_tools.report.signals_plot import Panel, draw_signals
+
+
+def mobile():
+    bases = [BaseState(x=0.5 * n, y=0.0, yaw=0.0, vx=1.0, wz=0.0) for n in range(4)]
+    grippers = [GripperState(width=0.08, force=0.0, holding=n in {1, 2}) for n in range(4)]
+    return {
+        "odometry": ("BaseState/1", ["l", "r"], bases),
+        "gripper": ("GripperState/1", ["a", "b"], grippers),
+    }
+
+
+def panels_of(tracking):
+    """Return the panels of joints by the first word of their titles."""
+    return {panel.title.split()[0].strip(":"): panel for panel in joint_panels(curves(tracking))}
+
+
+def values_of(line):
+    return line[1].tolist()
+
+
+def test_measured_values_are_drawn_over_references(record):
+    states = {**arm(), "goal": ("JointReference/1", ["j"], [reference(n) for n in range(4)])}
+    position = panels_of(read_tracking(record(**states)))["position"]
+    assert (position.unit, list(position.lines), list(position.dashed)) == (
+        "rad",
+        ["j"],
+        ["reference"],
+    )
+    assert values_of(position.dashed["reference"]) == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+def test_without_a_reference_the_error_is_that_of_the_motors(record):
+    error = panels_of(read_tracking(record(**arm(target=[0.5]))))["error"]
+    assert error.title == "error: target − measured"
+    assert values_of(error.lines["j"]) == pytest.approx([0.5, 0.4, 0.3, 0.2])
+
+
+def test_positions_that_are_commanded_are_not_shown_as_torques(record):
+    assert list(panels_of(read_tracking(record(**arm("position"))))) == ["position", "velocity"]
+
+
+@pytest.mark.parametrize("has_effort", [True, False])
+def test_torques_that_were_applied_are_drawn_over_what_was_commanded(record, has_effort):
+    state = {"effort": [-10.0]} if has_effort else {}
+    torque = panels_of(read_tracking(record(**arm("torque", **state))))["torque"]
+    rows = {**torque.lines, **torque.dashed}
+    expected = {"j": [-10.0] * 4, "commanded": [7.0] * 4} if has_effort else {"j": [7.0] * 4}
+    assert {label: values_of(row) for label, row in rows.items()} == expected
+
+
+def test_a_joint_that_slides_has_panels_in_metres_and_newtons():
+    panels = joint_panels(curves(sliding()))
+    assert [panel.unit for panel in panels] == ["rad", "rad", "rad/s", "N·m", "m", "m", "m/s", "N"]
+    assert [list(panel.lines) for panel in panels] == [["turn"]] * 4 + [["slide"]] * 4
+
+
+def test_of_very_many_joints_the_first_are_shown_and_the_title_says_so():
+    names = [f"j{n}" for n in range(31)]
+    fields = {"position": np.zeros((3, 31))}
+    state = Signal(names=names, steps=np.arange(3), t=np.arange(3.0), fields=fields)
+    (position, _) = joint_panels(curves(Tracking(states={"a": state})))
+    assert position.title == "position (first 20 of 31 joints)"
+    assert list(position.lines) == names[:20]
+
+
+def test_a_base_and_a_gripper_have_their_numbers(record):
+    panels = field_panels(record(**mobile()))
+    assert [panel.title for panel in panels] == [
+        *(f"plant.odometry: {name}" for name in ("x", "y", "yaw", "vx", "wz")),
+        *(f"plant.gripper: {name}" for name in ("width", "force", "holding")),
+    ]
+    assert values_of(panels[0].lines["x"]) == [0.0, 0.5, 1.0, 1.5]
+
+
+def test_the_picture_of_a_mobile_manipulator_is_written(record, tmp_path):
+    record(**arm(target=[0.5]), **mobile())
+    assert write_report(tmp_path / "run.mcap")[-1] == f"plots     {tmp_path / 'report.png'}"
+    assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_legend_names_what_is_dashed_once_and_no_line_that_its_title_names(tmp_path):
+    row = (np.arange(3.0), np.zeros(3))
+    both = Panel(title="position", unit="rad", lines={"a": row, "b": row})
+    both.dashed.update({"reference": row, "_b": row})
+    alone = Panel(title="odometry: x", unit="m", lines={"x": row})
+    draw_signals("a run", [both, alone], tmp_path / "plot.svg")
+    text = (tmp_path / "plot.svg").read_text()
+    assert [text.count(f"<!-- {word} -->") for word in ("a", "b", "reference", "_b", "x")] == [
+        1,
+        1,
+        1,
+        0,
+        0,
+    ]

@@ -1,0 +1,79 @@
+"""What the summary of a run says of its joints, and what it needs."""
+
+import subprocess
+import sys
+
+import numpy as np
+from support.runs.panels import arm, reference, sliding
+
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, tracking_pieces
+from stepbus_participant import extra_hint
+from stepbus_schemas import JointState
+from stepbus_tools.report import write_report
+from stepbus_tools.report.summary import Summary
+
+
+def test_the_summary_names_the_worst_of_many_joints():
+    steps, names = np.arange(400), [f"j{n}" for n in range(7)]
+    t, zero = steps * 0.01, np.zeros((400, 7))
+    offset = zero + 0.01 * np.arange(7)
+    state = Signal(names=names, steps=steps, t=t, fields={"position": offset})
+    reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
+    summary, tracking = Summary(), Tracking(states={"a": state}, references={"b": reference})
+    summary.take(tracking)
+    assert summary.lines() == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
+
+
+def test_nothing_loads_matplotlib_before_it_plots():
+    text = "import sys, stepbus_tools.report; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
+
+
+def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, monkeypatch):
+    record(**arm(target=[0.5]))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.backends.backend_agg", None)
+    (line,) = write_report(tmp_path / "run.mcap")
+    assert line.startswith("no plots  matplotlib")
+    assert line.endswith("is not installed" + extra_hint("matplotlib"))
+
+
+def test_a_prismatic_joint_is_summed_up_in_metres():
+    summary, tracking = Summary(), sliding()
+    summary.take(tracking)
+    (rmse,) = summary.lines()
+    assert rmse == "tracking RMSE after 2 s: turn 0 rad, slide 0 m"
+
+
+def test_two_plants_with_a_reference_each_are_both_summed_up(record):
+    times = [0.1 * n for n in range(40)]
+    states = [JointState(position=[0.1], velocity=[0.0]) for _ in times]
+    wanted = [reference(1) for _ in times]
+    recording = record(
+        left=("JointState/1", ["left/j"], states),
+        right=("JointState/1", ["right/j"], states),
+        filtered=("JointState/1", ["left/j"], [JointState(position=[9.0]) for _ in times]),
+        one=("JointReference/1", ["right/j"], wanted),
+        other=("JointReference/1", ["left/j"], wanted),
+    )
+    summary = Summary()
+    for piece in tracking_pieces(recording, 500):
+        summary.take(piece)
+    (line,) = summary.lines()
+    assert "right/j 0 rad" in line
+    assert "left/j" in line
+
+
+def test_the_worst_of_many_joints_is_named_for_each_unit():
+    steps, names = np.arange(400), [f"j{n}" for n in range(8)]
+    offset = np.zeros((400, 8)) + 0.01 * np.arange(8)
+    types = {"j7": "prismatic"}
+    state = Signal(
+        names=names, steps=steps, t=steps * 0.01, fields={"position": offset}, joint_types=types
+    )
+    wanted = Signal(names=names, steps=steps, t=steps * 0.01, fields={"position": 0 * offset})
+    summary, tracking = Summary(), Tracking(states={"a": state}, references={"b": wanted})
+    summary.take(tracking)
+    (line,) = summary.lines()
+    assert line == "tracking RMSE after 2 s: at most 0.06 rad (j6), 0.07 m (j7)"

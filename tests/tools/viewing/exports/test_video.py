@@ -1,0 +1,145 @@
+"""Films of a recording: decoded again, they show motion."""
+
+import av
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+from support.messages.recordings import write
+
+from stepbus_orchestrator.cli.entry import main
+from stepbus_orchestrator.recording import Recording
+from stepbus_schemas import Description, Image, Poses, WiringError
+from stepbus_tools.viewing.render import Painter, parse_viewpoint, whole_scene
+from stepbus_tools.viewing.scene import Frame, Mesh, Pose, Scene, Visual
+from stepbus_tools.viewing.scene.primitives import PRIMITIVES
+
+SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
+
+
+def image(step):
+    pixels = np.full((33, 65, 3), 40, np.uint8)
+    pixels[:, 2 * step : 2 * step + 8] = (250, 20, 20)
+    return Image(
+        width=65, height=33, encoding="rgb8", data=pixels.tobytes(), focal=(9.0, 9.0),
+        centre=(32.0, 16.0),
+    )  # fmt: skip
+
+
+def pose(step):
+    return Poses(position=[(step * 0.05, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)])
+
+
+@pytest.fixture
+def camera(tmp_path):
+    images = [image(step) for step in range(20)]
+    return write(tmp_path / "run.mcap", 100_000_000, camera=("Image/1", [], images))
+
+
+@pytest.fixture
+def moving(tmp_path):
+    about = Description(names=["crate"], details=SHAPES)
+    rows = [pose(step) for step in range(11)]
+    return write(tmp_path / "run.mcap", 40_000_000, poses=("Poses/1", about, rows))
+
+
+def decoded(path):
+    with av.open(str(path)) as container:
+        return [(float(f.time), f.to_ndarray(format="rgb24")) for f in container.decode(video=0)]
+
+
+def test_the_mp4_of_a_camera_has_even_sizes_its_times_and_motion(camera, tmp_path):
+    assert main(["export", str(camera), "--video", str(tmp_path / "a.mp4")]) == 0
+    frames = decoded(tmp_path / "a.mp4")
+    assert frames[0][1].shape == (34, 66, 3)
+    assert [t for t, _ in frames] == pytest.approx([0.1 * n for n in range(20)], abs=2e-3)
+    reds = [float(np.argmax(pixels[16, :, 0].astype(int))) for _, pixels in frames]
+    assert reds[-1] - reds[0] > 30
+
+
+def test_the_gif_of_a_camera_moves(camera, tmp_path):
+    assert main(["export", str(camera), "--video", str(tmp_path / "a.gif")]) == 0
+    with Pillow.open(tmp_path / "a.gif") as film:
+        assert (film.n_frames, film.info["duration"]) == (20, 100)
+        first = np.asarray(film.convert("RGB"))
+        film.seek(19)
+        assert (first != np.asarray(film.convert("RGB"))).mean() > 0.1
+
+
+def test_the_scene_is_drawn_from_a_viewpoint_without_a_display(moving, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    words = ["--viewpoint", "0.25,-2,0.5:0.25,0,0"]
+    assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4"), *words]) == 0
+    frames = [pixels.astype(int) for _, pixels in decoded(tmp_path / "a.mp4")]
+    drawn = [np.flatnonzero((f[:, :, 0] < 200).any(axis=0)) for f in frames]
+    assert all(len(columns) > 50 for columns in drawn)
+    assert drawn[-1].mean() - drawn[0].mean() > 80
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--video", "a.avi"], "is no film: write .mp4 or .gif"),
+        (["--video", "a.mp4", "--camera", "plant.none"], "has no port 'plant.none'"),
+        (["--video", "a.mp4", "--viewpoint", "behind"], "'behind' is no viewpoint"),
+    ],
+)
+def test_what_cannot_be_filmed_is_one_sentence(
+    moving, tmp_path, monkeypatch, capsys, words, sentence
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(moving), *words]) != 0
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.glob("*a.*"))
+
+
+def box(size, position, color):
+    vertices, faces = PRIMITIVES["box"](size)
+    mesh = Mesh(vertices=vertices, faces=faces)
+    visual = Visual(mesh=mesh, color=color)
+    return Frame(name=str(position), pose=Pose(position), visuals=(visual,))
+
+
+def test_what_is_nearer_hides_what_is_behind_it_and_a_cut_floor_is_drawn():
+    frames = [
+        box((0.5, 0.5, 0.5), (0.0, 0.0, 0.0), (255, 0, 0)),
+        box((1.0, 1.0, 1.0), (0.0, 2.0, 0.0), (0, 255, 0)),
+        box((40.0, 40.0, 0.1), (0.0, 0.0, -1.0), (0, 0, 255)),
+    ]
+    scene = Scene(frames=frames, motions=())
+    view = parse_viewpoint("0,-3,0.2:0,0,0", scene, {})
+    pixels = Painter(scene, (120, 90)).draw({}, view).astype(int)
+    assert pixels[45, 60].argmax() == 0
+    assert pixels[86, 60].argmax() == 2
+    assert (pixels[:, :, 0] > 200).sum() > 100
+
+
+def test_the_whole_scene_is_seen():
+    frames = [box((0.3, 0.3, 0.3), (x, 0.0, 0.0), (255, 0, 0)) for x in (-1.0, 1.0)]
+    scene = Scene(frames=frames, motions=())
+    pixels = Painter(scene, (100, 80)).draw({}, whole_scene(scene, {})).astype(int)
+    columns = np.flatnonzero((pixels[:, :, 0] - pixels[:, :, 1] > 60).any(axis=0))
+    assert 0 < columns[0] < 45
+    assert 55 < columns[-1] < 99
+    with pytest.raises(WiringError, match="no viewpoint"):
+        parse_viewpoint("1,2", scene, {})
+
+
+@pytest.mark.parametrize("shape", PRIMITIVES)
+def test_primitives_are_closed_and_turned_outwards(shape):
+    sizes = {"box": (1.0, 2.0, 3.0), "sphere": (0.5,)}.get(shape, (0.5, 2.0))
+    vertices, faces = PRIMITIVES[shape](sizes)
+    corners = vertices[faces].astype(float)
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    exact = {"box": 6.0, "sphere": 0.524, "cylinder": 1.571, "capsule": 2.094}[shape]
+    assert volume == pytest.approx(exact, rel=0.05)
+
+
+def test_a_camera_without_an_image_is_one_sentence(tmp_path, capsys):
+    path = write(tmp_path / "run.mcap", camera=("Image/1", [], []))
+    words = ["--video", str(tmp_path / "a.mp4"), "--camera", "plant.camera"]
+    assert main(["export", str(path), *words]) != 0
+    assert capsys.readouterr().err.count("\n") == 1
+    with Recording(path) as recording:
+        assert not len(recording["plant.camera"])

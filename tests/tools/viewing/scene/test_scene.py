@@ -1,0 +1,86 @@
+"""What a recording shows, from nothing but itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_tools.viewing.scene import Latest, Pose, build_scene
+from stepbus_tools.viewing.scene.pose import about, from_rpy
+
+
+@pytest.fixture(scope="module")
+def two_link(tmp_path_factory):
+    """A recording of the two-link arm, with the true pose of its tip."""
+    scenario = load("two_link/tip", ["duration=300ms"])
+    out = tmp_path_factory.mktemp("scene") / "run"
+    return Recording(run(scenario, Options(out=out, in_process=True)).recording)
+
+
+def scene_of(recording):
+    return build_scene(recording.path, recording.ports, recording.attachments)
+
+
+def latest(recording, scene, t_ns):
+    found = {topic: recording[topic].latest(t_ns) for topic in scene.topics}
+    return {
+        topic: Latest(step=row[0], message=row[1])
+        for topic, row in found.items()
+        if row is not None
+    }
+
+
+def test_the_joints_put_the_tip_where_the_plant_says_it_is(two_link):
+    scene = scene_of(two_link)
+    for step in (0, 31, 60):
+        messages = latest(two_link, scene, step * 5_000_000)
+        _, true = two_link["plant.tip"].latest(step * 5_000_000)
+        tip = scene.world_poses(messages)["arm/link2"] @ Pose((1.0, 0.0, 0.0))
+        assert np.allclose(tip.position, true.position[0], atol=1e-6)
+
+
+def test_targets_are_a_second_robot(two_link):
+    scene = scene_of(two_link)
+    messages = latest(two_link, scene, 10**18)
+    wanted = messages["mission/reference"].message.position
+    ghosts = [frame for frame in scene.frames if frame.is_ghost and frame.visuals]
+    assert ghosts
+    moved = scene.poses(messages)
+    link = next(frame for frame in scene.frames if frame.name == "target/arm/link1")
+    assert moved[link.name].wxyz[0] == pytest.approx(math.cos(wanted[0] / 2), abs=1e-6)
+
+
+def test_the_newest_message_of_a_time_is_found_without_reading_all(two_link):
+    port = two_link["plant.joint_state"]
+    for step, message in port.messages():
+        assert port.latest(step * 5_000_000) == (step, message)
+        assert port.latest(step * 5_000_000 + 4_999_999) == (step, message)
+    assert port.latest(-1) is None
+
+
+def test_without_its_scenario_a_recording_still_shows_what_its_messages_say(two_link):
+    scene = build_scene(two_link.path, two_link.ports, {})
+    assert "holds no scenario" in scene.notes[0]
+    assert any(frame.visuals for frame in scene.frames) or "nothing to draw" in scene.notes[-1]
+
+
+def test_a_missing_mesh_is_a_box_and_a_sentence(two_link):
+    urdf = two_link.attachments["files/two_link.urdf"]
+    assert b"<box" in urdf
+    start, end = urdf.index(b"<box"), urdf.index(b"/>", urdf.index(b"<box")) + 2
+    changed = urdf[:start] + b'<mesh filename="gone.stl"/>' + urdf[end:]
+    attachments = {**two_link.attachments, "files/two_link.urdf": changed}
+    scene = build_scene(two_link.path, two_link.ports, attachments)
+    assert any("no mesh gone.stl" in note for note in scene.notes)
+    assert any(frame.visuals for frame in scene.frames)
+
+
+def test_poses_compose_and_invert():
+    a = Pose((1.0, 2.0, 3.0), from_rpy((0.1, -0.2, 0.3)))
+    b = Pose((-0.5, 0.0, 0.25), about((0.0, 0.0, 1.0), 0.7))
+    same = (a @ b) @ b.inverse()
+    assert np.allclose(same.position, a.position)
+    assert np.allclose(same.wxyz, a.wxyz)

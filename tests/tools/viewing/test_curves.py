@@ -1,0 +1,113 @@
+"""Curves on the pages of a run and of a recording: what a user picks is drawn."""
+
+import types
+
+import msgspec
+import numpy as np
+import pytest
+from support.browser import Curves, needs_chromium, opened
+
+from stepbus_orchestrator.recording import McapFile, Recorder, Tail
+from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import OutputSpec
+from stepbus_schemas import Description, Outputs, Types, encode
+from stepbus_tools.viewing.live.live_page import LivePage
+from stepbus_tools.viewing.live.points import Points
+from stepbus_tools.viewing.stage import open_page
+from stepbus_tools.viewing.stage.curves import _span
+from stepbus_tools.viewing.stage.signals import Signal
+
+STEP_NS = 20_000_000
+OWN = Types({
+    "Thruster/1": {"thrust": {"type": "float[n]", "unit": "N"}, "at": {"type": "float[3]"}},
+    "Depth/1": {"depth": "float"},
+})  # fmt: skip
+
+
+class Vehicle:
+    """A recording of types of a user's own, that grows by a step at a time."""
+
+    def __init__(self, path):
+        ports = {"thruster": OutputSpec(type="Thruster/1"), "depth": OutputSpec(type="Depth/1")}
+        spec = ParticipantSpec(name="vehicle", exec=("x",), outputs=ports)
+        self.recorder = Recorder(McapFile(path), [spec], STEP_NS, types=OWN)
+        names = Description(names=["left", "right"])
+        described = {"thruster": names, "depth": Description()}
+        self.recorder.open_channels({"vehicle": described}, {})
+        self.step = 0
+
+    def grow(self):
+        step, self.step = self.step, self.step + 1
+        thrust = OWN["Thruster/1"](thrust=[10.0 + step, -1.0], at=(0.0, 0.0, 0.1))
+        depth = OWN["Depth/1"](depth=-0.5 * step)
+        ports = {"thruster": msgspec.Raw(encode(thrust)), "depth": msgspec.Raw(encode(depth))}
+        outputs = Outputs(token="", step=step, t_ns=step * STEP_NS, ports=ports)
+        self.recorder.offer("vehicle", outputs)
+        self.recorder.write_below(step + 1)
+        self.recorder.flush()
+
+
+@pytest.fixture
+def vehicle(tmp_path):
+    vehicle = Vehicle(tmp_path / "run.mcap")
+    yield vehicle
+    vehicle.recorder.finish(vehicle.step - 1, ["vehicle"])
+
+
+@pytest.fixture
+def tail(vehicle, tmp_path):
+    vehicle.grow()
+    tail = Tail(tmp_path / "run.mcap")
+    tail.poll()
+    yield tail
+    tail.close()
+
+
+def test_limits_of_a_curve_before_now_change_seldom():
+    spans = [_span(np.array([-length, 0.0])) for length in (0.02, 0.021, 1.5, 7.0, 29.9, 31.0)]
+    assert [-low for low, _ in spans] == pytest.approx([0.02, 0.03, 2.0, 8.0, 30.0, 40.0])
+    assert _span(np.array([0.5, 9.0])) == (0.5, 9.0)
+
+
+def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):
+    points = Points(tail, ["vehicle/depth"], lambda: STEP_NS)
+    for _ in range(4):
+        points.add()
+        vehicle.grow()
+        tail.poll()
+    times, values = points.sample(Signal(topic="vehicle/depth", field="depth", names=("0",)))
+    assert times == pytest.approx([-0.06, -0.04, -0.02, 0.0])
+    assert values[:, 0].tolist() == [0.0, -0.5, -1.0, -1.5]
+
+
+@pytest.mark.slow
+@needs_chromium
+@pytest.mark.timeout(600)
+def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
+    page = open_page("test")
+    link = types.SimpleNamespace(status={}, offered={}, said=[], last="")
+    live = LivePage(page.server, tail, link)
+
+    def grown(is_done):
+        vehicle.grow()
+        live.turn(tail.poll())
+        return is_done()
+
+    try:
+        with opened(page.address, 800, 500) as watched:
+            curves = Curves(watched)
+            watched.wait(lambda: grown(watched.page.get_by_role("tab").count), "the page")
+            watched.page.get_by_role("tab", name="Curves").press("Enter")
+            watched.wait(lambda: grown(lambda: curves.has("0", "1", "2")), "the position")
+            curves.pick("vehicle.thruster.at", "vehicle.thruster.thrust")
+            watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
+            watched.page.wait_for_timeout(500)
+            drawn = curves.drawn()
+            left, right = (np.array(row) for row in drawn.data[1:])
+            assert np.all(np.diff(left) >= 1.0)
+            assert set(right) == {-1.0}
+            assert drawn.x[0] <= drawn.data[0][0] < drawn.data[0][-1] == drawn.x[1]
+            assert {"31,119,180", "214,39,40"} <= curves.colours()
+            assert not watched.errors
+    finally:
+        page.close()

@@ -1,0 +1,105 @@
+"""The page over a recording."""
+
+import numpy as np
+import pytest
+from support.browser import Curves, needs_chromium, opened
+
+from stepbus_orchestrator import Options, load
+from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.run_scenario import run
+from stepbus_tools.viewing.playback import History, Playback, open_recording
+from stepbus_tools.viewing.stage import open_page
+
+
+def record(folder, *overrides):
+    scenario = load("two_link", ["duration=300ms", *overrides])
+    return run(scenario, Options(out=folder, in_process=True)).recording
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("playback") / "run")
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("playback") / "other", "controller.params.kp=90")
+
+
+@pytest.fixture
+def page():
+    page = open_page("test")
+    yield page
+    page.close()
+
+
+def test_a_history_has_the_newest_message_of_a_time(recording):
+    history = History(Recording(recording))
+    assert (history.end_ns, history.last_step) == (300_000_000, 60)
+    found = history.at(["plant/joint_state", "no/port"], 100_000_001)
+    assert {topic: latest.step for topic, latest in found.items()} == {"plant/joint_state": 20}
+
+
+def test_a_page_plays_to_its_end_and_stays_there(recording, page):
+    playback = Playback(page.server, Recording(recording))
+    playback.play(playing=True)
+    for _ in range(5):
+        playback.turn(0.1)
+    assert "step 60 of 60" in playback.status
+    assert not playback.is_playing
+
+
+def test_the_divergence_from_a_second_recording_is_marked(recording, other, page):
+    playback = Playback(page.server, Recording(recording), Recording(other))
+    while not playback.events:
+        playback.turn(0.01)
+    assert "first divergence" in playback.events[0]
+
+
+def test_no_recording_and_an_empty_one_give_a_sentence(recording, tmp_path, capsys):
+    foreign, cut = tmp_path / "foreign.mcap", tmp_path / "cut.mcap"
+    foreign.write_text("no recording")
+    cut.write_bytes(recording.read_bytes()[:3000])
+    assert main(["view", str(foreign), "--no-open"]) != 0
+    assert "is not an MCAP recording" in capsys.readouterr().err
+    with pytest.raises(RecordingFailed, match="has no messages, so there is nothing to show"):
+        open_recording(cut)
+
+
+def test_half_a_recording_is_shown_up_to_its_damage(recording, tmp_path, page):
+    half, data = tmp_path / "half.mcap", recording.read_bytes()
+    half.write_bytes(data[: len(data) * 3 // 4])
+    playback = Playback(page.server, open_recording(half))
+    assert "the recording **is damaged: " in playback.status
+
+
+@pytest.mark.slow
+@needs_chromium
+@pytest.mark.timeout(900)
+def test_the_buttons_of_the_page_do_what_they_say(recording, page):
+    playback = Playback(page.server, Recording(recording))
+    with opened(page.address, 640, 360) as watched:
+
+        def shows(text):
+            playback.turn(0.1)
+            return watched.page.get_by_text(text).count() > 0
+
+        watched.wait(lambda: shows("step 0 of 60"), "the page")
+        watched.page.get_by_text("last", exact=True).click()
+        watched.wait(lambda: shows("step 60 of 60"), "the last step")
+        watched.page.get_by_text("back", exact=True).click()
+        watched.wait(lambda: shows("step 59 of 60"), "the step before")
+        watched.page.get_by_text("play", exact=True).click()
+        watched.wait(lambda: shows("step 60 of 60"), "the end")
+        watched.page.get_by_text("Curves", exact=True).click()
+        curves = Curves(watched)
+        watched.wait(lambda: curves.has("joint1", "joint2"), "the curves")
+        assert curves.drawn().x == pytest.approx([0.0, 0.3])
+        assert np.ptp(curves.drawn().data[1]) > 0.1
+        watched.wait(lambda: watched.colours() > 300, "the arm to be drawn")
+        bare = page.address.rsplit("/", 2)[0]
+        assert watched.page.request.get(bare).status == 403
+    assert not watched.errors
+    assert not watched.strangers

@@ -1,0 +1,1 @@
+"""The commands of the tools; `stepbus` finds them by entry points."""

@@ -1,0 +1,169 @@
+"""`stepbus selftest`: a known angle on every joint of a plant in turn, and what comes of it."""
+
+import dataclasses
+import threading
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
+from stepbus_orchestrator.toolkit import (
+    Observer,
+    Options,
+    Result,
+    Signal,
+    describe,
+    read_signal,
+    run,
+    scratch_folder,
+)
+from stepbus_schemas import Description, WiringError
+from stepbus_selftest import make_plan, modes_of, read_joints
+
+from .judge import Verdict, better, judge
+
+__all__ = ["SelfTest", "Verdict", "selftest"]
+
+_COMMAND, _STATE, _EVENT = "JointCommand/1", "JointState/1", "Event/1"
+_TESTER = "selftest"
+_QUANTITIES = ("position", "velocity", "effort")
+
+
+class SelfTest(msgspec.Struct, frozen=True, kw_only=True):
+    """What a self-test found. plant: the participant tested. simulated_s: how long it took [s]."""
+
+    plant: str
+    simulated_s: float
+    joints: list[Verdict]
+
+    @property
+    def ok(self) -> bool:
+        """Return whether nothing is wrong with any joint."""
+        return all(verdict.ok for verdict in self.joints)
+
+
+def selftest(
+    scenario: Scenario,
+    angle: float,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> SelfTest:
+    """Run the plant of a scenario alone with a tester, and judge each of its joints.
+
+    angle: to send rotary joints to [rad], or as near as their stops allow. A joint that gets
+    there on neither side is sent half as far: the robot may have been in its own path.
+    Raises WiringError where the scenario has no plant that is commanded by joint, RunFailure
+    when its run fails; it quotes the log of the culprit.
+    """
+    plant, port = _plant_of(scenario)
+    description = _described(scenario, plant.name, port, interrupt)
+
+    def attempt(angle: float, only: list[str]) -> SelfTest:
+        aim = {"angle": angle, "only": only}
+        tested = _test_scenario(scenario, plant, port, description, aim)
+        with scratch_folder("selftest") as folder:
+            result = run(tested, Options(out=folder / "run"), observer, interrupt).check()
+            return _judged(result, plant, port, angle, only)
+
+    found = attempt(angle, list(description.names))
+    missed = [verdict.joint for verdict in found.joints if not verdict.ok]
+    if not missed:
+        return found
+    again = attempt(angle / 2, missed)
+    return SelfTest(
+        plant=plant.name,
+        simulated_s=found.simulated_s + again.simulated_s,
+        joints=better(found.joints, [v for v in again.joints if v.joint in missed]),
+    )
+
+
+def _plant_of(scenario: Scenario) -> tuple[ParticipantSpec, str]:
+    """Return who reads joint commands and publishes joint states, and on which port."""
+    for spec in scenario.participants:
+        states = [name for name, output in spec.outputs.items() if output.type == _STATE]
+        if states and _command_inputs(scenario, spec):
+            return spec, states[0]
+    raise WiringError(
+        f"{scenario.name}: no participant reads a {_COMMAND} and publishes a {_STATE}; there is "
+        "nothing to test"
+    )
+
+
+def _command_inputs(scenario: Scenario, spec: ParticipantSpec) -> list[str]:
+    return [
+        name
+        for name, item in spec.inputs.items()
+        if scenario.participant(item.source).outputs[item.port].type == _COMMAND
+    ]
+
+
+def _described(
+    scenario: Scenario, plant: str, port: str, interrupt: threading.Event | None
+) -> Description:
+    participant = next(p for p in describe(scenario, interrupt) if p.participant == plant)
+    description = next(output.description for output in participant.outputs if output.port == port)
+    if not modes_of(description):
+        raise WiringError(f"{plant}.{port}: names no joint that has a motor; nothing to test")
+    return description
+
+
+def _test_scenario(
+    scenario: Scenario,
+    plant: ParticipantSpec,
+    port: str,
+    description: Description,
+    aim: Mapping[str, object],
+) -> Scenario:
+    """Return a scenario of the plant and a tester, which has an output for each mode."""
+    modes = modes_of(description)
+    joints = read_joints(description, [0.0] * len(description.names))
+    spare = [f"command_{mode}" for mode in modes]
+    ports = dict(zip(modes, [*_command_inputs(scenario, plant), *spare], strict=False))
+    kept = {name: out for name, out in plant.outputs.items() if out.type in (_STATE, _EVENT)}
+    tester = ParticipantSpec(
+        name=_TESTER if plant.name != _TESTER else f"{_TESTER}_2",
+        participant="stepbus_selftest:Tester",
+        every=plant.every,
+        inputs={"joint_state": InputSpec(source=plant.name, port=port)},
+        outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},
+        params={
+            **aim,
+            "names": {mode: [j.name for j in joints if j.mode == mode] for mode in modes},
+        },
+    )
+    alone = dataclasses.replace(
+        plant,
+        inputs={name: InputSpec(source=tester.name, port=mode) for mode, name in ports.items()},
+        outputs=kept,
+        on_fault=None,
+    )
+    return dataclasses.replace(
+        scenario,
+        name=f"{scenario.name}_selftest",
+        steps=None,
+        participants=(alone, tester),
+        faults=(),
+    )
+
+
+def _judged(
+    result: Result, plant: ParticipantSpec, port: str, angle: float, only: Sequence[str]
+) -> SelfTest:
+    recording = Recording(result.recording)
+    topic: Port = recording[f"{plant.name}.{port}"]
+    state = read_signal(topic, _QUANTITIES)
+    if state is None or "position" not in state.fields:
+        raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
+    joints = read_joints(topic.description, _start(state))
+    plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle, only)
+    return SelfTest(
+        plant=plant.name,
+        simulated_s=result.simulated_s,
+        joints=judge(joints, plan, state),
+    )
+
+
+def _start(state: Signal) -> Sequence[float]:
+    row: list[float] = state.fields["position"][0].tolist()
+    return row

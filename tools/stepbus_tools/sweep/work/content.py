@@ -1,0 +1,133 @@
+"""What a sweep's runs need, by content, so that it can go to another machine."""
+
+import ast
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from stepbus_orchestrator.scenario import Scenario, files, resolved
+from stepbus_orchestrator.toolkit import read_files, replaced, unpack_files
+from stepbus_participant import read_file, suggest
+from stepbus_schemas import WiringError
+
+_METRICS = "metrics"
+_MOST_BYTES = 5_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Content:
+    """A scenario with its files, and the modules of the user's metrics.
+
+    files: name → content; names are relative to the scenario's folder. settings: what changes no
+    result, and so is not in the scenario's text, such as deadlines. modules: of metrics, by
+    `<number>/<path>`. metrics: `file.py:function` → the file in `modules`.
+    """
+
+    scenario: bytes
+    files: Mapping[str, bytes]
+    settings: Sequence[str]
+    modules: Mapping[str, bytes]
+    metrics: Mapping[str, str]
+
+    def fingerprint(self) -> str:
+        """Return the SHA-256 of all that determines a result."""
+        digest = hashlib.sha256(self.scenario)
+        for group in (self.files, self.modules):
+            for name, content in sorted(group.items()):
+                digest.update(f"\0{name}\0{len(content)}\0".encode() + content)
+        return digest.hexdigest()
+
+    def unpack(self, folder: Path) -> Path:
+        """Write it to a new folder, and return the scenario's path.
+
+        Raises RecordingFailed where it cannot be written.
+        """
+        scenario = unpack_files(self.scenario, self.files, folder / "scenario")
+        for name, content in self.modules.items():
+            with replaced(folder / _METRICS / name) as part:
+                part.write_bytes(content)
+        return scenario
+
+    @staticmethod
+    def metrics_folder(folder: Path) -> Path:
+        """Return the folder of the metrics in the one it was unpacked to."""
+        return folder / _METRICS
+
+
+def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
+    """Return the content of a scenario and of metrics such as `my.py:tracking`.
+
+    variants: the scenario, and the same with values that name other files. Raises WiringError for
+    a metric without a file, RecordingFailed for a file that cannot be read.
+    """
+    base = variants[0]
+    found = {name: path for variant in variants for name, path in files(variant).items()}
+    modules: dict[str, bytes] = {}
+    places: dict[str, str] = {}
+    for number, text in enumerate(metrics):
+        path = metric_file(text)
+        modules |= {f"{number}/{name}": data for name, data in _modules_beside(path).items()}
+        places[text] = f"{number}/{path.name}"
+    return Content(
+        scenario=resolved(base).encode(),
+        files=read_files(found),
+        settings=_settings(base),
+        modules=modules,
+        metrics=places,
+    )
+
+
+def metric_file(text: str) -> Path:
+    """Return the file of a metric such as `my.py:tracking`.
+
+    Raises WiringError where there is no such file, or no such function in it.
+    """
+    name, colon, function = text.rpartition(":")
+    path = Path(name)
+    if not colon or not function.isidentifier() or path.suffix != ".py":
+        raise WiringError(f"{text}: write FILE.py:FUNCTION, e.g. my_metrics.py:tracking")
+    if not path.is_file():
+        raise WiringError(f"{text}: there is no file {path}")
+    try:
+        tree = ast.parse(read_file(path))
+    except (OSError, SyntaxError, ValueError) as exc:
+        raise WiringError(f"{text}: {path} cannot be read: {exc}") from exc
+    functions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
+    # What is not in the text as a function may be one all the same: imported, or made.
+    if function not in functions and function not in path.read_text(encoding="utf-8"):
+        raise WiringError(
+            f"{text}: {path} has no function {function!r}{suggest(function, functions)}"
+        )
+    return path
+
+
+def _modules_beside(path: Path) -> dict[str, bytes]:
+    """Return a module, and those beside it, which it may import."""
+    beside = [*path.parent.glob("*.py"), *path.parent.glob("*/__init__.py")]
+    packages = {init.parent for init in beside if init.name == "__init__.py"} - {path.parent}
+    others = [file for package in sorted(packages) for file in sorted(package.rglob("*.py"))]
+    chosen = dict.fromkeys([path, *sorted(path.parent.glob("*.py")), *others])
+    found = read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
+    if sum(map(len, found.values())) > _MOST_BYTES:
+        raise WiringError(
+            f"{path}: over {_MOST_BYTES // 1_000_000} MB of Python lie beside it; a metric goes to "
+            "every machine with the modules beside it: put it into a folder of its own"
+        )
+    return found
+
+
+def _settings(scenario: Scenario) -> list[str]:
+    """Return what a scenario's text leaves out, since it changes no result."""
+    found = [f"window={scenario.window}", f"batch={scenario.batch}"]
+    for spec in scenario.participants:
+        deadlines = spec.deadlines
+        limits = {
+            "spawn": deadlines.spawn_s,
+            "join": deadlines.join_s,
+            "ready": deadlines.ready_s,
+            "step": deadlines.step_s,
+            "stop": deadlines.stop_s,
+        }
+        found += [f"{spec.name}.{phase}_timeout={limit_s}s" for phase, limit_s in limits.items()]
+    return found

@@ -1,0 +1,166 @@
+"""What a sweep measures of each run.
+
+The figures that ship are those of joints that follow a reference; your own are a function of the
+recording: `metric(recording) -> dict`, or a number.
+"""
+
+import importlib.util
+import math
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.toolkit import Result, Signal, Tracking, read_tracking, tracking_rmse
+from stepbus_schemas import RunError, error_text
+
+Array = NDArray[np.float64]
+Metric = Callable[[Recording], Any]
+Value = float | int | bool | str | None
+
+_SETTLED_AFTER_S = 2.0
+_BAND = 0.02
+_REST_SHARE = 0.2
+_FULL = 1 - 1e-6
+
+
+BUILTIN = ("success", "duration", "rmse", "overshoot", "settling", "saturation", "energy")
+"""Names of the figures that ship; there is `rmse.JOINT` too."""
+
+
+class MetricFailed(RunError):
+    """A user's metric raised, or returned what is no metric."""
+
+
+def builtin_metrics(result: Result, recording: Recording) -> dict[str, Value]:
+    """Return the figures that ship; None where a run has nothing to measure them by.
+
+    success: whether the run finished. duration: simulated [s]. rmse: root mean square of the
+    tracking errors of all joints [rad or m], as the summary gives it for each: after 2 s in a run
+    that is longer; `rmse.JOINT`: of one. overshoot: largest, as a share of the joint's travel, and
+    settling: until all stay within 2 % of it [s], where the reference ends at rest. saturation:
+    largest share of time that a joint spends at its effort limit. energy: mechanical work that the
+    motors do and take [J].
+    """
+    tracking = read_tracking(recording)
+    errors = tracking_rmse(
+        tracking, _SETTLED_AFTER_S if result.simulated_s > _SETTLED_AFTER_S else 0.0
+    )
+    steps = [found for joint in tracking.joints if (found := _step_response(tracking, joint))]
+    return {
+        "success": result.exit_code == 0,
+        "duration": result.simulated_s,
+        "rmse": math.sqrt(sum(e * e for e in errors.values()) / len(errors)) if errors else None,
+        **{f"rmse.{joint}": error for joint, error in errors.items()},
+        "overshoot": max((overshoot for overshoot, _ in steps), default=None),
+        "settling": max((settled for _, settled in steps), default=None),
+        "saturation": _largest(map(_saturation, tracking.states.values())),
+        "energy": _energy(tracking.states.values()),
+    }
+
+
+def _step_response(tracking: Tracking, joint: str) -> tuple[float, float] | None:
+    """Return overshoot and settling time of a joint; None where its reference ends in motion."""
+    state, reference = tracking.state_of(joint), tracking.reference_of(joint)
+    if state is None or reference is None:
+        return None
+    measured, wanted = state.of("position", joint), reference.of("position", joint)
+    if measured is None or wanted is None or not len(measured):
+        return None
+    end, start = float(wanted[-1]), float(measured[0])
+    rests = wanted[int(len(wanted) * (1 - _REST_SHARE)) :]
+    travel = abs(end - start)
+    if np.any(rests != end) or travel < 1e-6:
+        return None
+    beyond = (measured - end) * math.copysign(1.0, end - start)
+    outside = np.flatnonzero(np.abs(measured - end) > _BAND * travel)
+    settled = float(state.t[outside[-1]] - state.t[0]) if len(outside) else 0.0
+    return max(0.0, float(np.max(beyond)) / travel), settled
+
+
+def _saturation(state: Signal) -> float | None:
+    effort, limits = state.fields.get("effort"), state.limits.get("effort")
+    if effort is None or limits is None or not len(effort):
+        return None
+    return float(np.max(np.mean(np.abs(effort) >= np.asarray(limits) * _FULL, axis=0)))
+
+
+def _largest(values: Any) -> float | None:
+    return max((value for value in values if value is not None), default=None)
+
+
+def _energy(states: Any) -> float | None:
+    total = None
+    for state in states:
+        effort, velocity = state.fields.get("effort"), state.fields.get("velocity")
+        if effort is None or velocity is None or len(state.t) < 2:
+            continue
+        power = np.sum(np.abs(effort * velocity), axis=1)
+        total = (total or 0.0) + float(np.sum(power[1:] * np.diff(state.t)))
+    return total
+
+
+class Metrics:
+    """The user's metrics, loaded from files; each of `names` is `file.py:function`.
+
+    folder: where the files are. Raises MetricFailed for a file that cannot be loaded.
+    """
+
+    def __init__(self, names: Mapping[str, str], folder: Path) -> None:
+        self._functions = [
+            (text, _load(folder / path, text.rpartition(":")[2], text))
+            for text, path in names.items()
+        ]
+
+    def of(self, recording: Recording) -> tuple[dict[str, Value], str]:
+        """Return what all of them measure, and why some have not."""
+        found: dict[str, Value] = {}
+        errors = []
+        for text, function in self._functions:
+            try:
+                found |= _measured(text, function, recording)
+            except MetricFailed as exc:
+                errors.append(str(exc))
+        return found, "; ".join(errors)
+
+
+def _load(path: Path, function: str, text: str) -> Metric:
+    name = f"stepbus_metric_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise MetricFailed(f"metric {text}: no Python file {path.name}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    sys.path.insert(0, str(path.parent))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as exc:  # whatever a user's file raises is its own
+        raise MetricFailed(f"metric {text}: {path.name} raises {error_text(exc)}") from exc
+    finally:
+        sys.path.remove(str(path.parent))
+    found = getattr(module, function, None)
+    if not callable(found):
+        raise MetricFailed(f"metric {text}: {path.name} has no function {function!r}")
+    metric: Metric = found
+    return metric
+
+
+def _measured(text: str, function: Metric, recording: Recording) -> dict[str, Value]:
+    try:
+        given = function(recording)
+    except Exception as exc:
+        raise MetricFailed(f"{text} raised {error_text(exc)}") from exc
+    rows = given if isinstance(given, Mapping) else {text.rpartition(":")[2]: given}
+    return {str(name): _plain(text, name, value) for name, value in rows.items()}
+
+
+def _plain(text: str, name: object, value: Any) -> Value:
+    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
+        value = value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise MetricFailed(f"{text}: {name} is {type(value).__name__}, no number, text or truth value")

@@ -1,0 +1,151 @@
+"""From messages of stepbus to foxglove.* messages."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.recording import Port, TailPort
+from stepbus_participant import need
+from stepbus_schemas import Event, Image, JointReference, JointState, Message
+from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.scene import Frame, Pose, Scene
+
+PER_S = 30.0
+"""Messages of each topic a second, at most; events are all there."""
+SHOWN = ("Event/1", "Image/1", "JointReference/1", "JointState/1")
+"""Types that are converted, beside those that move the scene."""
+WORLD = "world"
+_NS = 1_000_000_000
+
+Emit = Callable[[str, Any, int], None]
+"""Takes a topic, its foxglove message and the time [ns]."""
+
+
+ConvertedPort = Port | TailPort
+"""A port of a recording, or of a run that is going."""
+
+
+class Conversion:
+    """Converts a scene and messages. emit: takes what they become.
+
+    Raises ExtraMissing without foxglove-sdk or Pillow.
+    """
+
+    def __init__(self, scene: Scene, emit: Emit) -> None:
+        self._types, self._pillow = need("Foxglove", "foxglove.messages", "PIL.Image")
+        self._emit = emit
+        self._frames = [frame for frame in scene.frames if not frame.is_ghost]
+        self._parents = {frame.name: frame.parent for frame in self._frames}
+        self._converters: Mapping[type, Callable[[ConvertedPort, Any, int], None]] = {
+            JointState: self._joints,
+            JointReference: self._joints,
+            Image: self._image,
+            Event: self._event,
+        }
+
+    def take(self, port: ConvertedPort, message: Message, t_ns: int) -> None:
+        """Convert a message; one of another type becomes nothing."""
+        convert = self._converters.get(type(message))
+        if convert is not None:
+            convert(port, message, t_ns)
+
+    def place(self, placed: Mapping[str, Pose], t_ns: int) -> None:
+        """Convert where frames are in their parents; ghosts have no place."""
+        types = self._types
+        rows = [
+            types.FrameTransform(
+                timestamp=self._stamp(t_ns),
+                parent_frame_id=self._parents[name] or WORLD,
+                child_frame_id=name,
+                translation=_vector(types, pose),
+                rotation=_quaternion(types, pose),
+            )
+            for name, pose in placed.items()
+            if name in self._parents
+        ]
+        self._emit("/tf", types.FrameTransforms(transforms=rows), t_ns)
+
+    def bodies(self, t_ns: int = 0) -> None:
+        """Convert what the frames look like; they keep their looks and move with their frames."""
+        entities = [self._entity(frame, t_ns) for frame in self._frames if frame.visuals]
+        self._emit("/scene", self._types.SceneUpdate(entities=entities), t_ns)
+
+    def _entity(self, frame: Frame, t_ns: int) -> Any:
+        return self._types.SceneEntity(
+            timestamp=self._stamp(t_ns),
+            frame_id=frame.name,
+            id=frame.name,
+            frame_locked=True,
+            triangles=[self._triangles(visual) for visual in frame.visuals],
+        )
+
+    def _triangles(self, visual: Any) -> Any:
+        types = self._types
+        red, green, blue = (float(value) / 255 for value in visual.shown_color)
+        points = visual.mesh.vertices.astype(float).tolist()
+        return types.TriangleListPrimitive(
+            pose=types.Pose(
+                position=_vector(types, visual.pose), orientation=_quaternion(types, visual.pose)
+            ),
+            points=[types.Point3(x=x, y=y, z=z) for x, y, z in points],
+            color=types.Color(r=red, g=green, b=blue, a=1.0),
+            indices=visual.mesh.faces.ravel().tolist(),
+        )
+
+    def _joints(self, port: ConvertedPort, state: Any, t_ns: int) -> None:
+        columns = {name: getattr(state, name, None) for name in ("position", "velocity", "effort")}
+        rows = [
+            self._types.JointState(
+                name=name,
+                **{key: row[i] for key, row in columns.items() if row is not None and i < len(row)},
+            )
+            for i, name in enumerate(port.names)
+        ]
+        message = self._types.JointStates(timestamp=self._stamp(t_ns), joints=rows)
+        self._emit(topic_of(port), message, t_ns)
+
+    def _image(self, port: ConvertedPort, image: Image, t_ns: int) -> None:
+        stream = io.BytesIO()
+        try:
+            pixels = np.ascontiguousarray(pixels_of(image))
+            self._pillow.fromarray(pixels).save(stream, "JPEG", quality=85)
+        except (ValueError, SystemError):
+            return
+        message = self._types.CompressedImage(
+            timestamp=self._stamp(t_ns),
+            frame_id=f"{port.participant}/{port.name}",
+            data=stream.getvalue(),
+            format="jpeg",
+        )
+        self._emit(topic_of(port), message, t_ns)
+
+    def _event(self, port: ConvertedPort, event: Event, t_ns: int) -> None:
+        message = self._types.Log(
+            timestamp=self._stamp(t_ns),
+            level=getattr(self._types.LogLevel, event.level.capitalize()),
+            message=event.text,
+            name=port.participant,
+        )
+        self._emit("/log", message, t_ns)
+
+    def _stamp(self, t_ns: int) -> Any:
+        return self._types.Timestamp(sec=t_ns // _NS, nsec=t_ns % _NS)
+
+
+def topic_of(port: ConvertedPort) -> str:
+    """Return the topic of a port."""
+    return f"/{port.participant}/{port.name}"
+
+
+def _vector(types: Any, pose: Pose) -> Any:
+    x, y, z = pose.position
+    return types.Vector3(x=x, y=y, z=z)
+
+
+def _quaternion(types: Any, pose: Pose) -> Any:
+    w, x, y, z = pose.wxyz
+    return types.Quaternion(x=x, y=y, z=z, w=w)

@@ -1,0 +1,130 @@
+"""The server behind a page: on loopback, and only for browsers that its door has let in."""
+
+import contextlib
+import io
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from stepbus_participant import need
+from stepbus_schemas import WiringError
+from stepbus_tools.viewing.access import (
+    LOOPBACK,
+    Door,
+    Process,
+    listening,
+)
+
+_START_S = 60.0
+_starting = threading.Lock()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """An open page. server: of viser. address: opens it once."""
+
+    server: Any
+    door: Door
+    address: str
+
+    def new_address(self) -> str:
+        """Return another address that opens it once."""
+        return self.door.new_address()
+
+    def close(self) -> None:
+        """Close every connection, and the server."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+
+def open_page(
+    label: str,
+    *,
+    host: str = LOOPBACK,
+    port: int = 0,
+    tell: Callable[[str], None] = lambda _address: None,
+) -> Page:
+    """Open a page; port 0: any that is free.
+
+    Its address has a token that nobody can guess and that works once, for one browser: any other
+    request is refused. tell: gets another address where one is used again. Raises
+    ExtraMissing without viser, and WiringError for a port that is taken, or a host that is not of
+    this machine.
+    """
+    (viser,) = need("the view", "viser")
+    door = Door(host, tell)
+    # viser takes the next port when one is taken, and does not say what is wrong with a host.
+    listening(host, port).close()
+    with _starting, _guarded(door), contextlib.redirect_stdout(io.StringIO()):
+        # It prints a box.
+        server = _started(lambda: viser.ViserServer(host=host, port=port, verbose=False))
+    if port and server.get_port() != port:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+        raise WiringError(f"port {port} of {host} is taken; choose another --port, or none")
+    _refuse_sharing(server)
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    server.gui.set_panel_label(label)
+    door.port = server.get_port()
+    return Page(server=server, door=door, address=door.new_address())
+
+
+def _started(make: Callable[[], Any]) -> Any:
+    """Return the server that is made; raises WiringError where it cannot start.
+
+    viser waits for a thread of its own, without end where that thread has failed.
+    """
+    inbox: SimpleQueue[Any] = SimpleQueue()
+
+    def work() -> None:
+        inbox.put(make())
+
+    def take(failed: threading.ExceptHookArgs) -> None:
+        if failed.thread in others:
+            before(failed)
+        else:
+            inbox.put(failed.exc_value)
+
+    others, before = set(threading.enumerate()), threading.excepthook
+    threading.excepthook = take
+    try:
+        threading.Thread(target=work, name="page", daemon=True).start()
+        server = inbox.get(timeout=_START_S)
+    except Empty:
+        server = TimeoutError(f"nothing for {_START_S:.0f} s")
+    finally:
+        threading.excepthook = before
+    if isinstance(server, BaseException):
+        raise WiringError(f"the page cannot be started: {server}") from server
+    return server
+
+
+@contextlib.contextmanager
+def _guarded(door: Door) -> Iterator[None]:
+    """Let a server that starts now refuse whoever does not come through the door.
+
+    viser has no such option, but all of its requests pass `process_request` of websockets. Its
+    page opens its websocket at its own address.
+    """
+    from websockets.asyncio import server as websockets  # noqa: PLC0415  (an extra)
+
+    serve = websockets.serve
+
+    def guarded(*args: Any, process_request: Process, **named: Any) -> Any:
+        return serve(*args, process_request=door.guard(process_request), **named)
+
+    websockets.serve = guarded  # type: ignore[assignment,misc]  # for as long as it starts
+    try:
+        yield
+    finally:
+        websockets.serve = serve  # type: ignore[misc]
+
+
+def _refuse_sharing(server: Any) -> None:
+    """Let no page ask for a tunnel to the internet, which viser offers."""
+    from viser import _messages as messages  # noqa: PLC0415  (an extra)
+
+    handlers = server._websock_server._incoming_handlers
+    handlers.pop(messages.ShareUrlRequest, None)
