@@ -9,14 +9,9 @@ _MOST_ROWS = 12
 _DASHED = {"color": "black", "linestyle": (0, (4, 6)), "linewidth": 1.1, "zorder": 3}
 
 
-def colour(index: int) -> str:
-    """Return the colour of a joint."""
-    return _COLOURS[index % len(_COLOURS)]
-
-
 def line(axis: Any, points: Line, label: str, index: int, *, dashed: bool = False) -> None:
     """Plot one line. index: of its joint, which decides the colour."""
-    style = _DASHED if dashed else {"color": colour(index), "linewidth": 2}
+    style = _DASHED if dashed else {"color": _COLOURS[index % len(_COLOURS)], "linewidth": 2}
     axis.plot(*points, label=label, **style)
 
 
