@@ -8,7 +8,15 @@ import subprocess
 import sys
 from pathlib import Path
 
-CODE = ("schemas", "participant", "orchestrator", "services", "scenarios", "pyproject.toml")
+CODE = (
+    "schemas",
+    "participant",
+    "orchestrator",
+    "tools",
+    "services",
+    "scenarios",
+    "pyproject.toml",
+)
 MAIN_BRANCHES = ("origin/HEAD", "origin/main", "main")
 CHANGELOG = "CHANGELOG.md"
 

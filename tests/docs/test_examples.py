@@ -26,7 +26,7 @@ PAGES = [
     CHECKOUT / "examples/README.md",
     CHECKOUT / "benchmarks/README.md",
 ]
-SOURCES = ("api", "schemas", "participant", "orchestrator", "services")
+SOURCES = ("api", "schemas", "participant", "orchestrator", "tools", "services")
 NUMBER = re.compile(r"[0-9a-f]{12,}|[-+−]?\b\d[\d.,:]*(?:e[-+]?\d+)?|(?<=-)\d{6,}")
 PROGRESS = re.compile(r"^[\w ]+: (?:starting, waiting for|step \d).*\n?", re.MULTILINE)
 """Comes every two seconds: how often depends on the machine."""

@@ -10,9 +10,9 @@ import pytest
 from support.paths import CHECKOUT
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.setup import doctor as doctor_command
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_participant import install_command
+from stepbus_tools.commands import doctor as doctor_command
 from stepbus_tools.doctor import Finding, bus, machine, packages
 from stepbus_tools.doctor.packages import EXTRAS, Requirement, parse
 

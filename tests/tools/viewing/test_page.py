@@ -17,7 +17,7 @@ from stepbus_orchestrator.run.reports.lateness import Lateness
 from stepbus_orchestrator.run.reports.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import BaseState, Description, Event, Image, JointState, Scalars
-from stepbus_tools.viewing.page import page, write_page
+from stepbus_tools.viewing.page import report_page, write_page
 from stepbus_tools.viewing.page.arrays import thin
 
 LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
@@ -232,7 +232,7 @@ def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, d
 
 
 def test_without_its_extra_it_says_how_to_install_it(recording, monkeypatch):
-    monkeypatch.setattr(page, "find_spec", lambda _name: None)
+    monkeypatch.setattr(report_page, "find_spec", lambda _name: None)
     with pytest.raises(ExtraMissing, match=r"needs uplot, which is not installed; pip install"):
         write_page([recording])
 

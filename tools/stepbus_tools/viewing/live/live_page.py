@@ -10,7 +10,7 @@ from typing import Any
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_schemas import Event
 from stepbus_tools.viewing.scene import Messages, build_scene
-from stepbus_tools.viewing.stage.view import View, plain_topics
+from stepbus_tools.viewing.stage.stage_view import View, plain_topics
 
 from .controls import Controls
 from .following import Turn, follow_run, latest_of

@@ -14,7 +14,7 @@ from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.scene import build_scene
 from stepbus_tools.viewing.stage import Stage
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR
-from stepbus_tools.viewing.stage.view import View, plain_topics
+from stepbus_tools.viewing.stage.stage_view import View, plain_topics
 
 from .history import History
 
