@@ -1,6 +1,6 @@
 """Sells items: fetches each order from the shelves and puts it into the outlet.
 
-Run as `python -m stepbus_store.mission`. `states.py` has the table of states, `goals.py` the goal
+`states.py` has the table of states, `goals.py` the goal
 of each state, `checks.py` and `detection.py` decide when a state ends.
 """
 

@@ -1,6 +1,6 @@
 """Sends the goals of a list to a controller, one after the other.
 
-Run as `python -m stepbus_mission.goals`.
+Run as `stepbus_mission.goals:GoalSequence`.
 """
 
 from collections.abc import Mapping

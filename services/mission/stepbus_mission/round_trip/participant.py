@@ -1,6 +1,6 @@
 """Sends the arms to random poses and measures how accurately they reach them.
 
-Run as `python -m stepbus_mission.round_trip`. It verifies the whole chain: the target comes from
+Run as `stepbus_mission.round_trip:RoundTrip`. It verifies the whole chain: the target comes from
 the model, the measurement from the plant, and between them lie inverse kinematics, the bus, the
 motors and gravity.
 """
