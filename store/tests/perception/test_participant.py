@@ -268,7 +268,7 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
         importlib.util, "find_spec", lambda name, *a: None if name == "cv2" else real(name, *a)
     )
     (row,) = problems(config(tmp_path))
-    sentence = "params.source: camera needs cv2 (OpenCV), which is not installed; pip install "
+    sentence = "params.source: camera needs cv2 (OpenCV), which is not installed; to install, run `make robots`"
     assert sentence in row
     Perception(config(tmp_path, ["poses"], source="truth"))
 

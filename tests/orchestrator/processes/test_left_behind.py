@@ -15,7 +15,7 @@ STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 LEAVER = """
 import os, runpy, sys
 
-mark = sys.argv.pop(1)
+mark, sys.argv[1] = sys.argv[1], "stepbus_controller:Controller"
 LEFT = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(1000)"
 
 if os.fork() == 0:
@@ -29,7 +29,7 @@ if os.fork() == 0:
         os.execv(sys.executable, [sys.executable, "-S", "-c", LEFT, mark])
     os._exit(0)
 os.wait()
-runpy.run_module("stepbus_controller", run_name="__main__")
+runpy.run_module("stepbus_participant", run_name="__main__")
 """
 SCENARIO = """
 name: leaver

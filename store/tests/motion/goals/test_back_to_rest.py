@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from services.motion.goals.test_beside import answer
+from motion.goals.test_beside import answer
 from support.services.mobile import DT, JOINTS, READY, Robot, config
 
 from stepbus_schemas import Plan

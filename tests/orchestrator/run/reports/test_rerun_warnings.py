@@ -82,9 +82,7 @@ def test_where_readers_are_not_known_the_warning_says_so(reading, tmp_path, monk
 
 def test_a_declared_file_is_recorded_and_found_again(reading, tmp_path):
     text = reading.read_text()
-    reading.write_text(
-        text.replace("joints.py:Controller\n", "joints.py:Controller\n    files: ['*.dat']\n", 1)
-    )
+    reading.write_text(text.replace("Controller\n", "Controller\n    files: ['*.dat']\n", 1))
     result = run_it(reading, tmp_path / "run", in_process=True)
     assert not result.warnings
     assert Preparation(result.recording, tmp_path / "again").run().equal
