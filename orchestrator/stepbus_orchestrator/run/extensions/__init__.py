@@ -35,7 +35,8 @@ def with_defaults(
         others.append(StartedHere())
     if scenario.checkpoint_steps and is_recorded:
         others.insert(0, SaveCheckpoints())
-    return [Faults(), pace, speed, *others, calls, steering]
+    faults = [Faults()] if scenario.faults else []
+    return [*faults, pace, speed, *others, calls, steering]
 
 
 def _first(items: Iterable[RunExtension], kind: type[_T]) -> _T | None:
