@@ -1,4 +1,4 @@
-.PHONY: help demo test fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign clean setup
+.PHONY: help demo test test-rest fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign clean setup
 
 PYTHON := .venv/bin/python
 
@@ -6,6 +6,7 @@ help:
 	@echo "make demo       run the two-link arm for 10 s and plot it"
 	@echo "make test       run the tests that are quick"
 	@echo "make fresh      both in an empty clone, as on a machine with Python, make and git only"
+	@echo "make test-rest  run those that fresh could not try: BUT=F, F from FRESH='--passed F'"
 	@echo "make test-unit  run those of them that start no process, in under a minute"
 	@echo "make test-slow  run the others"
 	@echo "make coverage   run the quick tests and show which lines they execute"
@@ -29,6 +30,10 @@ WORKERS := 2
 test test-slow: WORKERS := 3
 test: setup
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
+
+# What `make fresh` could not try: tests that need more than Python, make and git, and those of the store.
+test-rest: setup
+	@$(PYTHON) -m pytest -n 3 --dist worksteal --but $(BUT)
 
 # The commands above as a stranger runs them; `make fresh FRESH=--help` has the options.
 fresh:

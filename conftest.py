@@ -29,6 +29,8 @@ def pytest_addoption(parser):
     parser.addoption("--unit", action="store_true", help="skip tests that start a process")
     text = "property tests draw from a fresh seed, and ten times as many examples"
     parser.addoption("--fresh-examples", action="store_true", help=text)
+    parser.addoption("--passed-to", metavar="FILE", help="write the names of passed tests there")
+    parser.addoption("--but", metavar="FILE", help="leave out the tests that are named there")
 
 
 # The tests that pytest has rewritten are kept, also where PYTHONDONTWRITEBYTECODE is set: each of
@@ -52,6 +54,23 @@ for _number, _handler in (
 ):
     if signal.getsignal(_number) == signal.SIG_IGN:
         signal.signal(_number, _handler)
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what `--but` names."""
+    if (file := config.getoption("--but")) is not None:
+        names = set(Path(file).read_text().splitlines())
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in names])
+        items[:] = [item for item in items if item.nodeid not in names]
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Name the tests that passed, for `--passed-to`; say which were not even looked at."""
+    if (file := config.getoption("--passed-to")) is not None:
+        names = {report.nodeid for report in terminalreporter.stats.get("passed", [])}
+        Path(file).write_text("".join(f"{name}\n" for name in sorted(names)))
+    if collect_ignore_glob:
+        terminalreporter.write_line("skipped store/tests, which need stepbus-store: `make robots`")
 
 
 def pytest_collection_finish():
@@ -106,12 +125,6 @@ def pytest_runtest_call():
         if collect_ignore_glob and ROBOTS_MISSING.search(str(exc)):
             pytest.skip("needs stepbus-store")
         raise
-
-
-def pytest_terminal_summary(terminalreporter):
-    """Say which tests were not even looked at."""
-    if collect_ignore_glob:
-        terminalreporter.write_line("skipped store/tests, which need stepbus-store: `make robots`")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -4,6 +4,7 @@
     make fresh FRESH='--order 7'        with the tests in another order
     make fresh FRESH='--archive'        in what `git archive` makes: no .git
     make fresh FRESH='--user nobody'    as a user of your choice (root only)
+    make fresh FRESH='--passed FILE'    list the tests that passed, for make test-rest
 
 The machine that it makes up has Python, make, git, the coreutils, sh, grep, sed, awk and tar: no
 compiler, no Node, Java, Octave, Perl. The home is empty, the environment too, but for what pip
@@ -88,6 +89,11 @@ class Machine:
     def programs(self) -> Path:
         """Return the folder that is the machine's whole PATH."""
         return self.folder / "bin"
+
+    @property
+    def passed(self) -> Path:
+        """Return the file that gets the names of the tests that passed."""
+        return self.folder / "passed"
 
     @property
     def checkout(self) -> Path:
@@ -201,7 +207,9 @@ def build(machine: Machine, archive: bool) -> None:
     else:
         clone = ["git", "clone", "--quiet", "--no-hardlinks", str(ROOT), str(machine.checkout)]
         subprocess.run(clone, check=True)
-    for path in (machine.home, machine.temporary, machine.checkout, *machine.checkout.rglob("*")):
+    machine.passed.touch()
+    own = (machine.home, machine.temporary, machine.passed, machine.checkout)
+    for path in (*own, *machine.checkout.rglob("*")):
         os.chown(path, machine.uid, machine.gid, follow_symlinks=False)
 
 
@@ -291,7 +299,8 @@ def try_out(machine: Machine, order: int) -> list[str]:
         before = files(machine)
         kept = KEPT_AT_HOME if "test" in command else KEPT_BY_RUNS
         began = time.monotonic()
-        code = machine.run(command, PYTEST_ADDOPTS=f"--random-order-seed={order}")
+        options = f"--random-order-seed={order} --passed-to={machine.passed}"
+        code = machine.run(command, PYTEST_ADDOPTS=options)
         say(f"fresh: {command}: exit code {code} after {time.monotonic() - began:.0f} s")
         wrong = [] if code == 0 else [f"exit code {code}"]
         wrong += processes_left() + files_left(machine, before, kept)
@@ -308,7 +317,7 @@ def say(line: str) -> None:
 
 
 def examine(
-    user: str | None, order: int | None, *, archive: bool, keep: bool
+    user: str | None, order: int | None, *, archive: bool, keep: bool, passed: Path | None
 ) -> tuple[list[str], str]:
     """Build a machine and run the commands there; return what is wrong, and what was tried."""
     head = newest_commit()
@@ -323,7 +332,10 @@ def examine(
         whom = f"{user_name(machine.uid)} ({machine.uid})"
         about = f"{what} of {head[:10]}, order {order}, as {whom}"
         say(f"fresh: {about}, in {folder}")
-        return try_out(machine, order), about
+        wrong = try_out(machine, order)
+        if passed is not None:
+            shutil.copyfile(machine.passed, passed)
+        return wrong, about
     finally:
         processes_left()
         if not keep:
@@ -348,10 +360,12 @@ def main() -> int:
     parser.add_argument("--archive", action="store_true", help="as from `git archive`: no .git")
     parser.add_argument("--order", type=int, metavar="N", help="the order of the tests")
     parser.add_argument("--user", metavar="NAME", help="whom the commands run as (root only)")
+    parser.add_argument("--passed", type=Path, metavar="FILE", help="list the tests that passed")
     parser.add_argument("--keep", action="store_true", help="keep the folder, to look around")
     args = parser.parse_args()
     try:
-        wrong, about = examine(args.user, args.order, archive=args.archive, keep=args.keep)
+        kept = {"archive": args.archive, "keep": args.keep, "passed": args.passed}
+        wrong, about = examine(args.user, args.order, **kept)
     except Unfit as exc:
         wrong, about = [str(exc)], "not run"
     for line in wrong:
