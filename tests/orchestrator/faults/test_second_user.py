@@ -77,17 +77,22 @@ extends: two_link
 duration: 1s
 participants:
 """
+PARTICIPANTS = {
+    "plant": "stepbus_plant:Plant",
+    "controller": "stepbus_controller:Controller",
+    "mission": "stepbus_mission:Mission",
+}
 WAITS = """
   {name}:
     exec: [sh, -c, 'until grep -q ":{port:04X} 00000000:0000 0A" /proc/net/tcp; do sleep 0.05; done;
-                    exec "$0" -m stepbus_{name}', {python}]
+                    exec "$0" -m stepbus_participant {cls}', {python}]
 """
 """A participant that starts when somebody listens on a port."""
 PASSED = """
   controller:
     exec: [sh, -c, 'until grep -q ":{port:04X} 00000000:0000 0A" /proc/net/tcp; do sleep 0.05; done;
                     while grep -q ":{port:04X} 00000000:0000 0A" /proc/net/tcp; do sleep 0.05; done;
-                    exec "$0" -m stepbus_controller', {python}]
+                    exec "$0" -m stepbus_participant stepbus_controller:Controller', {python}]
 """
 """A controller that starts when somebody has listened on its port."""
 
@@ -95,8 +100,8 @@ PASSED = """
 def held_scenario(first, folder):
     """Write a scenario whose participants start when all of their ports are taken."""
     rows = [
-        WAITS.format(name=name, port=first + 3, python=json.dumps(sys.executable))
-        for name in ("plant", "controller", "mission")
+        WAITS.format(name=name, cls=cls, port=first + 3, python=json.dumps(sys.executable))
+        for name, cls in PARTICIPANTS.items()
     ]
     path = folder / "held.yaml"
     path.write_text(HELD + "".join(rows))

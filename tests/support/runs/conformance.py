@@ -84,8 +84,15 @@ def outcomes(inputs, words, logs, names=(), interrupt=None):
     """Return name → result of checks of a program; words: its command line."""
     interrupt = interrupt or threading.Event()
     logs.mkdir(exist_ok=True)
-    kit = Kit(material=inputs, command=words, cwd=logs, logs=logs, interrupt=interrupt)
     checks = select(names) if names else CHECKS
+    kit = Kit(
+        material=inputs,
+        command=words,
+        cwd=logs,
+        logs=logs,
+        interrupt=interrupt,
+        is_plain_checked=not names or "steps" in names,
+    )
     return {result.name: result for result in run_checks(kit, checks, lambda _result: None)}
 
 
@@ -97,3 +104,9 @@ def failed(results):
 def program(name, *arguments):
     """Return the command line of a program of the tests."""
     return (sys.executable, str(PROGRAMS / name), *arguments)
+
+
+def ours(participant):
+    """Return the command line of a participant of two_link that ships."""
+    name = f"stepbus_{participant}:{participant.capitalize()}"
+    return (sys.executable, "-P", "-m", "stepbus_participant", name)

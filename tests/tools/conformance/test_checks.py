@@ -1,13 +1,12 @@
 """The checks of the conformance kit: right programs pass, and each mistake is found."""
 
 import re
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from support.paths import CHECKOUT
-from support.runs.conformance import FOUND_BY, failed, material, outcomes, program
+from support.runs.conformance import FOUND_BY, failed, material, ours, outcomes, program
 from support.runs.joints import leftovers
 
 from stepbus_orchestrator import load
@@ -124,6 +123,13 @@ def test_a_program_that_joins_no_run_is_killed_in_time(two_link_recording, tmp_p
     assert "a request to join did not come within 0.6 s" in results["join"].observed
 
 
+def test_a_check_alone_fails_for_a_program_that_does_not_start(two_link_recording, tmp_path):
+    inputs = material(two_link_recording, "controller")
+    results = outcomes(inputs, ("/bin/false",), tmp_path, ["determinism"])
+    assert results["determinism"].outcome == "fail"
+    assert "needs a plain run" in results["determinism"].observed
+
+
 @pytest.mark.slow
 def test_nothing_is_left_of_a_program_that_hangs(hurried_inputs, tmp_path):
     words = program("wrong_controller.py", "HangsAtGarbage")
@@ -152,9 +158,10 @@ def test_the_program_written_from_the_page_passes(inputs, tmp_path):
 )
 def test_our_own_participants_pass(two_link_recording, tmp_path, participant, names):
     inputs = material(two_link_recording, participant)
-    words = (sys.executable, "-m", f"stepbus_{participant}")
-    results = outcomes(inputs, words, tmp_path, names)
-    assert failed(results) == [], results
+    results = outcomes(inputs, ours(participant), tmp_path, names)
+    assert {name: result.outcome for name, result in results.items()} == dict.fromkeys(
+        names, "pass"
+    )
 
 
 def test_checks_of_inputs_are_skipped_for_a_participant_without_any(two_link_recording, tmp_path):
@@ -194,8 +201,7 @@ def test_each_mistake_fails_exactly_the_checks_that_find_it(two_link_recording, 
 @pytest.mark.parametrize("participant", ["controller", "mission", "plant"])
 def test_our_own_participants_pass_every_check(two_link_recording, tmp_path, participant):
     inputs = material(two_link_recording, participant)
-    words = (sys.executable, "-m", f"stepbus_{participant}")
-    assert failed(outcomes(inputs, words, tmp_path)) == []
+    assert failed(outcomes(inputs, ours(participant), tmp_path)) == []
 
 
 @pytest.mark.slow

@@ -57,6 +57,7 @@ def conformance(
             interrupt=interrupt or threading.Event(),
             is_scenarios=started is own,
             knows_names=not is_raw,
+            is_plain_checked=any(check.name == "steps" for check in checks),
         )
         results = run_checks(kit, checks, on_result)
     return Report(

@@ -43,7 +43,8 @@ class Kit:
     material: what the kit plays to it. command: its command line. cwd: where it is started. logs:
     gets a folder for each start of it. interrupt: ends everything when it is set. is_scenarios:
     whether it is the scenario's own program. knows_names: whether it learns the names of its
-    inputs; not through the raw bridge. check: name of the check that runs.
+    inputs; not through the raw bridge. is_plain_checked: whether the check `steps` says what is
+    wrong with a plain run, so that the others need not. check: name of the check that runs.
     """
 
     material: Material
@@ -53,6 +54,7 @@ class Kit:
     interrupt: threading.Event
     is_scenarios: bool = False
     knows_names: bool = True
+    is_plain_checked: bool = True
     check: str = ""
     _count: int = 0
     _traces: dict[str, Trace | Failed] = field(default_factory=dict)
@@ -134,7 +136,7 @@ class Kit:
     ) -> Trace:
         """Run all steps in lockstep, or `play` instead, and return what was published.
 
-        Raises Skipped where even a plain run fails.
+        Raises as `reference` where even a plain run fails.
         """
         self.reference()
         rows = self.feed if feed is None else feed
@@ -188,14 +190,15 @@ class Kit:
             harness.await_logged()
 
     def reference(self) -> Trace:
-        """Return the plain run; raises Skipped where there is none to compare with."""
+        """Return the plain run; raises Skipped, or Failed, where there is none to compare with."""
         try:
             trace = self.plain()
+            problem = trace.transcript.step_problem
         except Failed as exc:
-            raise Skipped(f"needs a plain run, and `steps` fails: {exc}") from exc
-        problem = trace.transcript.step_problem
+            problem = str(exc)
         if problem:
-            raise Skipped(f"needs a plain run, and `steps` fails: {problem}")
+            wrong = Skipped if self.is_plain_checked else Failed
+            raise wrong(f"needs a plain run, and `steps` fails: {problem}")
         return trace
 
     def same(self, trace: Trace, what: str, expected: Trace | None = None) -> None:
