@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from stepbus_gym import StepbusEnv
-from stepbus_orchestrator import Options, load, run_scenario
+from stepbus_orchestrator import InProcess, Options, load, run_scenario
 
 Speed = tuple[float, float]
 """Steps/s by the wall clock, and by the processor's."""
@@ -44,7 +44,7 @@ def in_process(steps: int) -> Speed:
     """Return the speed of the same scenario, with the controller that ships."""
     scenario = dataclasses.replace(load("two_link"), steps=steps)
     with tempfile.TemporaryDirectory() as folder:
-        options = Options(out=Path(folder) / "run", in_process=True, is_recorded=False)
+        options = Options(out=Path(folder) / "run", host=InProcess(), is_recorded=False)
         return _speed(steps, lambda: run_scenario(scenario, options))
 
 

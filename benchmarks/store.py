@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 from mcap.reader import make_reader
 
-from stepbus_orchestrator import Options, Recording, load
+from stepbus_orchestrator import InProcess, Options, Recording, load
 from stepbus_orchestrator import run_scenario as run
 
 TYPES = ("cola", "juice", "water", "soup")
@@ -56,7 +56,7 @@ def sell(scenario: str, seed: int, settings: Sequence[str], out: Path) -> Sale:
     item_type = TYPES[seed % len(TYPES)]
     wanted = [f"plant.params.stock.seed={seed}", f"mission.params.orders=[{item_type}]", *settings]
     loaded = load(scenario, wanted)
-    result = run(loaded, Options(out=out, in_process=True))
+    result = run(loaded, Options(out=out, host=InProcess()))
     row = _ROW.search(summary(out / "run.mcap"))
     if result.exit_code or row is None:
         return Sale(seed, item_type, result.reason)

@@ -24,6 +24,7 @@ from stepbus_orchestrator import (
     as_external,
     check_installed,
     default_folder,
+    host_of,
     plan,
     run_scenario,
 )
@@ -112,7 +113,7 @@ def run(
         found.append(RealTime(loaded.step_ns, float(real_time)))
     options = Options(
         out=folder,
-        in_process=in_process,
+        host=host_of(in_process=in_process),
         extensions=found,
     )
     result = run_scenario(loaded, options, observer, interrupt)

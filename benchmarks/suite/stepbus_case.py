@@ -20,7 +20,7 @@ from typing import Any
 import msgspec
 from mcap.reader import make_reader
 
-from stepbus_orchestrator import Options, StepTiming, load, run_scenario
+from stepbus_orchestrator import Options, StepTiming, host_of, load, run_scenario
 
 from .cases import BENCHMARKS, CONTROLLER_C, RUST, STEP_MS
 
@@ -143,7 +143,9 @@ def main(text: str, steps: int) -> None:
         folder = Path(name)
         scenario = load(scenario_of(spec, folder), overrides)
         memory = Memory()
-        options = Options(out=folder / "run", in_process=spec.get("in_process", False))
+        options = Options(
+            out=folder / "run", host=host_of(in_process=spec.get("in_process", False))
+        )
         result = run_scenario(scenario, options)
         if result.exit_code:
             raise SystemExit(result.reason)

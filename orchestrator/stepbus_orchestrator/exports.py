@@ -27,15 +27,16 @@ from .replay.branch import branch as branch_recording
 from .replay.rerun import Preparation, Rerun
 from .run.describe.describe import ParticipantDescription, describe
 from .run.episode import Episode
+from .run.execute import Options, default_folder, host_of
+from .run.execute import run as run_scenario
 from .run.extension import RunExtension
 from .run.extensions.external import External, as_external
 from .run.extensions.pace import Pace
 from .run.extensions.real_time import RealTime
+from .run.in_process_host import InProcess
 from .run.live_file import call
 from .run.reports.progress import Observer, Progress
 from .run.reports.result import Result
-from .run.run_scenario import Options, default_folder
-from .run.run_scenario import run as run_scenario
 from .run.setup.folder import first_new
 from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
 
@@ -47,6 +48,7 @@ __all__ = [
     "Episode",
     "ExitCode",
     "External",
+    "InProcess",
     "Interrupted",
     "Observer",
     "Options",
@@ -84,6 +86,7 @@ __all__ = [
     "describe",
     "diff",
     "first_new",
+    "host_of",
     "load",
     "parse_tolerance",
     "plan",

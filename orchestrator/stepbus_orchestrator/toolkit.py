@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .replay.rerun import attached_files, unpack_files
     from .run.bus.session import open_bus
     from .run.describe.describe import describe
+    from .run.execute import Options, host_of, run
     from .run.inprocess import check_scenario
     from .run.kernel.admission import max_message_bytes, welcome_of
     from .run.kernel.descriptions import input_descriptions
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from .run.reports.lateness import Lateness, in_units
     from .run.reports.progress import Observer
     from .run.reports.result import RESULT_FILE, Result
-    from .run.run_scenario import Options, run
     from .run.setup.folder import read_files
     from .run.setup.scratch import scratch_folder
 
@@ -54,7 +54,7 @@ _HOMES = {
     "Line": "run.live_file",
     "Mesh": "processes.links.endpoints",
     "Observer": "run.reports.progress",
-    "Options": "run.run_scenario",
+    "Options": "run.execute",
     "PYTHON": "processes.environment",
     "PortComparison": "analysis.comparison",
     "RESULT_FILE": "run.reports.result",
@@ -76,6 +76,7 @@ _HOMES = {
     "differences": "analysis.comparison",
     "envelope": "replay.outputs.recorded",
     "findings": "analysis.findings",
+    "host_of": "run.execute",
     "in_units": "run.reports.lateness",
     "input_descriptions": "run.kernel.descriptions",
     "make_mesh": "processes.links.endpoints",
@@ -90,7 +91,7 @@ _HOMES = {
     "recorded_descriptions": "replay.outputs.recorded",
     "replaced": "analysis.replaced",
     "replay": "replay",
-    "run": "run.run_scenario",
+    "run": "run.execute",
     "scratch_folder": "run.setup.scratch",
     "tracking_pieces": "analysis.signals",
     "tracking_rmse": "analysis.tracking",
@@ -132,6 +133,7 @@ __all__ = [
     "differences",
     "envelope",
     "findings",
+    "host_of",
     "in_units",
     "input_descriptions",
     "make_mesh",

@@ -7,10 +7,10 @@ import sys
 import pytest
 from support.paths import CHECKOUT
 
-from stepbus_orchestrator import Options, RealTime, load
+from stepbus_orchestrator import InProcess, Options, RealTime, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def drive(example):
 
 def run_example(example, out, *overrides, **options):
     checked = load(example, ["duration=500ms", "motor.step_timeout=60s", *overrides])
-    return run(checked, Options(out=out, in_process=True, **options))
+    return run(checked, Options(out=out, host=InProcess(), **options))
 
 
 def test_the_recording_is_the_same_in_real_time_and_needs_no_hardware_afterwards(

@@ -5,11 +5,11 @@ import pytest
 from support.paths import CHECKOUT
 from support.tools import needs
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 EXAMPLES = CHECKOUT / "examples" / "controllers"
 PROGRAMS = {"octave": "octave-cli", "java": "javac"}
@@ -22,14 +22,14 @@ def result(request, tmp_path_factory):
     needs(PROGRAMS[request.param])
     scenario = load(EXAMPLES / request.param, ["duration=1s"])
     out = tmp_path_factory.mktemp(request.param) / "out"
-    return run(scenario, Options(out=out, in_process=True))
+    return run(scenario, Options(out=out, host=InProcess()))
 
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory):
     """Return the result of a second of the built-in PD controller."""
     out = tmp_path_factory.mktemp("python") / "out"
-    return run(load("two_link/pd", ["duration=1s"]), Options(out=out, in_process=True))
+    return run(load("two_link/pd", ["duration=1s"]), Options(out=out, host=InProcess()))
 
 
 def trajectory(result):

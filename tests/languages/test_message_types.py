@@ -8,10 +8,10 @@ from support.paths import CHECKOUT
 from support.tools import needs
 
 import stepbus
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"
@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(folder):
     """Return the result of a second of the example."""
-    return run(load(folder, SHORT), Options(out=folder.parent / "out", in_process=True))
+    return run(load(folder, SHORT), Options(out=folder.parent / "out", host=InProcess()))
 
 
 def test_a_type_of_ones_own_goes_through_python_and_c_and_is_recorded(result):
@@ -70,7 +70,7 @@ def refused(folder, changes):
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    result = run(load(folder, SHORT), Options(out=folder / "out", in_process=True))
+    result = run(load(folder, SHORT), Options(out=folder / "out", host=InProcess()))
     assert result.exit_code == ExitCode.START
     return result.reason
 

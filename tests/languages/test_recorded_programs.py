@@ -10,9 +10,9 @@ import sys
 import pytest
 from support.tools import needs
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 SCENARIO = """\
 name: counter
@@ -127,7 +127,7 @@ def virtual(folder):
 
 def recorded(folder):
     """Run a scenario, then remove its folder; return the result."""
-    result = run(load(folder), Options(out=folder.with_name("out"), in_process=True))
+    result = run(load(folder), Options(out=folder.with_name("out"), host=InProcess()))
     assert (result.exit_code, result.steps) == (0, 10), result.reason
     shutil.rmtree(folder)
     return result
@@ -147,6 +147,6 @@ def test_an_environment_inside_of_the_folder_is_a_warning_of_the_run(tmp_path):
     shutil.move(tmp_path / "environment", folder / ".venv")
     text = SCENARIO.format(command="[.venv/bin/python, counter.py]")
     (folder / "scenario.yaml").write_text(text)
-    result = run(load(folder), Options(out=tmp_path / "out", in_process=True))
+    result = run(load(folder), Options(out=tmp_path / "out", host=InProcess()))
     said = [warning.text for warning in result.warnings]
     assert any("a virtual environment is not recorded; write its" in text for text in said), said

@@ -6,11 +6,11 @@ import subprocess
 import pytest
 from support.tools import needs, tracked
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_tools.conformance import conformance, select
 
 TOOLS = {"c": ("make", "cc"), "java": ("javac",), "js": ("node",), "octave": ("octave-cli",)}
@@ -25,7 +25,7 @@ def test_a_starter_runs_as_it_is(language, tmp_path):
     build = STARTERS[language].build.format(folder=tmp_path / "arm")
     subprocess.run(build, shell=True, check=True, capture_output=True)
     scenario = load(tmp_path / "arm", ["duration=100ms"])
-    result = run(scenario, Options(out=tmp_path / "out", in_process=True))
+    result = run(scenario, Options(out=tmp_path / "out", host=InProcess()))
     assert (result.exit_code, result.steps, result.scenario) == (0, 20, "arm")
 
 

@@ -3,8 +3,8 @@
 import pytest
 from support.runs.branches import unequal
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import InProcess, Options, load
+from stepbus_orchestrator.run.execute import run
 
 TWO_LINK = ("pd", "pid", "pd_gravity", "velocity_force", "encoders", "tip", "pair")
 NAMES = ("two_link", *(f"two_link/{name}" for name in TWO_LINK))
@@ -14,6 +14,6 @@ NAMES = ("two_link", *(f"two_link/{name}" for name in TWO_LINK))
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_branch_without_a_change_is_the_recording(name, tmp_path):
-    options = Options(out=tmp_path / "out", in_process=True)
+    options = Options(out=tmp_path / "out", host=InProcess())
     recording = run(load(name, ["duration=2s"]), options).recording
     assert unequal(recording, tmp_path, 5, name) == []

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Options, host_of, load
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.scenario import builtin_names
 
 STEPS = 60
@@ -22,7 +22,7 @@ def shortened(name):
 def test_one_process_records_the_bytes_of_separate_ones(tmp_path, name):
     scenario = shortened(name)
     alone, separate = (
-        run(scenario, Options(out=tmp_path / str(in_process), in_process=in_process))
+        run(scenario, Options(out=tmp_path / str(in_process), host=host_of(in_process=in_process)))
         for in_process in (True, False)
     )
     assert (alone.exit_code, separate.exit_code) == (0, 0), (alone.reason, separate.reason)

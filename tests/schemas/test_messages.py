@@ -23,9 +23,9 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.bus.session import Session
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.host import NoPeers
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
-from stepbus_orchestrator.run.loop.loop import RunLoop
-from stepbus_orchestrator.run.loop.strategy import NoPeers
+from stepbus_orchestrator.run.run import Run
 from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
 from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
@@ -63,7 +63,7 @@ class Stand:
         self.recorder = Recorder(McapFile(folder / "run.mcap"), list(specs), scenario.step_ns)
         self.timing = TimingRecorder(folder / "timing.mcap")
         self.session = Session(scenario, self.bus, TOKEN)
-        self.loop = RunLoop(
+        self.loop = Run(
             self.session, AllStarted(), self.recorder, self.timing, out=folder, extensions=[Calls()]
         )
         self.loop.state.participants = {

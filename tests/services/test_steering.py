@@ -6,13 +6,13 @@ from functools import partial
 import pytest
 from support.runs.asker import Asker
 
-from stepbus_orchestrator import Options, Recording, cli, load
+from stepbus_orchestrator import InProcess, Options, Recording, cli, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
 AT = 100
@@ -26,7 +26,7 @@ def steered(folder, *calls, scenario="two_link/pid", overrides=()):
         for who, method, *args in calls
     ]
     checked = load(scenario, ["duration=1s", *overrides])
-    result = run(checked, Options(out=folder, extensions=[Calls(new=planned)], in_process=True))
+    result = run(checked, Options(out=folder, extensions=[Calls(new=planned)], host=InProcess()))
     assert result.exit_code == 0, result.reason
     return result.recording
 

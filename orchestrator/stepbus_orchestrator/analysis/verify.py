@@ -10,9 +10,11 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.processes.delays import Delays
+from stepbus_orchestrator.run.execute import Options, run
+from stepbus_orchestrator.run.in_process_host import InProcess
 from stepbus_orchestrator.run.inprocess import check_scenario
+from stepbus_orchestrator.run.process_host import Processes
 from stepbus_orchestrator.run.reports.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_orchestrator.scenario.model import Transport
 from stepbus_schemas import WiringError
@@ -128,17 +130,16 @@ def verify(
 
     folder: gets a folder for each run, named by its number. seed: of the delays. on_result: gets
     each trial when it has ended. interrupt: ends the current run, as a failure. owns_descriptors:
-    as in `Options`.
+    as of `InProcess`.
     """
     results: list[TrialResult] = []
     for trial in trials:
         delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
         options = Options(
             out=folder / str(trial.number),
-            start_order=trial.start_order,
-            around=delays.around,
-            in_process=trial.in_process,
-            owns_descriptors=owns_descriptors,
+            host=InProcess(start_order=trial.start_order, owns_descriptors=owns_descriptors)
+            if trial.in_process
+            else Processes(start_order=trial.start_order, around=delays.around),
         )
         result = run(_changed(scenario, trial), options, interrupt=interrupt)
         results.append(TrialResult(trial=trial, result=result, delays=sum(delays.counts.values())))

@@ -21,9 +21,9 @@ from stepbus_orchestrator.recording import Recorder, Recording, TimingRecorder, 
 from stepbus_orchestrator.run.bus.session import Session, open_bus
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.kernel.participants import Process
-from stepbus_orchestrator.run.loop.loop import RunLoop
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports.progress import Observer
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
@@ -170,7 +170,7 @@ class _Replay:
             stack.callback(session.announcer.close)
             start = partial(self._start, launcher, mesh, spec, scenario.folder)
             strategy = self._strategy(session, spec, start, reference, mesh)
-            loop = RunLoop(
+            loop = Run(
                 session,
                 strategy,
                 check,

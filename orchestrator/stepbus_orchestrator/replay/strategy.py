@@ -6,7 +6,7 @@ from typing import Any
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Process
-from stepbus_orchestrator.run.loop.loop import RunLoop
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import Bus
 from stepbus_schemas import Decoder, MessageError, Outputs
@@ -52,7 +52,7 @@ class Replay:
         except MessageError:
             return -1
 
-    def launch(self, run: RunLoop) -> None:
+    def launch(self, run: Run) -> None:
         """Start the participant."""
         run.started(ParticipantState(self._spec, self._start(), self.newest_step))
 

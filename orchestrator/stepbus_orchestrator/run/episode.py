@@ -19,11 +19,11 @@ from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
 
+from .execute import Options, run
 from .extensions.debug import Debug
 from .extensions.hosted_caller import HostedCaller, Room
+from .in_process_host import InProcess
 from .reports.result import Result
-from .run_scenario import run
-from .setup.options import Options
 
 Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()
@@ -64,7 +64,7 @@ class Episode:
         self._make = make
         self._options = Options(
             out=out,
-            in_process=True,
+            host=InProcess(),
             is_recorded=is_recorded,
             extensions=[HostedCaller(self), Debug(no_deadline=[name])],
         )

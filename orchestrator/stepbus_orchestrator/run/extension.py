@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import error_text
 
-from .kernel.gates import FAR
+from .kernel.gates import FAR, Gate
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording import Sink
 
+    from .host import Strategy
     from .kernel.participants import ParticipantState
-    from .loop.loop import RunLoop
-    from .loop.strategy import Strategy
     from .reports.result import Result
+    from .run import Run
 
 
 class RunExtension:
@@ -35,7 +35,7 @@ class RunExtension:
             for name in _METHODS & vars(cls).keys():
                 setattr(cls, name, _translated(vars(cls)[name]))
 
-    run: RunLoop
+    run: Run
     """The run, once `attach` has been called."""
 
     is_star = False
@@ -59,14 +59,14 @@ class RunExtension:
         """Return facts to record before the first message: name → content."""
         return {}
 
-    def wrap(self, strategy: Strategy, sink: Sink, run: RunLoop) -> tuple[Strategy, Sink]:
+    def wrap(self, strategy: Strategy, sink: Sink, run: Run) -> tuple[Strategy, Sink]:
         """Return how the run gets its participants, and who gets their outputs.
 
         run: has its bus and its state, and nothing else yet.
         """
         return strategy, sink
 
-    def attach(self, run: RunLoop) -> None:
+    def attach(self, run: Run) -> None:
         """Take the run: its bus is open, and no participant has been started."""
         self.run = run
 
@@ -133,6 +133,73 @@ class RunExtension:
 
     def finish(self, result: Result) -> None:
         """Take the result, when the recording is closed; raises RecordingFailed."""
+
+
+class Extensions:
+    """The extensions of one run, in the order in which they were given.
+
+    A step calls only those that have something to do in it: gates, turns, acts, completions,
+    releases and waits are the methods `limit`, `turn`, `act`, `completed`, `released` and `wait_s`
+    of those that override them.
+    """
+
+    def __init__(self, items: Sequence[RunExtension]) -> None:
+        self._items = items
+        self.gates: list[Gate] = overriding(items, "limit")
+        self.turns = overriding(items, "turn")
+        self.acts = overriding(items, "act")
+        self.completions = overriding(items, "completed")
+        self.releases = overriding(items, "released")
+        self._waits = overriding(items, "wait_s")
+
+    def wrap(self, strategy: Strategy, sink: Sink, run: Run) -> tuple[Strategy, Sink]:
+        """Return how the run gets its participants, and who gets their outputs."""
+        for item in self._items:
+            strategy, sink = item.wrap(strategy, sink, run)
+        return strategy, sink
+
+    def attach(self, run: Run) -> None:
+        """Hand them the run."""
+        for item in self._items:
+            item.attach(run)
+
+    def start_options(self, spec: ParticipantSpec) -> dict[str, Any]:
+        """Return how a participant is to be started, as far as they say so."""
+        return {key: v for item in self._items for key, v in item.start_options(spec).items()}
+
+    def started(self, participant: ParticipantState) -> None:
+        """Tell them of a participant that has been started."""
+        for item in self._items:
+            item.started(participant)
+
+    def awaiting(self, participants: Collection[ParticipantState]) -> None:
+        """Tell them who has still to get ready, or to leave."""
+        for item in self._items:
+            item.awaiting(participants)
+
+    def ready(self) -> None:
+        """Let them check what all participants have said of themselves."""
+        for item in self._items:
+            item.ready()
+
+    def wait_s(self, released: int, longest_s: float) -> float | None:
+        """Return how long to wait until the next step is due [s]; None: no clock holds it."""
+        waits = (wait(released, longest_s) for wait in self._waits)
+        return min((wait for wait in waits if wait is not None), default=None)
+
+    def is_holding(self) -> bool:
+        """Return whether one holds the run until the user lets it continue."""
+        return any(item.is_holding() for item in self._items)
+
+    def stopping(self) -> None:
+        """Tell them that no further step begins."""
+        for item in self._items:
+            item.stopping()
+
+    def close(self) -> None:
+        """Let them let go of everything."""
+        for item in self._items:
+            item.close()
 
 
 _METHODS = {name for name, value in vars(RunExtension).items() if callable(value)} - {"prepare"}

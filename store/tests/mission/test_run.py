@@ -7,9 +7,9 @@ import pytest
 from support.messages.recordings import messages
 from support.store_paths import STORE_PROGRAMS, STORE_TESTS
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +54,7 @@ def sales(folder, **faults):
     program = (STORE_PROGRAMS / "fake_store.py").read_text()
     (folder / "fake_store.py").write_text(program.replace("TESTS", str(STORE_TESTS)))
     path.write_text(SCENARIO.format(faults=json.dumps(faults)))
-    return run(load(path), Options(out=folder / "out", in_process=True))
+    return run(load(path), Options(out=folder / "out", host=InProcess()))
 
 
 def told(result, port):

@@ -6,16 +6,16 @@ import pytest
 from support.runs.branches import unequal
 from support.runs.store import NAMES, moves, store
 
-from stepbus_orchestrator import Options, Recording, load
+from stepbus_orchestrator import InProcess, Options, Recording, load
 from stepbus_orchestrator.replay.branch import branch
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", ["baxter", "baxter/round_trip"])
 def test_a_branch_without_a_change_is_the_recording(name, tmp_path):
-    options = Options(out=tmp_path / "out", in_process=True)
+    options = Options(out=tmp_path / "out", host=InProcess())
     recording = run(load(name, ["duration=2s"]), options).recording
     assert unequal(recording, tmp_path, 5, name) == []
 

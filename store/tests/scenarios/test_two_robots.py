@@ -5,11 +5,11 @@ import shutil
 
 import pytest
 
-from stepbus_orchestrator import Options, cli, load
+from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.scenario import read_data
 from stepbus_orchestrator.scenario.reading.locate import locate
 from stepbus_participant.parameters import parse_yaml
@@ -97,7 +97,7 @@ def _devices(rows, side):
 def patient_run(file, duration, out):
     """Run a scenario in one process, on a machine of any speed."""
     late = [f"{spec.name}.spawn_timeout=120s" for spec in load(file).participants]
-    return run(load(file, [f"duration={duration}", *late]), Options(out=out, in_process=True))
+    return run(load(file, [f"duration={duration}", *late]), Options(out=out, host=InProcess()))
 
 
 def test_two_baxters_follow_their_references_in_one_world(tmp_path):

@@ -8,19 +8,19 @@ import pytest
 from support.messages.recordings import write
 from support.paths import GOLDEN_LOGS, TESTS
 
-from stepbus_orchestrator import Options, cli, load
+from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.analysis.findings import _Count, findings
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_schemas import Description, Goal, JointState
 
 DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"
 
 
 def run_it(folder, out, *overrides):
-    return run(load(folder, overrides), Options(out=out, in_process=True))
+    return run(load(folder, overrides), Options(out=out, host=InProcess()))
 
 
 def found(tmp_path, *overrides):

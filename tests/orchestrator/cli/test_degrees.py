@@ -4,11 +4,11 @@ import threading
 
 from support.runs.joints import load, write_scenario
 
-from stepbus_orchestrator import Options, Recording
+from stepbus_orchestrator import InProcess, Options, Recording
 from stepbus_orchestrator.cli.terminal.live import in_degrees
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.reports.progress import Silent
-from stepbus_orchestrator.run.run_scenario import run
 
 
 class Watcher(Silent):
@@ -25,7 +25,7 @@ class Watcher(Silent):
 
 def test_the_angles_are_those_that_were_measured_last(tmp_path):
     watcher = Watcher()
-    options = Options(out=tmp_path / "out", extensions=[Pace(50)], in_process=True)
+    options = Options(out=tmp_path / "out", extensions=[Pace(50)], host=InProcess())
     result = run(load(write_scenario(tmp_path / "source")), options, watcher, watcher.stop)
     measured = Recording(result.recording)["plant.joint_state"].position[49]
     assert watcher.angles == dict(zip(["hip", "knee"], measured, strict=True))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import stepbus_scenarios
-from stepbus_orchestrator import Options, load, run_scenario
+from stepbus_orchestrator import InProcess, Options, load, run_scenario
 from stepbus_orchestrator.cli import main
 
 SCENARIO = Path(stepbus_scenarios.__file__).parent / "two_link"
@@ -89,7 +89,7 @@ def test_the_list_of_known_programs_is_passed_over(folder, tmp_path, monkeypatch
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     put(odd, tmp_path / "state" / "stepbus" / "programs")
     out = tmp_path / "out"
-    options = Options(out=out, in_process=True)
+    options = Options(out=out, host=InProcess())
     scenario = load(folder / "scenario.yaml", ["duration=50ms"])
     assert run_scenario(scenario, options).exit_code == 0
     assert main(["replay", str(out), "--participant", "mission", "--trust"]) == 0
@@ -114,7 +114,7 @@ def test_a_file_beside_a_recording_is_passed_over_or_refused(
 ):
     run, out = tmp_path / "run", tmp_path / "out"
     scenario = load(folder / "scenario.yaml", ["duration=50ms"])
-    assert run_scenario(scenario, Options(out=run, in_process=True)).exit_code == 0
+    assert run_scenario(scenario, Options(out=run, host=InProcess())).exit_code == 0
     put(odd, run / file)
     capsys.readouterr()
     assert main([word.format(run=run, out=out) for word in words]) == code

@@ -14,7 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from support.messages.recordings import messages
 
-from stepbus_orchestrator import Options, Pace, load, run_scenario
+from stepbus_orchestrator import InProcess, Options, Pace, load, run_scenario
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
 from stepbus_orchestrator.run.reports.progress import Silent
@@ -116,7 +116,7 @@ def overwrite(recording):
 def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, change, sentence):
     """The run is paused at a step while it is changed."""
     pace = Pace(50)
-    options = Options(out=tmp_path / "run", extensions=[pace], in_process=True)
+    options = Options(out=tmp_path / "run", extensions=[pace], host=InProcess())
     changer = Changer(lambda: change(recording), pace)
     recording = tmp_path / "run" / "run.mcap"
     result = run_scenario(load("two_link", ["duration=500ms"]), options, changer)

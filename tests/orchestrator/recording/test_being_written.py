@@ -10,7 +10,7 @@ from support.messages.recordings import messages
 from support.paused import Paused
 from support.surroundings import comes_true
 
-from stepbus_orchestrator import load
+from stepbus_orchestrator import InProcess, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, recover
@@ -19,7 +19,7 @@ from stepbus_orchestrator.recording import McapFile, Recording, recover
 @pytest.fixture
 def paused(tmp_path):
     """Return a run of 100 steps that waits behind the first ten."""
-    run = Paused(tmp_path / "run", load("two_link", ["duration=500ms"]), in_process=True)
+    run = Paused(tmp_path / "run", load("two_link", ["duration=500ms"]), host=InProcess())
     run.pace.step(10)
     try:
         assert comes_true(lambda: recorded(run.out / "run.mcap") >= 9)

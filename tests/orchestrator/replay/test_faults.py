@@ -7,10 +7,10 @@ import pytest
 from support.runs.joints import fault, run_joints
 from support.runs.large import write_large
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure, StepTimeout
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 STEP = "controller.step_timeout=500ms"
 STOP = "controller.stop_timeout=500ms"
@@ -106,7 +106,7 @@ def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
 
 def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_path, own_temp):
     recording = run(
-        load(write_large(tmp_path)), Options(out=tmp_path / "out", in_process=True)
+        load(write_large(tmp_path)), Options(out=tmp_path / "out", host=InProcess())
     ).recording
     with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read nothing for .* piled up"):
         replay(

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 pytest_plugins = ["pytester"]
 
@@ -99,7 +99,7 @@ def test_a_test_catches_a_gain_changed_in_the_work_tree(pytester):
     (pytester.path / ".git").mkdir()
     write_starter(pytester.path / "arm", "python")
     scenario = load(pytester.path / "arm", ["duration=50ms"])
-    run(scenario, Options(out=pytester.path / "out", in_process=True))
+    run(scenario, Options(out=pytester.path / "out", host=InProcess()))
     (pytester.mkdir("logs") / "a.mcap").write_bytes((pytester.path / "out/run.mcap").read_bytes())
     pytester.makepyfile(EQUAL)
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)

@@ -9,11 +9,11 @@ from mcap.opcode import Opcode
 from support.messages.recordings import record_ends, rewrite
 from support.runs.joints import fault, run_joints, write_scenario
 
-from stepbus_orchestrator import Options, cli, load
+from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.reports.progress import Silent
-from stepbus_orchestrator.run.run_scenario import run
 
 
 class Stopper(Silent):
@@ -85,7 +85,7 @@ def test_of_a_recording_that_is_cut_off_what_is_there_is_compared(tmp_path, caps
 def test_of_a_run_that_was_interrupted_its_steps_are_compared(tmp_path, capsys):
     source = write_scenario(tmp_path / "source")
     stop = threading.Event()
-    options = Options(out=tmp_path / "out", extensions=[Pace(50)], in_process=True)
+    options = Options(out=tmp_path / "out", extensions=[Pace(50)], host=InProcess())
     run(load(source, ["duration=1s"]), options, Stopper(stop), stop)
     assert cli.main(["rerun", str(tmp_path / "out"), "--out", str(tmp_path / "again")]) == 0
     said = capsys.readouterr().out

@@ -9,12 +9,12 @@ import pytest
 from support.runs.joints import fault, run_joints
 
 import stepbus_scenarios
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.reports.result import own_versions
-from stepbus_orchestrator.run.run_scenario import run
 
 
 def write_log(path, scenario="name: x", files=None, versions=None):
@@ -185,7 +185,7 @@ def test_a_recording_with_shared_models_is_run_again_from_itself_alone(tmp_path)
         path = tmp_path / "arm" / name
         path.write_text(path.read_text().replace(old, old.replace("two_link", "../models/arm")))
     scenario = load(tmp_path / "arm", ["duration=50ms"])
-    first = run(scenario, Options(out=tmp_path / "first", in_process=True))
+    first = run(scenario, Options(out=tmp_path / "first", host=InProcess()))
     shutil.rmtree(tmp_path / "models")
     shutil.rmtree(tmp_path / "arm")
     assert Preparation(first.recording, tmp_path / "again").run().equal

@@ -8,10 +8,10 @@ from mcap.reader import make_reader
 from support.messages.recordings import rewrite
 from support.runs.joints import PROGRAM, SCENARIO, fault, run_joints, write_scenario
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.scenario import ScenarioError
 
 SELDOM = """
@@ -50,7 +50,7 @@ class Watcher(stepbus.Participant):
 
 def recorded(folder, *overrides, text=SCENARIO):
     path = write_scenario(folder / "source", text)
-    result = run(load(path, overrides), Options(out=folder / "out", in_process=True))
+    result = run(load(path, overrides), Options(out=folder / "out", host=InProcess()))
     assert result.exit_code == 0, result.reason
     return result.recording
 

@@ -6,14 +6,14 @@ import shutil
 import pytest
 from support.tools import needs
 
-from stepbus_orchestrator import Options, cli, load
+from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording, known_programs
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.programs.trust import programs_of
 from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_schemas import WiringError
 
 REPLAY = ("--participant", "controller")
@@ -22,7 +22,7 @@ REPLAY = ("--participant", "controller")
 def record(folder, out, *overrides):
     """Record 50 ms of the scenario of a folder."""
     scenario = load(folder, ["duration=50ms", *overrides])
-    result = run(scenario, Options(out=out, in_process=True))
+    result = run(scenario, Options(out=out, host=InProcess()))
     assert result.exit_code == 0, result.reason
     return result.recording
 

@@ -5,8 +5,8 @@ import pytest
 from mcap.reader import make_reader
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Options, host_of, load
+from stepbus_orchestrator.run.execute import run
 
 ECHO = '''
 from stepbus import Event, Participant
@@ -51,7 +51,9 @@ def hear(folder, *overrides, in_process=True):
     """Return what the sink has heard at each of its steps."""
     path = write_scenario(folder / "source", SCENARIO)
     (folder / "source" / "echo.py").write_text(ECHO)
-    result = run(load(path, overrides), Options(out=folder / "out", in_process=in_process))
+    result = run(
+        load(path, overrides), Options(out=folder / "out", host=host_of(in_process=in_process))
+    )
     assert result.exit_code == 0, result.reason
     with result.recording.open("rb") as file:
         rows = make_reader(file).iter_messages(topics=["sink/said"])

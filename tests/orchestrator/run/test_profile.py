@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from stepbus_orchestrator import Options, load, run_scenario
+from stepbus_orchestrator import InProcess, Options, load, run_scenario
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_tools.report import write_report
@@ -19,9 +19,9 @@ def runs(tmp_path_factory):
     """Return the results of two runs, the second one profiled."""
     folder = tmp_path_factory.mktemp("profile")
     scenario = load("two_link", [f"duration={STEPS * 5}ms"])
-    plain = run_scenario(scenario, Options(out=folder / "plain", in_process=True))
+    plain = run_scenario(scenario, Options(out=folder / "plain", host=InProcess()))
     options = Options(
-        out=folder / "profiled", in_process=True, extensions=[Profile(["controller"])]
+        out=folder / "profiled", host=InProcess(), extensions=[Profile(["controller"])]
     )
     return plain, run_scenario(scenario, options)
 

@@ -2,11 +2,11 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, host_of, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_tools.report import write_report
 
 JOINTS = ["left/joint1", "left/joint2", "right/joint1", "right/joint2"]
@@ -15,7 +15,7 @@ JOINTS = ["left/joint1", "left/joint2", "right/joint1", "right/joint2"]
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pair")
-    return run(load("two_link/pair"), Options(out=folder / "run", in_process=True))
+    return run(load("two_link/pair"), Options(out=folder / "run", host=InProcess()))
 
 
 def test_both_arms_follow_their_own_references(result):
@@ -33,5 +33,8 @@ def test_the_summary_and_the_plots_have_both(result):
 @pytest.mark.slow
 def test_in_processes_of_their_own_the_recording_has_the_same_hash(tmp_path):
     scenario = load("two_link/pair", ["duration=100ms"])
-    runs = [run(scenario, Options(out=tmp_path / str(n), in_process=bool(n))) for n in (0, 1)]
+    runs = [
+        run(scenario, Options(out=tmp_path / str(n), host=host_of(in_process=bool(n))))
+        for n in (0, 1)
+    ]
     assert runs[0].sha256 == runs[1].sha256

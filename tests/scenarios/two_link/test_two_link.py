@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.analysis.tracking import tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 # rad, joints 1 and 2, after 2 s: ../shared/robots.md; to be met within 20 %.
 FIGURES = {
@@ -35,7 +35,7 @@ def results(tmp_path_factory):
     """Return the result of each scenario, run once."""
     folder = tmp_path_factory.mktemp("two_link")
     return {
-        name: run(load(name), Options(out=folder / name.replace("/", "_"), in_process=True))
+        name: run(load(name), Options(out=folder / name.replace("/", "_"), host=InProcess()))
         for name in FIGURES
     }
 
@@ -101,7 +101,7 @@ def test_nothing_in_the_recording_tells_when_or_where_it_was_made(results):
 
 def test_the_tip_is_where_the_joints_put_it(tmp_path):
     scenario = load("two_link/tip", ["duration=500ms"])
-    found = Recording(run(scenario, Options(out=tmp_path / "out", in_process=True)).recording)
+    found = Recording(run(scenario, Options(out=tmp_path / "out", host=InProcess())).recording)
     first, second = found["plant.joint_state"].position.T
     elbow = np.stack([np.cos(first), np.zeros_like(first), -np.sin(first)], axis=1)
     forearm = np.stack([np.cos(first + second), 0 * first, -np.sin(first + second)], axis=1)
@@ -111,7 +111,7 @@ def test_the_tip_is_where_the_joints_put_it(tmp_path):
 
 def test_the_joints_are_those_without_a_tip(results, tmp_path):
     scenario = load("two_link/tip", ["duration=500ms"])
-    found = Recording(run(scenario, Options(out=tmp_path / "out", in_process=True)).recording)
+    found = Recording(run(scenario, Options(out=tmp_path / "out", host=InProcess())).recording)
     known = Recording(results["two_link"].recording)
     count = len(found["plant.joint_state"])
     now, before = (r["plant.joint_state"].position[:count] for r in (found, known))

@@ -8,12 +8,12 @@ import pytest
 from support.paths import CHECKOUT
 from support.tools import needs
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 EXAMPLES = CHECKOUT / "examples/controllers"
 TOOLS = {"c": ("cc", "make"), "javascript": ("node",)}
@@ -24,7 +24,7 @@ PARTS = {"c": ["controller.c", "bridge.h", "Makefile"], "javascript": ["controll
 @pytest.fixture(scope="module")
 def native(tmp_path_factory):
     out = tmp_path_factory.mktemp("pd") / "run"
-    result = run(load("two_link/pd", SHORT), Options(out=out, in_process=True))
+    result = run(load("two_link/pd", SHORT), Options(out=out, host=InProcess()))
     assert result.exit_code == 0, result.reason
     return positions(result)
 
@@ -42,7 +42,7 @@ def example(request, tmp_path_factory):
         shutil.copy(EXAMPLES / request.param / name, folder)
     if request.param == "c":
         subprocess.run(["make", "-s", "-C", folder], check=True, timeout=60)
-    return run(load(folder, SHORT), Options(out=folder / "run", in_process=True))
+    return run(load(folder, SHORT), Options(out=folder / "run", host=InProcess()))
 
 
 def test_its_joints_follow_those_under_the_built_in_controller(example, native):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, ScenarioError, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import InProcess, Options, ScenarioError, load
+from stepbus_orchestrator.run.execute import run
 
 
 @pytest.mark.parametrize(
@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.run_scenario import run
 )
 def test_a_point_that_cannot_be_is_refused_with_its_name(tmp_path, point, why):
     scenario = load("two_link/tip", ["duration=10ms", f"plant.params.points={point}"])
-    result = run(scenario, Options(out=tmp_path / "out", in_process=True))
+    result = run(scenario, Options(out=tmp_path / "out", host=InProcess()))
     assert why in result.reason
 
 

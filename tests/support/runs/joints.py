@@ -6,8 +6,9 @@ from pathlib import Path
 import psutil
 from support.paths import PROGRAMS
 
-from stepbus_orchestrator import Observer, Options, Result, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Observer, Options, Result, host_of, load
+from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.host import Host
 
 PROGRAM = PROGRAMS / "joints.py"
 
@@ -42,11 +43,17 @@ def write_scenario(folder: Path, text: str = SCENARIO) -> Path:
 
 
 def run_joints(
-    folder: Path, *overrides: str, observer: Observer | None = None, **options: object
+    folder: Path,
+    *overrides: str,
+    observer: Observer | None = None,
+    in_process: bool = False,
+    host: Host | None = None,
+    **options: object,
 ) -> Result:
     """Run the scenario with overrides; the run's folder is `folder/out`."""
+    host = host or host_of(in_process=in_process)
     scenario = load(write_scenario(folder / "source"), overrides)
-    return run(scenario, Options(out=folder / "out", **options), observer)
+    return run(scenario, Options(out=folder / "out", host=host, **options), observer)
 
 
 def fault(role: str, kind: str, step: int) -> str:

@@ -8,10 +8,10 @@ import msgspec
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.host import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.loop.loop import RunLoop
-from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.phases import run_phases
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import (
     InputSpec,
     OutputSpec,
@@ -278,7 +278,7 @@ class RunInMemory:
         self.sink = Transcript(scenario)
         self.timing = Timing()
         session = Session(scenario, self.bus, TOKEN)
-        self.loop = RunLoop(
+        self.loop = Run(
             session, Launched(self.bus), self.sink, self.timing, out=Path("no folder"), **controls
         )
         self.phases = [self.loop.state.phase.value]

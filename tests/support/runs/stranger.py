@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from support.runs.joints import run_joints
 
 from stepbus_orchestrator import Pace
+from stepbus_orchestrator.run.process_host import Processes
 from stepbus_participant import Endpoint, ZenohBus, load_ticket
 from stepbus_schemas import encode, encoding_of
 
@@ -113,7 +114,11 @@ def disturbed(folder, temp, act, *settings):
     """Return the result of a run that a stranger has disturbed."""
     stranger = Stranger(temp, act)
     result = run_joints(
-        folder, *PATIENT, *settings, around=stranger.around, extensions=[stranger.pace]
+        folder,
+        *PATIENT,
+        *settings,
+        host=Processes(around=stranger.around),
+        extensions=[stranger.pace],
     )
     assert stranger.acted, result.reason
     return result

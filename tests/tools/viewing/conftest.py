@@ -2,15 +2,15 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import InProcess, Options, load
+from stepbus_orchestrator.run.execute import run
 
 
 @pytest.fixture(scope="session")
 def plain_run(tmp_path_factory):
     """A run of `Paused` that nobody looks at."""
     out = tmp_path_factory.mktemp("plain") / "run"
-    return run(load("two_link", ["duration=1s"]), Options(out=out, in_process=True))
+    return run(load("two_link", ["duration=1s"]), Options(out=out, host=InProcess()))
 
 
 @pytest.fixture(scope="session")

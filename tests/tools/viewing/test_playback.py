@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from support.browser import Curves, needs_chromium, opened
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_tools.viewing.playback import History, Playback, open_recording
 from stepbus_tools.viewing.stage import open_page
 
 
 def record(folder, *overrides):
     scenario = load("two_link", ["duration=300ms", *overrides])
-    return run(scenario, Options(out=folder, in_process=True)).recording
+    return run(scenario, Options(out=folder, host=InProcess())).recording
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,12 @@ from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.run.execute import (
+    Options,
+    default_folder,
+    host_of,
+    run,
+)
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.debug import Debug, check_names, without_deadlines
 from stepbus_orchestrator.run.extensions.external import External, external_names
@@ -22,11 +28,6 @@ from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports.lateness import Lateness, in_units
 from stepbus_orchestrator.run.reports.result import Result
-from stepbus_orchestrator.run.run_scenario import (
-    Options,
-    default_folder,
-    run,
-)
 from stepbus_orchestrator.scenario import Scenario, check_installed, load
 from stepbus_schemas import WiringError
 
@@ -204,8 +205,7 @@ def _execute(args: argparse.Namespace) -> int:
     pace = Pace(args.pause_at)
     options = Options(
         out=out,
-        in_process=args.in_process,
-        owns_descriptors=args.in_process and not args.debug,
+        host=host_of(in_process=args.in_process, owns_descriptors=not args.debug),
         extensions=[pace, *_extensions(args, scenario)],
     )
     with interruptible() as interrupt:

@@ -8,11 +8,11 @@ from pathlib import Path
 from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
+from stepbus_orchestrator.run.execute import Options, host_of, run
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports.progress import Observer
 from stepbus_orchestrator.run.reports.result import Result, file_sha256
-from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
 
 from .checkpoints import choose, to_be_made
@@ -110,8 +110,7 @@ class BranchPlan:
         prefix = RecordedPrefix(self._recording, found.at, found.counts_from, restored)
         options = Options(
             out=self._out,
-            in_process=in_process,
-            owns_descriptors=owns_descriptors,
+            host=host_of(in_process=in_process, owns_descriptors=owns_descriptors),
             extensions=[
                 prefix,
                 Calls(to_be_made(found.calls, restored), found.new_calls),

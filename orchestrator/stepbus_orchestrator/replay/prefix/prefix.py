@@ -10,9 +10,9 @@ from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink, layout
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
+from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import Participants
-from stepbus_orchestrator.run.loop.loop import RunLoop
-from stepbus_orchestrator.run.loop.strategy import Strategy
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder
 
@@ -59,7 +59,7 @@ class RecordedPrefix(RunExtension):
             return {}
         return {layout.BRANCH_METADATA: {name: str(at) for name, at in self.counts_from.items()}}
 
-    def wrap(self, strategy: Strategy, sink: Sink, run: RunLoop) -> tuple[Strategy, Sink]:
+    def wrap(self, strategy: Strategy, sink: Sink, run: Run) -> tuple[Strategy, Sink]:
         """Return the strategy that plays the recording first, and the sink that compares."""
         scenario = run.state.scenario
         expected = Expected(self._recording, scenario.participants, self.at)
@@ -96,7 +96,7 @@ class RecordedPrefix(RunExtension):
         order = CheckpointOrder(every=every, step=saved.step, state=str(saved.path))
         return {"checkpoint": order}
 
-    def _record_live(self, run: RunLoop) -> None:
+    def _record_live(self, run: Run) -> None:
         self.took_s = time.monotonic() - run.state.started_at
         run.timing.event("live", text=f"from step {self.at}")
 
@@ -109,7 +109,7 @@ class _Branch:
         self._live = live
         self._prefix = prefix
 
-    def launch(self, run: RunLoop) -> None:
+    def launch(self, run: Run) -> None:
         """Start the participants, as for a run, and let them be further apart than in one."""
         state = self.peers.state = run.state
         state.is_repeating = True

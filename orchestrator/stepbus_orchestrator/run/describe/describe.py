@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import msgspec
 
 from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.execute import Options, run
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
-from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.run.setup.options import Options
 from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_schemas import Description

@@ -29,7 +29,7 @@ from stepbus_schemas import (
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording import Recording
-    from stepbus_orchestrator.run.loop.loop import RunLoop
+    from stepbus_orchestrator.run.run import Run
 
 CALL_KEY = "call"
 _decode_request = Decoder(CallRequest)
@@ -92,7 +92,7 @@ class Calls(RunExtension):
         self.steer: Steer = _no_steering
         self._number = 0
 
-    def attach(self, run: "RunLoop") -> None:
+    def attach(self, run: "Run") -> None:
         """Listen to requests and answers."""
         super().attach(run)
         session, self._state = run.session, run.state

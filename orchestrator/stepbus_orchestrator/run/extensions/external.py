@@ -23,7 +23,7 @@ from stepbus_participant import suggest, write_file
 from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.run.loop.loop import RunLoop
+    from stepbus_orchestrator.run.run import Run
 
 _REMIND_S = 5.0
 _NO_END_S = 1e5
@@ -64,7 +64,7 @@ class External(RunExtension):
             )
         return scenario
 
-    def attach(self, run: "RunLoop") -> None:
+    def attach(self, run: "Run") -> None:
         """Remind the user from now on."""
         super().attach(run)
         self._told_at = time.monotonic()

@@ -24,7 +24,7 @@ from stepbus_orchestrator.scenario import (
 from stepbus_participant import MessageFault
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.run.loop.loop import RunLoop
+    from stepbus_orchestrator.run.run import Run
 
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
@@ -46,7 +46,7 @@ class Faults(RunExtension):
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []
 
-    def attach(self, run: "RunLoop") -> None:
+    def attach(self, run: "Run") -> None:
         """Take the faults of the run's scenario."""
         super().attach(run)
         self._faults = faults_of(run.state.scenario.faults, PROCESS_FAULTS)

@@ -10,7 +10,7 @@ from stepbus_participant import ProfileOrder, make_new_folder
 from .debug import check_names
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.run.loop.loop import RunLoop
+    from stepbus_orchestrator.run.run import Run
 
 PROFILE_FOLDER = "profile"
 """In the folder of a run: a CSV for each participant, and what was sampled."""
@@ -27,7 +27,7 @@ class Profile(RunExtension):
         check_names(scenario, self._sampled, "sample")
         return scenario
 
-    def attach(self, run: "RunLoop") -> None:
+    def attach(self, run: "Run") -> None:
         """Make the folder."""
         super().attach(run)
         make_new_folder(run.out / PROFILE_FOLDER)

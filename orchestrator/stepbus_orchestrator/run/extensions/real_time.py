@@ -14,6 +14,7 @@ from typing import Any
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.failures import at
+from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports.lateness import Lateness
 from stepbus_orchestrator.scenario import Scenario
@@ -44,8 +45,8 @@ class RealTime(RunExtension):
 
     def limit(self, released: int) -> int:
         """Return the first step whose time has not come."""
-        others = (item.limit(released) for item in self.run.extensions if item is not self)
-        self.follow(self.run.state, others=min(others))
+        others = (gate(released) for gate in self.run.extensions.gates if gate != self.limit)
+        self.follow(self.run.state, others=min(others, default=FAR))
         return self.due()
 
     def due(self) -> int:

@@ -9,8 +9,8 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import CheckpointOrder, read_stamp
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.run.loop.loop import RunLoop
     from stepbus_orchestrator.run.reports.result import Result
+    from stepbus_orchestrator.run.run import Run
 
 
 class SaveCheckpoints(RunExtension):
@@ -19,7 +19,7 @@ class SaveCheckpoints(RunExtension):
     def __init__(self) -> None:
         self._writer: CheckpointWriter | None = None
 
-    def attach(self, run: "RunLoop") -> None:
+    def attach(self, run: "Run") -> None:
         """Listen to states."""
         super().attach(run)
         self._writer = CheckpointWriter(run.out)

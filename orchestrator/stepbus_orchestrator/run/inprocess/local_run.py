@@ -5,9 +5,7 @@ import math
 import os
 import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, argument
@@ -17,11 +15,10 @@ from stepbus_orchestrator.processes.reaping import Reaper
 from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.extensions.hosted_caller import HostedCaller, Room, Seat
+from stepbus_orchestrator.run.host import NoPeers, Opening, ready_descriptions
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.loop.loop import RunLoop
-from stepbus_orchestrator.run.loop.strategy import NoPeers, ready_descriptions
-from stepbus_orchestrator.run.setup.options import Options
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import (
     PROCESS_FAULTS,
     ParticipantSpec,
@@ -62,41 +59,29 @@ def check_scenario(scenario: Scenario) -> None:
 class LocalRun:
     """Hosts all participants in this process; none is played.
 
-    bus: the orchestrator's, whose network the participants join. logs: folder of their logs.
-    modules: of the scenario's folder. groups: process groups of the programs that they have
-    started. guard: keeps what one does to this process from the others. result: returns what
-    result.json would have, were the run over.
+    modules: of the scenario's folder. start_order: names, in the order in which they begin.
+
+    bus: the orchestrator's, whose network the participants join. guard: keeps what one does to
+    this process from the others.
     """
 
     mesh = None
     """They need no endpoints."""
 
     def __init__(
-        self,
-        *,
-        run: str,
-        token: str,
-        logs: Path,
-        options: Options,
-        modules: ScenarioModules,
-        interrupt: threading.Event,
-        result: Callable[[], bytes],
+        self, opening: Opening, modules: ScenarioModules, start_order: Sequence[str] | None
     ) -> None:
         self.peers = NoPeers()
         self.hub = Hub()
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue)
         self.hosted: dict[str, HostedParticipant] = {}
-        self.groups: list[int] = []
-        self._run = run
-        self._token = token
-        self._logs = logs
-        self._options = options
-        callers = (item for item in options.extensions if isinstance(item, HostedCaller))
+        self._opening = opening
+        self._logs = opening.logs
+        self._start_order = start_order
+        callers = (item for item in opening.extensions if isinstance(item, HostedCaller))
         self._seat = next((item.seat for item in callers), None)
         self._modules = modules
-        self._interrupt = interrupt
-        self._result = result
         self.guard = Guard(self._running, self._belongings)
         self._pid = os.getpid()
         self._state: RunState | None = None
@@ -112,7 +97,9 @@ class LocalRun:
         with contextlib.ExitStack() as stack:
             self._turns = stack.enter_context(watched_from_outside())
             logs = [BoundedLog(self._logs / NATIVE_LOG)]
-            watch = Watch(self._current, self._limit_s, self._interrupt.is_set, self._turns, logs)
+            watch = Watch(
+                self._current, self._limit_s, self._opening.interrupt.is_set, self._turns, logs
+            )
             stack.callback(watch.close)
             stack.enter_context(traced(self._turns))
             stack.callback(self._end_all)
@@ -157,7 +144,6 @@ class LocalRun:
         if self._reaper is None:
             self._reaper = Reaper(private_folder())
         self._reaper.watch(group)
-        self.groups.append(group)
 
     def _current(self) -> tuple[HostedParticipant, int] | None:
         for hosted in self.hosted.values():
@@ -188,22 +174,22 @@ class LocalRun:
         for hosted in self.hosted.values():
             self._turns.limit(hosted.number, *self._limit(hosted.name))
 
-    def launch(self, run: RunLoop) -> None:
+    def launch(self, run: Run) -> None:
         """Let the participants begin, in the order of the options."""
         scenario = run.state.scenario
         self._state = run.state
         self._turns.write(
             {
-                "result": self._result().decode(),
+                "result": self._opening.result().decode(),
                 "names": [spec.name for spec in scenario.participants],
                 "every": [spec.every for spec in scenario.participants],
                 "logs": str(self._logs),
                 "path": sys.path,
             }
         )
-        for name in self._options.start_order or [s.name for s in scenario.participants]:
+        for name in self._start_order or [s.name for s in scenario.participants]:
             spec = scenario.participant(name)
-            hosted = self._host(spec, scenario, run.start_options(spec))
+            hosted = self._host(spec, scenario, run.extensions.start_options(spec))
             self.hosted[name] = hosted
             run.started(ParticipantState(spec, hosted))
             run.timing.event("spawn", name, f"in process {hosted.pid}")
@@ -215,9 +201,9 @@ class LocalRun:
         names = [item.name for item in scenario.participants]
         number = min(1 + names.index(spec.name), MOST - 1)
         ticket = Ticket(
-            run=self._run,
+            run=self._opening.run,
             name=spec.name,
-            token=self._token,
+            token=self._opening.token,
             endpoint=Endpoint(listen=[], connect=["this process"]),
             join_timeout_s=spec.deadlines.join_s,
             **options,
@@ -230,7 +216,7 @@ class LocalRun:
                     spec.name,
                     ticket.faults,
                     counter=(self._turns.words, Row.PUBLISHED + number),
-                    is_leaf=any(item.is_star for item in self._options.extensions),
+                    is_leaf=self._opening.is_star,
                 ),
                 program_of(spec, scenario.folder, self._seat),
                 modules=self._modules,

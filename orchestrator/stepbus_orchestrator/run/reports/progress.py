@@ -4,6 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.kernel.state import RunState
+
+from .angles import measured_angles
+
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
@@ -45,3 +50,24 @@ class Silent:
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
         """Ignore it."""
+
+
+def progress_of(
+    state: RunState, descriptions: Descriptions, elapsed_s: float, *, is_held: bool
+) -> Progress:
+    """Return how far a run is; is_held: whether it is, wherever all released steps are done."""
+    participants = state.participants.values()
+    is_paused = state.phase.is_stepping and state.is_held and is_held
+    is_moving = state.phase.is_stepping and not is_paused
+    return Progress(
+        phase="paused" if is_paused else state.phase.shown,
+        step=state.steps,
+        steps=state.scenario.steps,
+        step_ns=state.scenario.step_ns,
+        elapsed_s=elapsed_s,
+        phases={item.name: item.phase.name.lower() for item in participants},
+        compute_us={name: total / count * 1e-3 for name, (total, count) in state.compute.items()},
+        drops={item.name: sum(item.drops.values()) for item in participants},
+        holders=tuple(state.barrier.holders()) if is_moving and not state.is_held else (),
+        angles=measured_angles(state.scenario, descriptions, state.newest),
+    )

@@ -7,17 +7,21 @@ import platform
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import installed_version, write_file
 
-from .events import Warned
+from .events import Events, Warned
 from .lateness import Lateness
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.run.run import Run
 
 RESULT_FILE = "result.json"
 
@@ -116,6 +120,56 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
             with contextlib.suppress(OSError):
                 part.unlink()
             raise
+
+
+def result_of(
+    scenario: Scenario,
+    ending: str | RunFailure,
+    *,
+    run: "Run | None",
+    began: float,
+    folder: Path,
+    messages_sha256: str,
+    events: Events,
+    fields: Mapping[str, Any],
+) -> Result:
+    """Return the result of a run, or what it would be were the run over now.
+
+    ending: why it ended, or what it failed from. run: None where it failed before it was linked.
+    began: when it was asked for, by the monotonic clock [s]. fields: those of its extensions.
+    """
+    failure = ending if isinstance(ending, RunFailure) else None
+    steps = run.state.steps if run else 0
+    started = run.state.started_at if run and run.state.started_at else None
+    wall_s = run.ended_at - started if run and started else 0.0
+    simulated_s = steps * scenario.step_ns * 1e-9
+    return Result(
+        scenario=scenario.name,
+        outcome="finished" if failure is None else "failed",
+        exit_code=0 if failure is None else int(failure.code),
+        reason=str(ending),
+        participant=failure.participant if failure else None,
+        at_step=failure.step if failure else steps,
+        steps=steps,
+        step_ns=scenario.step_ns,
+        seed=scenario.seed,
+        window=scenario.window,
+        transport=scenario.bus.transport,
+        start_s=started - began if started else 0.0,
+        wall_s=wall_s,
+        real_time_factor=simulated_s / wall_s if wall_s else 0.0,
+        sha256=file_sha256(folder / layout.RUN_FILE),
+        messages_sha256=messages_sha256,
+        folder=str(folder),
+        unauthenticated=run.state.unauthenticated if run else 0,
+        drops=run.progress().drops if run else {},
+        warning_count=events.count,
+        warnings=events.warnings,
+        versions=own_versions(),
+        file=str(scenario.file),
+        overrides=scenario.overrides,
+        **fields,
+    )
 
 
 def file_sha256(path: Path) -> str:

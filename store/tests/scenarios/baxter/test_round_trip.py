@@ -6,8 +6,8 @@ import msgpack
 import pytest
 from support.messages.recordings import messages
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Options, host_of, load
+from stepbus_orchestrator.run.execute import run
 
 # So weak a shoulder cannot hold many poses.
 WEAK = ["seed=3", "plant.params.effort.left_s1=40", "plant.params.effort.right_s1=40"]
@@ -15,7 +15,7 @@ WEAK = ["seed=3", "plant.params.effort.left_s1=40", "plant.params.effort.right_s
 
 def round_trip(folder, *overrides, in_process=True):
     scenario = load("baxter/round_trip", ["mission.params.poses=2", *overrides])
-    return run(scenario, Options(out=folder, in_process=in_process))
+    return run(scenario, Options(out=folder, host=host_of(in_process=in_process)))
 
 
 def told(result, port):

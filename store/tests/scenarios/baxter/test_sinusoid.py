@@ -9,11 +9,11 @@ import pybullet
 import pytest
 from support.store_paths import SCENARIOS
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import Options, host_of, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_tools.report.curves.tracking import TrackingCurves
 
@@ -23,7 +23,7 @@ ARMS = [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
 
 
 def run_baxter(folder, *overrides, in_process=True):
-    return run(load("baxter", overrides), Options(out=folder, in_process=in_process))
+    return run(load("baxter", overrides), Options(out=folder, host=host_of(in_process=in_process)))
 
 
 @pytest.fixture(scope="module")

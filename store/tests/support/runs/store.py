@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Options, host_of, load
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
@@ -17,7 +17,7 @@ def store(folder, *overrides, scenario="store/truth", in_process=True):
     loaded = load(scenario, [*(f"{name}.spawn_timeout=120s" for name in names), *overrides])
     # Only a process can be killed.
     in_process = in_process and not faults_of(loaded.faults, PROCESS_FAULTS)
-    return run(loaded, Options(out=folder / "out", in_process=in_process))
+    return run(loaded, Options(out=folder / "out", host=host_of(in_process=in_process)))
 
 
 def last(recording, topic):

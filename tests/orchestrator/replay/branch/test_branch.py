@@ -6,13 +6,13 @@ import textwrap
 import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
-from stepbus_orchestrator import Options, Recording, load
+from stepbus_orchestrator import InProcess, Options, Recording, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import BranchPlan, branch
 from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord, WiringError
 
 STEPS = 100
@@ -45,7 +45,7 @@ def recorded(tmp_path_factory):
         for step, value in ((20, 0.5), (60, -0.5))
     ]
     return run(
-        scenario, Options(out=folder / "out", extensions=[Calls(calls)], in_process=True)
+        scenario, Options(out=folder / "out", extensions=[Calls(calls)], host=InProcess())
     ).recording
 
 
@@ -95,7 +95,7 @@ def gained(tmp_path):
         "controller.participant=gain.py:Controller",
         "controller.inputs={joint_state: plant.joint_state}",
     ]
-    return run(load(path, program), Options(out=tmp_path / "a", in_process=True)).recording
+    return run(load(path, program), Options(out=tmp_path / "a", host=InProcess())).recording
 
 
 def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
@@ -161,7 +161,7 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
         "controller.participant=gain.py:Controller",
         "controller.inputs={joint_state: plant.joint_state}",
     ]
-    first = run(load(path, overrides), Options(out=tmp_path / "a", in_process=True))
+    first = run(load(path, overrides), Options(out=tmp_path / "a", host=InProcess()))
     found = branch(first.recording, 90, tmp_path / "b", in_process=True)
     assert found.result.exit_code == ExitCode.DIFFERENT
     assert found.result.participant == "controller"

@@ -8,11 +8,11 @@ import shutil
 import msgspec
 import pytest
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.branch import branch
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
 STEPS = 300
@@ -30,7 +30,7 @@ CALLS = [
 def plain(tmp_path_factory):
     """The SHA-256 of the run without checkpoints."""
     out = tmp_path_factory.mktemp("plain") / "out"
-    options = Options(out=out, extensions=[Calls(CALLS)], in_process=True)
+    options = Options(out=out, extensions=[Calls(CALLS)], host=InProcess())
     return run(load("two_link/pid", SAVED[:1]), options).sha256
 
 
@@ -39,7 +39,7 @@ def saved(tmp_path_factory):
     """The recording of a run with checkpoints and calls that change it."""
     out = tmp_path_factory.mktemp("saved") / "out"
     return run(
-        load("two_link/pid", SAVED), Options(out=out, extensions=[Calls(CALLS)], in_process=True)
+        load("two_link/pid", SAVED), Options(out=out, extensions=[Calls(CALLS)], host=InProcess())
     ).recording
 
 
@@ -172,7 +172,7 @@ def test_a_branch_of_a_branch_has_checkpoints_of_its_own(saved, tmp_path):
     "name", ["two_link", *(f"two_link/{n}" for n in ("encoders", "tip", "pair", "velocity_force"))]
 )
 def test_shipped_scenarios_start_from_checkpoints(name, tmp_path):
-    options = Options(out=tmp_path / "out", in_process=True)
+    options = Options(out=tmp_path / "out", host=InProcess())
     overrides = ["duration=3s", "checkpoint=700ms"]
     recording = run(load(name, overrides), options).recording
     for at in random.Random(name).sample(range(141, 600), 4):
@@ -193,7 +193,7 @@ def test_filters_of_the_controller_are_saved(filters, tmp_path):
     noise = ["plant.params.noise={position: 0.001, velocity: 0.01}"]
     overrides = [*noise, *(f"controller.params.{text}" for text in filters)]
     scenario = load("two_link/pid", ["duration=500ms", "checkpoint=200ms", *overrides])
-    recording = run(scenario, Options(out=tmp_path / "a", in_process=True)).recording
+    recording = run(scenario, Options(out=tmp_path / "a", host=InProcess())).recording
     found = branch(recording, 70, tmp_path / "b", in_process=True)
     assert found.equal, found.result.reason
     assert set(found.restored.values()) == {40}

@@ -15,10 +15,8 @@ from stepbus_orchestrator.run.extension import RunExtension
 PAGE = (CHECKOUT / "docs/guide/writing/extension.md").read_text()
 RUN = CHECKOUT / "orchestrator/stepbus_orchestrator/run"
 CORE = [
-    RUN / "run_scenario.py",
+    *(RUN / f"{name}.py" for name in ("execute", "run", "phases", "start_up", "shutdown")),
     *sorted(RUN.glob("kernel/*.py")),
-    *sorted(RUN.glob("phases/*.py")),
-    RUN / "loop/loop.py",
 ]
 FEATURES = r"pace|paus(e|es|ing)|speed|real.time(?!_factor)|inject\w*|calls?|steer\w*|prefix|checkpoint\w*|profil\w*|seat|hosted|debug(?!ger)"
 """Each of them is an extension; `paused` is what a run may be, whoever holds it."""

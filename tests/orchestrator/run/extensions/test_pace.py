@@ -11,13 +11,13 @@ import pytest
 from support.messages.recordings import messages
 from support.runs.joints import fault, leftovers, write_scenario
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli.terminal.keys import press
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.reports.progress import Silent
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
 
@@ -70,7 +70,7 @@ class Stepper(Silent):
 @pytest.mark.parametrize("window", [1, 64])
 def test_a_run_that_is_paused_and_stepped_has_the_same_recording(tmp_path, window):
     scenario = load(write_scenario(tmp_path / "source"), [f"window={window}"])
-    plain = run(scenario, Options(out=tmp_path / "plain", in_process=True))
+    plain = run(scenario, Options(out=tmp_path / "plain", host=InProcess()))
     pace = Pace(30)
     watcher = Stepper(pace)
     result = run(scenario, Options(out=tmp_path / "out", extensions=[pace]), watcher)

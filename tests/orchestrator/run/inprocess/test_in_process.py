@@ -14,15 +14,15 @@ import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
 import stepbus
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, host_of, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes.turns import Turns, make_file
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.inprocess.bus import HostedBus
 from stepbus_orchestrator.run.inprocess.host import HostedParticipant
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.modules import ScenarioModules
 from stepbus_orchestrator.run.reports.progress import Silent
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
@@ -55,7 +55,7 @@ def test_scenarios_that_ship_record_the_same_bytes(tmp_path, scenario, settings)
 
 def test_the_start_order_changes_nothing(tmp_path, separate):
     order = ["mission", "controller", "plant"]
-    result = run_joints(tmp_path, start_order=order, in_process=True)
+    result = run_joints(tmp_path, host=InProcess(start_order=order))
     assert (result.reason, result.sha256) == ("finished", separate.sha256)
 
 
@@ -122,7 +122,7 @@ def test_faults_on_messages_end_alike(tmp_path, text):
     overrides = [f"{name}.step_timeout={deadline}" for name in ("controller", "plant")]
     scenario = load(path, overrides, [text])
     results = [
-        run(scenario, Options(out=tmp_path / str(alone), in_process=alone))
+        run(scenario, Options(out=tmp_path / str(alone), host=host_of(in_process=alone)))
         for alone in (False, True)
     ]
     sentences = [re.sub(r"\(pid \d+\)|/[0-9a-zA-Z/_.-]*/|\d+\.\d s", "", r.reason) for r in results]
@@ -136,7 +136,10 @@ def test_a_participant_that_failed_is_held(tmp_path):
     path = write_scenario(tmp_path / "source")
     overrides = [fault("mission", "raise", 40), "mission.on_fault=hold"]
     results = [
-        run(load(path, overrides), Options(out=tmp_path / str(alone), in_process=alone))
+        run(
+            load(path, overrides),
+            Options(out=tmp_path / str(alone), host=host_of(in_process=alone)),
+        )
         for alone in (False, True)
     ]
     assert [result.exit_code for result in results] == [ExitCode.FAULT] * 2
@@ -148,7 +151,7 @@ def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
     path = write_scenario(tmp_path / "source")
     programs = ["controller.exec=[sleep, '1']", "mission.exec=[python, joints.py, mission]"]
     with pytest.raises(stepbus.WiringError) as caught:
-        run(load(path, programs), Options(out=tmp_path / "out", in_process=True))
+        run(load(path, programs), Options(out=tmp_path / "out", host=InProcess()))
     instead = (
         "write `participant: joints.py:CLASS` instead of `exec`, with the name of its class, or "
         "leave out `in_process`"
@@ -158,14 +161,14 @@ def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
         f"participants.mission: `python joints.py mission` is a program of its own; {instead}",
     ]
     with pytest.raises(stepbus.WiringError, match="'kill plant at 3': a fault of a process needs"):
-        run(load(path, (), ["kill plant at 3"]), Options(out=tmp_path / "out", in_process=True))
+        run(load(path, (), ["kill plant at 3"]), Options(out=tmp_path / "out", host=InProcess()))
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_that_cannot_be_entered_is_one_sentence(tmp_path):
     scenario = load(write_scenario(tmp_path / "source"))
     gone = dataclasses.replace(scenario, folder=tmp_path / "gone")
-    result = run(gone, Options(out=tmp_path / "out", in_process=True))
+    result = run(gone, Options(out=tmp_path / "out", host=InProcess()))
     assert (result.exit_code, result.participant) == (ExitCode.START, None)
     assert f"{tmp_path}/gone: No such file or directory" in result.reason
 
@@ -196,7 +199,7 @@ def test_one_that_does_not_let_itself_be_ended_is_given_up(tmp_path):
     (tmp_path / "source" / "stubborn.py").write_text(text)
     overrides = ["mission.participant=stubborn.py:Stubborn", "mission.stop_timeout=500ms"]
     scenario = load(tmp_path / "source" / "scenario.yaml", overrides)
-    result = run(scenario, Options(out=tmp_path / "out", in_process=True))
+    result = run(scenario, Options(out=tmp_path / "out", host=InProcess()))
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission")
     assert "ValueError: no" in result.reason
 
@@ -210,7 +213,7 @@ def test_the_user_can_end_it(tmp_path):
     interrupt = threading.Event()
     result = run(
         load(write_scenario(tmp_path / "source"), ["duration=10h"]),
-        Options(out=tmp_path / "out", in_process=True),
+        Options(out=tmp_path / "out", host=InProcess()),
         AtItsFirstSteps(),
         interrupt,
     )

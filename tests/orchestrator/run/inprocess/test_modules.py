@@ -6,8 +6,8 @@ import pytest
 from support.runs.joints import write_scenario
 
 import stepbus
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator import Options, host_of, load
+from stepbus_orchestrator.run.execute import run
 
 SPEAKER = """
 from stepbus import Event, Participant
@@ -80,7 +80,7 @@ def test_no_folder_of_a_scenario_replaces_a_package_of_stepbus(tmp_path, in_proc
         (source / name).mkdir()
         (source / name / "__init__.py").write_text("raise SystemExit('replaced')\n")
     task = "mission={participant: 'stepbus_mission:Mission', outputs: {reference: JointReference/1}, params: {task: sine, joints: [hip, knee], amplitude: 1, omega: 1}}"
-    options = Options(out=tmp_path / "out", in_process=in_process)
+    options = Options(out=tmp_path / "out", host=host_of(in_process=in_process))
     result = run(load(source / "scenario.yaml", [task]), options)
     assert "replaced" not in result.reason
     assert result.exit_code == 0, result.reason

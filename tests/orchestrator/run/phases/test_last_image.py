@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, Recording, load, run_scenario
+from stepbus_orchestrator import Options, Recording, host_of, load, run_scenario
 
 STEPS = 3
 BYTES = 6_000_000
@@ -47,7 +47,9 @@ def test_an_image_at_the_last_step_is_recorded(tmp_path, in_process):
     (tmp_path / "camera.py").write_text(PROGRAM)
     path = tmp_path / "scenario.yaml"
     path.write_text(SCENARIO)
-    result = run_scenario(load(str(path)), Options(out=tmp_path / "run", in_process=in_process))
+    result = run_scenario(
+        load(str(path)), Options(out=tmp_path / "run", host=host_of(in_process=in_process))
+    )
     assert (result.exit_code, result.reason) == (0, "finished")
     with Recording(result.recording) as recording:
         assert len(recording["camera.image"]) == STEPS + 1

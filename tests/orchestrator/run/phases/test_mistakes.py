@@ -6,11 +6,11 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 SCENARIO = """
 name: mistakes
@@ -93,7 +93,7 @@ def test_a_mistake_is_shown_summed_up_and_recorded(tmp_path, capsys, change, mor
 
 def test_the_scenario_without_mistakes_has_no_warning(tmp_path):
     result = run(
-        load(scenario(tmp_path / "source")), Options(out=tmp_path / "run", in_process=True)
+        load(scenario(tmp_path / "source")), Options(out=tmp_path / "run", host=InProcess())
     )
     assert (result.exit_code, result.warning_count) == (0, 0)
 
@@ -125,7 +125,7 @@ def test_the_order_of_the_joints_in_the_model_changes_nothing(tmp_path):
         source = scenario(tmp_path / names[0], urdf=urdf)
         changes = [f"plant.params.joints=[{', '.join(names)}]"]
         out = tmp_path / f"run_{names[0]}"
-        result = run(load(source, changes), Options(out=out, in_process=True))
+        result = run(load(source, changes), Options(out=out, host=InProcess()))
         states.append(read_tracking(Recording(result.recording)).state)
     assert [state.names for state in states] == [["joint1", "joint2"], ["joint2", "joint1"]]
     for name in ("joint1", "joint2"):

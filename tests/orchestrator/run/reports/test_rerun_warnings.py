@@ -6,9 +6,9 @@ import sys
 import pytest
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import Options, host_of, load
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.setup import opened_files
 from stepbus_orchestrator.run.setup.opened_files import OpenedFiles
 
@@ -29,8 +29,9 @@ def reading(tmp_path):
     return path
 
 
-def run_it(path, out, **options):
-    return run(load(path, ["duration=50ms"]), Options(out=out, **options))
+def run_it(path, out, *, in_process=False):
+    options = Options(out=out, host=host_of(in_process=in_process))
+    return run(load(path, ["duration=50ms"]), options)
 
 
 @pytest.fixture

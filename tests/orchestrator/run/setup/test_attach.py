@@ -20,13 +20,13 @@ from support.runs.joints import PROGRAM, fault, run_joints, write_scenario
 from support.surroundings import comes_true
 from support.tools import needs
 
-from stepbus_orchestrator import ExitCode, Options, load
+from stepbus_orchestrator import ExitCode, InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay.branch import branch
+from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions import external
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External
-from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
@@ -269,7 +269,7 @@ def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
 ):
     needs("node")
     scenario = load(CHECKOUT / "examples/controllers/javascript/scenario.yaml", SHORT)
-    child = run(scenario, Options(out=tmp_path / "child", in_process=True))
+    child = run(scenario, Options(out=tmp_path / "child", host=InProcess()))
     assert child.exit_code == 0, child.reason
     ticket = tmp_path / "c.ticket"
     elsewhere.join(ticket)
@@ -362,7 +362,7 @@ def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
 @pytest.mark.parametrize(
     ("options", "overrides", "sentence"),
     [
-        ({"in_process": True}, [], "leave out `in_process`"),
+        ({"host": InProcess()}, [], "leave out `in_process`"),
         ({"extensions": [External(), Debug(["controller"])]}, [], "--no-deadline controller"),
         ({}, ["faults=['freeze controller at 7']"], "sends no signal to a process"),
         ({"extensions": [External({"controler": Path("x")})]}, [], "did you mean 'controller'"),

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 from stepbus_tools.viewing.scene import Latest, Pose, build_scene
 from stepbus_tools.viewing.scene.pose import about, from_rpy
 
@@ -17,7 +17,7 @@ def two_link(tmp_path_factory):
     """A recording of the two-link arm, with the true pose of its tip."""
     scenario = load("two_link/tip", ["duration=300ms"])
     out = tmp_path_factory.mktemp("scene") / "run"
-    return Recording(run(scenario, Options(out=out, in_process=True)).recording)
+    return Recording(run(scenario, Options(out=out, host=InProcess())).recording)
 
 
 def scene_of(recording):

@@ -3,16 +3,16 @@
 import pytest
 from support.browser import needs_chromium, opened
 
-from stepbus_orchestrator import Options, load
+from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.execute import run
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     out = tmp_path_factory.mktemp("scene_file") / "run"
     scenario = load("two_link", ["duration=300ms"])
-    return run(scenario, Options(out=out, in_process=True)).recording
+    return run(scenario, Options(out=out, host=InProcess())).recording
 
 
 @pytest.fixture(scope="module")

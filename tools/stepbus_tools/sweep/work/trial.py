@@ -14,7 +14,7 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.scenario import Scenario, load
-from stepbus_orchestrator.toolkit import Options, Result, check_scenario, run
+from stepbus_orchestrator.toolkit import Options, Result, check_scenario, host_of, run
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.report import write_report
@@ -106,7 +106,7 @@ class Trials:
 
     def _run(self, scenario: Scenario, out: Path) -> Result:
         in_process = can_share(scenario)
-        options = Options(out=out, in_process=in_process, owns_descriptors=in_process)
+        options = Options(out=out, host=host_of(in_process=in_process, owns_descriptors=in_process))
         return run(scenario, options)
 
     def _row(self, point: Point, result: Result, out: Path) -> Row:

@@ -9,7 +9,7 @@ from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
 from stepbus_orchestrator.run.kernel.participants import Phase
 from stepbus_orchestrator.run.kernel.phase import RunPhase
-from stepbus_orchestrator.run.loop.loop import RunLoop
+from stepbus_orchestrator.run.run import Run
 from stepbus_schemas import Start, encode
 
 _LEAVING_S = 3.0
@@ -17,27 +17,27 @@ _CHECK_S = 0.05
 _USE_UNIX = "use `--transport unix`, whose sockets other users cannot reach"
 
 
-def start_up(loop: RunLoop) -> RunPhase:
+def start_up(run: Run) -> RunPhase:
     """Start every participant, wait until all are ready, and publish the `Start`.
 
     Raises BusFailed, and blames nobody, where somebody removed what the start needs, or uses the
     TCP ports of the run.
     """
     try:
-        return _start(loop)
+        return _start(run)
     except (StartFailed, ParticipantFault) as exc:
-        why = "" if loop.strategy.mesh is None else _obstacle(loop, loop.strategy.mesh, exc)
+        why = "" if run.strategy.mesh is None else _obstacle(run, run.strategy.mesh, exc)
         if not why:
             raise
         raise BusFailed(f"{why} ({exc})") from exc
 
 
-def _obstacle(loop: RunLoop, mesh: Mesh, failure: RunFailure) -> str:
+def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
     """Return what kept the participants from starting that is no fault of theirs; empty: nothing.
 
     Whoever ends, since it was refused, takes its socket away a moment before.
     """
-    participants = loop.state.participants
+    participants = run.state.participants
     blamed = failure.participant if failure.participant in participants else None
     end_s = time.monotonic() + _LEAVING_S
     while True:
@@ -58,31 +58,30 @@ def _obstacle(loop: RunLoop, mesh: Mesh, failure: RunFailure) -> str:
     return users and f"{users}, which keeps links from opening; {_USE_UNIX}"
 
 
-def _start(loop: RunLoop) -> RunPhase:
-    state = loop.state
-    loop.strategy.launch(loop)
-    mesh = loop.strategy.mesh
+def _start(run: Run) -> RunPhase:
+    state = run.state
+    run.strategy.launch(run)
+    mesh = run.strategy.mesh
     while not state.is_ready:
-        loop.strategy.peers.send_handshake()
-        loop.awaiting(state.participants.values())
+        run.strategy.peers.send_handshake()
+        run.extensions.awaiting(state.participants.values())
         if mesh is not None:
             mesh.users.look()
-        loop.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
+        run.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
     if mesh is not None:
         _check_links(mesh)
-    loop.descriptions = loop.strategy.descriptions(state.participants)
-    inputs = input_descriptions(state.scenario, loop.descriptions)
+    run.descriptions = run.strategy.descriptions(state.participants)
+    inputs = input_descriptions(state.scenario, run.descriptions)
     check_descriptions(state.participants, inputs)
-    _open_channels(loop)
-    is_live = not loop.strategy.peers.names and not state.is_repeating
+    _open_channels(run)
+    is_live = not run.strategy.peers.names and not state.is_repeating
     batches = batches_of(state.scenario, state.participants) if is_live else {}
-    message = encode(Start(token=loop.session.token, inputs=inputs, batches=batches))
+    message = encode(Start(token=run.session.token, inputs=inputs, batches=batches))
     state.check_size("the descriptions of all inputs", message)
-    for extension in loop.extensions:
-        extension.ready()
-    loop.timing.event("start")
+    run.extensions.ready()
+    run.timing.event("start")
     state.started_at = time.monotonic()
-    loop.announcer.start(message)
+    run.announcer.start(message)
     return RunPhase.STEPPING
 
 
@@ -97,9 +96,9 @@ def _check_links(mesh: Mesh) -> None:
         raise BusFailed(f"before the first step: {users}, and may stand in a link; {_USE_UNIX}")
 
 
-def _open_channels(loop: RunLoop) -> None:
-    ready = {name: participant.ready for name, participant in loop.state.participants.items()}
-    loop.recorder.open_channels(
+def _open_channels(run: Run) -> None:
+    ready = {name: participant.ready for name, participant in run.state.participants.items()}
+    run.recorder.open_channels(
         {name: dict(item.outputs) for name, item in ready.items() if item is not None},
         {name: dict(item.versions) for name, item in ready.items() if item is not None},
     )

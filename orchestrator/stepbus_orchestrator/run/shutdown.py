@@ -7,7 +7,7 @@ from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StopTimeout
 from stepbus_orchestrator.processes.child import TERM_GRACE_S
 from stepbus_orchestrator.run.kernel.failures import seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
-from stepbus_orchestrator.run.loop.loop import SHORT_TICK_S, RunLoop
+from stepbus_orchestrator.run.run import SHORT_TICK_S, Run
 from stepbus_orchestrator.scenario import Deadlines
 
 _LAST_S = 0.5
@@ -16,13 +16,13 @@ _LEAVE_S = 1.0
 """How long a run that has failed waits for a process that somebody else has started [s]."""
 
 
-def shut_down(loop: RunLoop, failure: RunFailure | None) -> list[ParticipantState]:
+def shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
     """End every process, take what is still reported, and return those that were late.
 
     Each has its stop deadline. Nobody waits for the culprit, nor for a participant that is not
     ready: it has nothing to save.
     """
-    participants = loop.state.participants
+    participants = run.state.participants
     culprit = None if failure is None else failure.participant
     if culprit is not None and culprit in participants and not _is_external(participants[culprit]):
         # Before the others: a process that reads nothing blocks those that publish to it.
@@ -35,21 +35,21 @@ def shut_down(loop: RunLoop, failure: RunFailure | None) -> list[ParticipantStat
         # In a run that has failed, one that is stopped as well would only be waited for.
         and not (failure is not None and participant.process.activity().is_stopped)
     ]
-    late = _await_ends(loop, waits_for, has_failed=failure is not None)
+    late = _await_ends(run, waits_for, has_failed=failure is not None)
     _end_all(participants.values())
-    _take_last(loop, waits_for)
-    loop.announcer.close()
+    _take_last(run, waits_for)
+    run.announcer.close()
     return late
 
 
-def _take_last(loop: RunLoop, participants: Collection[ParticipantState]) -> None:
+def _take_last(run: Run, participants: Collection[ParticipantState]) -> None:
     """Take what participants published before they ended; it may arrive after their exit codes."""
     give_up = time.monotonic() + _LAST_S
-    loop.receive_after_failure(0.0)
+    run.receive_after_failure(0.0)
     while time.monotonic() < give_up and not all(
         participant.has_left or _is_external(participant) for participant in participants
     ):
-        loop.receive_after_failure(SHORT_TICK_S)
+        run.receive_after_failure(SHORT_TICK_S)
 
 
 def _end_all(participants: Collection[ParticipantState]) -> None:
@@ -66,7 +66,7 @@ def _is_external(participant: ParticipantState) -> bool:
 
 
 def _await_ends(
-    loop: RunLoop, participants: list[ParticipantState], *, has_failed: bool
+    run: Run, participants: list[ParticipantState], *, has_failed: bool
 ) -> list[ParticipantState]:
     began = time.monotonic()
     while True:
@@ -74,27 +74,27 @@ def _await_ends(
             participant for participant in participants if participant.process.exit_code() is None
         ]
         waited_s = time.monotonic() - began
-        if not any(waited_s < _patience_s(loop, item, has_failed=has_failed) for item in left):
+        if not any(waited_s < _patience_s(run, item, has_failed=has_failed) for item in left):
             return left
-        loop.awaiting(left)
+        run.extensions.awaiting(left)
         for participant in left:
             participant.process.limit_log()
-        loop.announcer.repeat_stop()
-        loop.receive_after_failure(SHORT_TICK_S)
+        run.announcer.repeat_stop()
+        run.receive_after_failure(SHORT_TICK_S)
 
 
-def _patience_s(loop: RunLoop, participant: ParticipantState, *, has_failed: bool) -> float:
+def _patience_s(run: Run, participant: ParticipantState, *, has_failed: bool) -> float:
     """Return how long a participant may take to end [s]; not long after Ctrl-C."""
     if has_failed and _is_external(participant):
         # It may stand in a debugger, and nobody may end it.
         return _LEAVE_S
     stop_s = seconds(participant.spec, "stop")
-    return min(stop_s, Deadlines.stop_s) if loop.interrupt.is_set() else stop_s
+    return min(stop_s, Deadlines.stop_s) if run.interrupt.is_set() else stop_s
 
 
-def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
+def check_ends(run: Run, late: list[ParticipantState]) -> None:
     """Raise for a participant that did not end in time, or with another exit code than 0."""
-    participants = loop.state.participants.values()
+    participants = run.state.participants.values()
     late = [*late, *(item for item in participants if item.process.late is not None)]
     if late:
         raise StopTimeout(
@@ -103,7 +103,7 @@ def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
             f"{'left alone' if _is_external(late[0]) else 'killed'} "
             f"(participants.{late[0].name}.stop_timeout); the recording is complete",
             participant=late[0].name,
-            step=loop.state.steps,
+            step=run.state.steps,
         )
     for participant in participants:
         process = participant.process
@@ -112,5 +112,5 @@ def check_ends(loop: RunLoop, late: list[ParticipantState]) -> None:
                 f"after the last step: {participant.who()} {process.how_it_ended()} while "
                 f"stopping; the recording is complete; {participant.where_it_prints()}",
                 participant=participant.name,
-                step=loop.state.steps,
+                step=run.state.steps,
             )

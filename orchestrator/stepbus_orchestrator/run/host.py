@@ -1,14 +1,26 @@
-"""What differs between a run, a replay and a description: who is started, who is played."""
+"""The seams of a run: its host has a clock, a bus, and starts the participants.
 
-from collections.abc import Collection, Iterable
+`process_host` starts a process for each participant, `inprocess` has them all in this process,
+a replay starts one and plays the others.
+"""
+
+import threading
+from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.run.kernel.participants import Participants
+from stepbus_orchestrator.scenario import Scenario
+from stepbus_participant import Bus
+
+from .extension import RunExtension
+from .kernel.participants import Participants
 
 if TYPE_CHECKING:
-    from .loop import RunLoop
+    from .run import Run
 
 
 class Peers(Protocol):
@@ -44,13 +56,13 @@ class NoPeers:
 
 
 class Strategy(Protocol):
-    """How the phases of a run get their participants."""
+    """How a run gets its participants."""
 
     @property
     def peers(self) -> Peers:
         """Return the participants that are played instead of started."""
 
-    def launch(self, run: "RunLoop") -> None:
+    def launch(self, run: "Run") -> None:
         """Start the others, and hand each to `run.started`.
 
         Raises StartFailed when one cannot be started.
@@ -62,6 +74,42 @@ class Strategy(Protocol):
     @property
     def mesh(self) -> Mesh | None:
         """Return the endpoints of its processes; None: they are all in this one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """What a host needs to know of a run.
+
+    scenario: checked. out: folder of the run, an absolute path. logs: folder of the participants'
+    logs. run, token: its key space and its secret. extensions: its features. interrupt: ends it
+    when it is set. warn: takes a participant and what it has left behind. result: returns what
+    result.json would hold, were the run over.
+    """
+
+    scenario: Scenario
+    out: Path
+    logs: Path
+    run: str
+    token: str
+    extensions: Sequence[RunExtension]
+    interrupt: threading.Event
+    warn: Callable[[str, str], None]
+    result: Callable[[], bytes]
+
+    @property
+    def is_star(self) -> bool:
+        """Return whether participants are linked to the orchestrator only."""
+        return any(extension.is_star for extension in self.extensions)
+
+
+class Host(Protocol):
+    """Where a run takes place."""
+
+    def check(self, scenario: Scenario) -> None:
+        """Raise WiringError for a scenario that cannot run here, with every reason."""
+
+    def open(self, opening: Opening) -> AbstractContextManager[tuple[Bus, Strategy]]:
+        """Open the bus of a run, and return how it gets its participants; end them all."""
 
 
 def ready_descriptions(participants: Participants) -> Descriptions:

@@ -1,1 +1,0 @@
-"""What all phases of a run share, and what a replay or a description does differently."""

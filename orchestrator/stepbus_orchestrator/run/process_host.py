@@ -1,0 +1,91 @@
+"""The host of a run whose participants have a process each, started here or by the user."""
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.links.endpoints import Mesh, make_mesh, private_folder
+from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
+from stepbus_participant import Bus
+
+from .bus.session import open_bus
+from .host import NoPeers, Opening, ready_descriptions
+from .kernel.participants import Participants, ParticipantState
+from .live_file import Live, forget
+from .run import Run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Processes:
+    """Starts a process for each participant, and links them over Zenoh.
+
+    start_order: names of the participants in the order they are started; default: that of the
+    scenario. around: is entered before the first is started and left after the last has ended; it
+    gets their processes by name.
+    """
+
+    start_order: Sequence[str] | None = None
+    around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
+
+    def check(self, scenario: Scenario) -> None:
+        """Do nothing: every scenario runs here."""
+
+    @contextlib.contextmanager
+    def open(self, opening: Opening) -> Iterator[tuple[Bus, "LiveRun"]]:
+        """Open the bus of a run; at the end, say what its processes have left behind."""
+        folder = private_folder()
+        launcher = Launcher(run=opening.run, token=opening.token, folder=folder, logs=opening.logs)
+        try:
+            mesh = make_mesh(opening.scenario, folder, opening.run, is_star=opening.is_star)
+            with self.around(launcher.children), contextlib.ExitStack() as stack:
+                bus = open_bus(mesh.orchestrator, opening.run)
+                stack.callback(bus.close)
+                live = Live(run=opening.run, token=opening.token, endpoint=mesh.caller)
+                live.save(opening.out)
+                stack.callback(forget, opening.out)
+                yield bus, LiveRun(launcher, mesh, self.start_order)
+        finally:
+            for left in launcher.end_all():
+                opening.warn(left.participant, left.text())
+
+
+class LiveRun:
+    """The strategy of a run in which none is played."""
+
+    def __init__(self, launcher: Launcher, mesh: Mesh, start_order: Sequence[str] | None) -> None:
+        self.peers = NoPeers()
+        self.mesh = mesh
+        self._launcher = launcher
+        self._start_order = start_order
+
+    def launch(self, run: Run) -> None:
+        """Start the participants in their order."""
+        scenario = run.state.scenario
+        for name in self._start_order or [spec.name for spec in scenario.participants]:
+            spec = scenario.participant(name)
+            start = self._admit if spec.is_external else self._start
+            run.started(start(spec, run, run.extensions.start_options(spec)))
+
+    def _start(self, spec: ParticipantSpec, run: Run, options: dict[str, Any]) -> ParticipantState:
+        folder = run.state.scenario.folder
+        argv, endpoint = start_command(spec, folder), self.mesh.participants[spec.name]
+        child = self._launcher.start(spec, argv, endpoint, folder, **options)
+        run.timing.event("spawn", spec.name, f"pid {child.pid}")
+        return ParticipantState(spec, child)
+
+    def _admit(self, spec: ParticipantSpec, run: Run, options: dict[str, Any]) -> ParticipantState:
+        """Let the user start a participant."""
+        endpoint = self.mesh.participants[spec.name]
+        external = self._launcher.admit(spec, endpoint, run.state.scenario.folder, **options)
+        self.mesh.tickets[spec.name] = external.ticket.path
+        run.timing.event("external", spec.name)
+        return ParticipantState(spec, external, external=external)
+
+    def descriptions(self, participants: Participants) -> Descriptions:
+        """Return how the participants describe their outputs."""
+        return ready_descriptions(participants)

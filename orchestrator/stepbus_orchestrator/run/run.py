@@ -1,0 +1,207 @@
+"""A run while it lasts: one wait, one check of deadlines and processes, one release."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from stepbus_orchestrator.errors import Interrupted, RunFailure
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_schemas import Message
+
+from .bus.session import Session
+from .bus.subscriptions import subscribe
+from .extension import Extensions, RunExtension
+from .fallback.safe_stop import SafeStop
+from .host import Strategy
+from .kernel.gates import step_limit
+from .kernel.messages import MessageHandler
+from .kernel.newest import Newest
+from .kernel.participants import ParticipantState
+from .kernel.state import RunState
+from .liveness import Liveness
+from .reports.progress import Observer, Progress, Silent, progress_of
+
+TICK_S = 0.05
+SHORT_TICK_S = TICK_S / 5
+LONGEST_TICK_S = 0.25
+"""One check counts for at most this long: a machine that slept is nobody's fault (P12.1)."""
+
+_PROGRESS_EVERY = 5
+_FLUSH_EVERY = 4
+"""In ticks: a kill -9 costs at most 0.25 s of the recording, and what is in flight."""
+
+
+class Run:
+    """A run, from the start of its participants to their end; `phases.run_phases` drives it.
+
+    session: its end of the bus. strategy: how it gets its participants. recorder: gets their
+    outputs. timing: gets what the clock shows. out: folder of the run. observer: is notified of
+    progress. interrupt: ends the run when it is set. extensions: its features.
+
+    state: how far it is. descriptions: of all outputs, from the end of the start-up on. ended_at:
+    when the stop was sent, by the monotonic clock [s]. is_recorded: whether the recorder has been
+    asked to finish, so that it must not be asked to abort.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        strategy: Strategy,
+        recorder: Sink,
+        timing: TimingRecorder,
+        *,
+        out: Path,
+        observer: Observer | None = None,
+        interrupt: threading.Event | None = None,
+        extensions: Sequence[RunExtension] = (),
+    ) -> None:
+        self.state = RunState(session.scenario)
+        self.session = session
+        self.announcer = session.announcer
+        self.timing = timing
+        self.out = out
+        self.observer = observer or Silent()
+        self.interrupt = interrupt or threading.Event()
+        self.extensions = Extensions(extensions)
+        self.descriptions: Descriptions = {}
+        self.ended_at = 0.0
+        self.is_recorded = False
+        self.strategy, self.recorder = self.extensions.wrap(strategy, recorder, self)
+        messages = MessageHandler(
+            self.state, session.token, self.recorder, timing, replayed=self.strategy.peers.names
+        )
+        self.safe_stop = SafeStop(session, self.state, messages)
+        self._newest = Newest(self.state)
+        self._liveness = Liveness(self.state, self.receive_for)
+        self._is_timed = False
+        self._completed = 0
+        self._looked_at = 0
+        self._began = time.monotonic()
+        self._checked_at = self._began
+        self._ticks = 0
+        self.announcer.on_block = self._liveness.kill_blockers
+        self.extensions.attach(self)
+        subscribe(session, messages, self.safe_stop)
+
+    # --- one turn -------------------------------------------------------------------------
+
+    def turn(self, check: Callable[[float], None]) -> None:
+        """Take what arrives within a tick, release steps, and check what is due.
+
+        check: of deadlines; gets the time since the last check [s].
+        """
+        wait_s = self._longest_wait_s() if self.state.phase.is_stepping else TICK_S
+        last = self.state.barrier.last() if self.state.phase.is_stepping else ()
+        self.session.inbox.wake_for(last)
+        self.session.inbox.receive(wait_s)
+        self.release(always=self._is_timed)
+        for turn in self.extensions.turns:
+            turn()
+        if self.interrupt.is_set():
+            raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
+        elapsed_s = time.monotonic() - self.state.away_s - self._checked_at
+        if elapsed_s < TICK_S and not self.state.is_check_due:
+            return
+        self._checked_at += elapsed_s
+        self.state.is_check_due = False
+        # First who is dead: nobody is late who is.
+        self._liveness.check()
+        check(min(elapsed_s, LONGEST_TICK_S))
+        self._ticks += 1
+        if self._ticks % _FLUSH_EVERY == 0:
+            self.recorder.flush()
+        if self._ticks % _PROGRESS_EVERY == 0:
+            self.observer.progress(self.progress())
+
+    def _longest_wait_s(self) -> float:
+        """Return how long to wait for messages, where the clock may release a step [s]."""
+        wait_s = self.extensions.wait_s(self.state.released, TICK_S)
+        self._is_timed = wait_s is not None
+        return TICK_S if wait_s is None else wait_s
+
+    def receive_for(self, duration_s: float) -> None:
+        """Take what arrives within a time [s]; raises the first failure that is reported."""
+        self.session.inbox.wake_for(())
+        deadline = time.monotonic() + duration_s
+        while time.monotonic() < deadline:
+            self.session.inbox.receive(SHORT_TICK_S)
+
+    def receive_after_failure(self, timeout_s: float) -> None:
+        """Take what arrives; the run has ended already, a further failure changes nothing."""
+        self.session.inbox.wake_for(())
+        with contextlib.suppress(RunFailure):
+            self.session.inbox.receive(timeout_s)
+
+    # --- releasing steps ------------------------------------------------------------------
+
+    def release(self, *, always: bool) -> None:
+        """Release the steps that the newest outputs allow, and record those that are complete.
+
+        always: also where no step has been completed since; a gate may have opened.
+        """
+        state = self.state
+        completed = state.barrier.completed
+        has_news = completed > self._completed or state.is_release_due or always
+        if not state.phase.is_stepping or not has_news:
+            return
+        self._completed = completed
+        state.is_release_due = False
+        for act in self.extensions.acts:
+            act()
+        if self.extensions.completions:
+            self._look_at_completed()
+        self.strategy.peers.publish_below(state.barrier.step_limit, state.barrier.reported)
+        self._send_trigger()
+        self.safe_stop.follow(state.released)
+        self.recorder.write_below(min(state.barrier.completed, state.last_step))
+
+    def _look_at_completed(self) -> None:
+        completed = min(self.state.barrier.completed, self.state.last_step)
+        while self._looked_at < completed:
+            for look in self.extensions.completions:
+                look(self._looked_at)
+            self._looked_at += 1
+
+    def _send_trigger(self) -> None:
+        released = self.state.released
+        limit = step_limit(self.state.barrier, self.extensions.gates, released)
+        if limit > released:
+            for begin in self.extensions.releases:
+                begin(released, limit)
+            self.state.released = limit
+            self.announcer.trigger(limit)
+            self.timing.trigger(limit)
+
+    # --- what extensions and hosts do ---------------------------------------------------------
+
+    def started(self, participant: ParticipantState) -> None:
+        """Take a participant that has been started."""
+        self.state.participants = {**self.state.participants, participant.name: participant}
+        self.extensions.started(participant)
+
+    def newest(self, output: str) -> Message | None:
+        """Return the newest message of an output, such as `plant.joint_state`; None before one.
+
+        Raises WiringError for an output that the scenario does not have, or whose messages are
+        bulk, MessageError for a message that is not of its type.
+        """
+        return self._newest.message(output)
+
+    def end(self, reason: str) -> None:
+        """End the run behind the steps that are released; an extension's `completed` may ask so."""
+        self.state.ask_end(self.state.released, reason)
+
+    def stop(self, reason: str, at_step: int = -1) -> None:
+        """Announce that the run ends; negative `at_step`: at once (P11)."""
+        self.ended_at = time.monotonic()
+        self.extensions.stopping()
+        self.announcer.stop(reason, at_step)
+
+    def progress(self) -> Progress:
+        """Return how far the run is."""
+        # Until the next step is due by the clock, a run is held too.
+        is_held = not self._is_timed or self.extensions.is_holding()
+        elapsed_s = time.monotonic() - (self.state.started_at or self._began)
+        return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)

@@ -1,0 +1,83 @@
+"""What a run writes: run.mcap and timing.mcap, and at its end result.json."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from stepbus_orchestrator.errors import RecordingFailed, RunFailure, argument
+from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
+from stepbus_orchestrator.scenario import Scenario, Schedule, left_out
+from stepbus_participant import is_shared
+
+from .extension import RunExtension
+from .reports.events import Events
+from .setup.folder import attach
+from .setup.unrecorded import NoRecorder, NoTiming
+
+_SHARED = (
+    "{folder} may be written by every user of this machine, who could put files of theirs in the "
+    "place of the run's; choose another {out}, or take that right away: chmod o-w {folder}"
+)
+
+
+class RunFiles:
+    """The files of a run in its folder `out`, which nobody else may be using.
+
+    recorder: gets the outputs of the participants. timing: gets what the clock shows.
+    """
+
+    def __init__(self, scenario: Scenario, out: Path, events: Events, *, is_recorded: bool) -> None:
+        self._scenario = scenario
+        self._events = events
+        # A run in one process works in the scenario's folder.
+        self.out = out.resolve()
+        order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        self._file: McapFile | None = None
+        self.timing: TimingRecorder = NoTiming()
+        self.recorder: Recorder | NoRecorder = NoRecorder(order, events.take)
+        if is_recorded:
+            self._file = McapFile(self.out / layout.RUN_FILE)
+            self.timing = TimingRecorder(self.out / layout.TIMING_FILE)
+            self.recorder = Recorder(
+                self._file, order, scenario.step_ns, events.take, scenario.types
+            )
+        if is_shared(self.out):
+            events.add_warning("orchestrator", _SHARED.format(folder=out, out=argument("--out")))
+
+    def describe(self, extensions: Iterable[RunExtension]) -> None:
+        """Record what the run starts from; warn where a rerun would not find all of it."""
+        if self._file is None:
+            return
+        attach(self._file, self._scenario)
+        for extension in extensions:
+            for name, content in extension.metadata().items():
+                self._file.add_metadata(name, content)
+
+    def warn_of_rerun(self) -> None:
+        """Warn where a rerun would not find what the run started from."""
+        if self._file is not None:
+            for what in left_out(self._scenario):
+                self._events.add_warning("recording", f"a rerun does not find {what}")
+
+    def close(
+        self, reason: str, failure: RunFailure | None, *, is_recorded: bool
+    ) -> str | RunFailure:
+        """Write what has arrived of a run that failed; check the file of one that finished.
+
+        reason: why it ended. is_recorded: whether all of it is written. Return why it ended, or
+        what it failed from.
+        """
+        try:
+            if not is_recorded:
+                self.recorder.abort()
+            if failure is None and self._file is not None:
+                self._file.check()
+        except RunFailure as exc:
+            failure = failure or exc
+        self.timing.event("end", text=str(failure or reason))
+        self.timing.close()
+        return failure or reason
+
+    def translated(self, exc: OSError) -> RunFailure:
+        """Return the failure for what nobody expected of a file, by the folder it is in."""
+        error = RecordingFailed if str(exc.filename).startswith(str(self.out)) else RunFailure
+        return error(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
