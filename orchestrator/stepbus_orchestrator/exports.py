@@ -1,5 +1,12 @@
 """What `stepbus_orchestrator` exports."""
 
+from stepbus_orchestrator.run.describe import ParticipantDescription, describe
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.folder import first_new
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.reports import Observer, Progress
+from stepbus_orchestrator.run.result import Result
+
 from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
@@ -25,19 +32,13 @@ from .replay import replay as replay_participant
 from .replay.branch import Branch
 from .replay.branch import branch as branch_recording
 from .replay.rerun import Preparation, Rerun
-from .run.describe.describe import ParticipantDescription, describe
 from .run.episode import Episode
 from .run.execute import Options, default_folder, host_of
 from .run.execute import run as run_scenario
 from .run.extension import RunExtension
 from .run.extensions.external import External, as_external
-from .run.extensions.pace import Pace
 from .run.extensions.real_time import RealTime
-from .run.in_process_host import InProcess
 from .run.live_file import call
-from .run.reports.progress import Observer, Progress
-from .run.reports.result import Result
-from .run.setup.folder import first_new
 from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
 
 __all__ = [

@@ -7,6 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stepbus_orchestrator.run.bus import open_bus
+    from stepbus_orchestrator.run.describe import describe
+    from stepbus_orchestrator.run.folder import read_files, scratch_folder
+    from stepbus_orchestrator.run.reports import Lateness, Observer, in_units
+    from stepbus_orchestrator.run.result import RESULT_FILE, Result
+
     from .analysis.comparison import FieldTolerance, PortComparison, Tolerance, differences
     from .analysis.diff import diff
     from .analysis.findings import findings
@@ -31,36 +37,29 @@ if TYPE_CHECKING:
     from .replay import ReplayResult, replay
     from .replay.outputs.recorded import Recorded, envelope, recorded_descriptions, without_bulk
     from .replay.rerun import attached_files, unpack_files
-    from .run.bus.session import open_bus
-    from .run.describe.describe import describe
     from .run.execute import Options, host_of, run
     from .run.inprocess import check_scenario
     from .run.kernel.admission import max_message_bytes, welcome_of
     from .run.kernel.descriptions import input_descriptions
     from .run.live_file import LIVE_FILE, Line
-    from .run.reports.lateness import Lateness, in_units
-    from .run.reports.progress import Observer
-    from .run.reports.result import RESULT_FILE, Result
-    from .run.setup.folder import read_files
-    from .run.setup.scratch import scratch_folder
 
 _HOMES = {
     "Array": "analysis.signals",
     "Child": "processes.child",
     "FieldTolerance": "analysis.comparison",
     "LIVE_FILE": "run.live_file",
-    "Lateness": "run.reports.lateness",
+    "Lateness": "run.reports",
     "Launcher": "processes.launcher",
     "Line": "run.live_file",
     "Mesh": "processes.links.endpoints",
-    "Observer": "run.reports.progress",
+    "Observer": "run.reports",
     "Options": "run.execute",
     "PYTHON": "processes.environment",
     "PortComparison": "analysis.comparison",
-    "RESULT_FILE": "run.reports.result",
+    "RESULT_FILE": "run.result",
     "Recorded": "replay.outputs.recorded",
     "ReplayResult": "replay",
-    "Result": "run.reports.result",
+    "Result": "run.result",
     "Signal": "analysis.signals",
     "StepTiming": "recording.timing",
     "Tolerance": "analysis.comparison",
@@ -71,28 +70,28 @@ _HOMES = {
     "certificates": "processes.links.credentials",
     "check_limits": "processes.limits",
     "check_scenario": "run.inprocess",
-    "describe": "run.describe.describe",
+    "describe": "run.describe",
     "diff": "analysis.diff",
     "differences": "analysis.comparison",
     "envelope": "replay.outputs.recorded",
     "findings": "analysis.findings",
     "host_of": "run.execute",
-    "in_units": "run.reports.lateness",
+    "in_units": "run.reports",
     "input_descriptions": "run.kernel.descriptions",
     "make_mesh": "processes.links.endpoints",
     "max_message_bytes": "run.kernel.admission",
     "new_token": "processes.links.endpoints",
-    "open_bus": "run.bus.session",
+    "open_bus": "run.bus",
     "passwords": "processes.links.credentials",
     "private_folder": "processes.links.endpoints",
-    "read_files": "run.setup.folder",
+    "read_files": "run.folder",
     "read_signal": "analysis.signals",
     "read_tracking": "analysis.signals",
     "recorded_descriptions": "replay.outputs.recorded",
     "replaced": "analysis.replaced",
     "replay": "replay",
     "run": "run.execute",
-    "scratch_folder": "run.setup.scratch",
+    "scratch_folder": "run.folder",
     "tracking_pieces": "analysis.signals",
     "tracking_rmse": "analysis.tracking",
     "unpack_files": "replay.rerun",

@@ -21,7 +21,7 @@ from support.runs.joints import write_scenario
 from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
-from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.host import NoPeers
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase

@@ -17,7 +17,7 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.processes.turns import DEADLINES, Row, Stage, Turns, Word
 from stepbus_orchestrator.recording.recover import recover
-from stepbus_orchestrator.run.reports.result import RESULT_FILE, Result, file_sha256
+from stepbus_orchestrator.run.result import RESULT_FILE, Result, file_sha256
 from stepbus_participant import append_to
 
 from .terminal.output import print_error, visible

@@ -18,13 +18,13 @@ from stepbus_orchestrator.processes.links.endpoints import (
     private_folder,
 )
 from stepbus_orchestrator.recording import Recorder, Recording, TimingRecorder, layout
-from stepbus_orchestrator.run.bus.session import Session, open_bus
+from stepbus_orchestrator.run.bus import Session, open_bus
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
+from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_orchestrator.run.kernel.participants import Process
 from stepbus_orchestrator.run.phases import run_phases
-from stepbus_orchestrator.run.reports.progress import Observer
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.run.setup.scratch import scratch_folder
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,

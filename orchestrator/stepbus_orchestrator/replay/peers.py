@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from stepbus_orchestrator.run.bus.announcer import Announcer
+from stepbus_orchestrator.run.bus import Announcer
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import stamp
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode

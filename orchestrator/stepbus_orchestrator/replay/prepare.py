@@ -11,7 +11,7 @@ import msgspec
 from stepbus_orchestrator.analysis.comparison import short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.setup.folder import read_files
+from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, files, load, low_latency
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError

@@ -15,6 +15,8 @@ from greenlet import getcurrent, greenlet
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
@@ -22,8 +24,6 @@ from stepbus_schemas import StepbusError, WiringError
 from .execute import Options, run
 from .extensions.debug import Debug
 from .extensions.hosted_caller import HostedCaller, Room
-from .in_process_host import InProcess
-from .reports.result import Result
 
 Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()

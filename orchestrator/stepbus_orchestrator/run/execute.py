@@ -11,21 +11,19 @@ import msgspec
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.processes.links.endpoints import new_token
+from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.extensions import with_defaults
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, claim, default_folder
+from stepbus_orchestrator.run.hosts import InProcess, Processes
+from stepbus_orchestrator.run.reports import Events, Observer, Silent
+from stepbus_orchestrator.run.result import Result, result_of
+from stepbus_orchestrator.run.run_files import RunFiles
 from stepbus_orchestrator.scenario import Scenario, check_installed
 
-from .bus.session import Session
 from .extension import RunExtension, overriding
-from .extensions import with_defaults
 from .host import Host, Opening
-from .in_process_host import InProcess
 from .phases import run_phases
-from .process_host import Processes
-from .reports.events import Events
-from .reports.progress import Observer, Silent
-from .reports.result import Result, result_of
 from .run import Run
-from .run_files import RunFiles
-from .setup.folder import LOGS_FOLDER, claim, default_folder
 
 __all__ = ["Options", "default_folder", "host_of", "run"]
 

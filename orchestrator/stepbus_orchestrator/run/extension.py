@@ -7,17 +7,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.run.kernel.barrier import FAR, Gate
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import error_text
 
-from .kernel.gates import FAR, Gate
-
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording import Sink
+    from stepbus_orchestrator.run.result import Result
 
     from .host import Strategy
     from .kernel.participants import ParticipantState
-    from .reports.result import Result
     from .run import Run
 
 

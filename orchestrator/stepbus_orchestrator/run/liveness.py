@@ -4,10 +4,10 @@ import signal
 from collections.abc import Callable
 
 from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.run.kernel.state import RunState
 
 from .kernel.failures import death, kept_thread, took_nothing
 from .kernel.participants import ParticipantState
-from .kernel.state import RunState
 
 LAST_REPORTS_S = 0.1
 """Those who wait for a process that has died report after 20 ms at which step (P9.2, P9.3)."""

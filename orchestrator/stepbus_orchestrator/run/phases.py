@@ -5,11 +5,11 @@ import time
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.kernel.state import RunPhase
+from stepbus_orchestrator.run.safe_messages import motion_at_end
 from stepbus_orchestrator.scenario import Schedule
 
-from .fallback.rest import motion_at_end
 from .kernel.deadlines import check_bulk, check_closing, check_step
-from .kernel.phase import RunPhase
 from .liveness import LAST_REPORTS_S
 from .run import LONGEST_TICK_S, Run
 from .shutdown import check_ends, shut_down

@@ -8,20 +8,18 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
 from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.run.bus import Session, subscribe
+from stepbus_orchestrator.run.kernel.barrier import step_limit
+from stepbus_orchestrator.run.kernel.state import Newest, RunState
+from stepbus_orchestrator.run.reports import Observer, Progress, Silent, progress_of
+from stepbus_orchestrator.run.safe_stop import SafeStop
 from stepbus_schemas import Message
 
-from .bus.session import Session
-from .bus.subscriptions import subscribe
 from .extension import Extensions, RunExtension
-from .fallback.safe_stop import SafeStop
 from .host import Strategy
-from .kernel.gates import step_limit
 from .kernel.messages import MessageHandler
-from .kernel.newest import Newest
 from .kernel.participants import ParticipantState
-from .kernel.state import RunState
 from .liveness import Liveness
-from .reports.progress import Observer, Progress, Silent, progress_of
 
 TICK_S = 0.05
 SHORT_TICK_S = TICK_S / 5

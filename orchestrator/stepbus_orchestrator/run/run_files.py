@@ -1,17 +1,103 @@
-"""What a run writes: run.mcap and timing.mcap, and at its end result.json."""
+"""What a run writes, run.mcap and timing.mcap, and what stands in for them in one that does not."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed, RunFailure, argument
-from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder, layout
-from stepbus_orchestrator.scenario import Scenario, Schedule, left_out
+from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
+from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, TimingRecorder, layout
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.folder import attach
+from stepbus_orchestrator.run.reports import Events
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule, left_out
 from stepbus_participant import is_shared
+from stepbus_schemas import CallRecord, Decoder, Event, MessageError, Outputs, type_name
 
-from .extension import RunExtension
-from .reports.events import Events
-from .setup.folder import attach
-from .setup.unrecorded import NoRecorder, NoTiming
+_EVENT = type_name(Event)
+
+
+class NoRecorder:
+    """A sink that keeps nothing; events are reported all the same.
+
+    order: the participants. on_event: gets every Event.
+    """
+
+    messages_sha256 = ""
+    silent: Collection[tuple[str, str]] = frozenset()
+
+    def __init__(
+        self,
+        order: Sequence[ParticipantSpec],
+        on_event: Callable[[str, str, int, Event], None],
+    ) -> None:
+        self._on_event = on_event
+        self._ports = {
+            spec.name: [port for port, row in spec.outputs.items() if row.type == _EVENT]
+            for spec in order
+        }
+        self._decode = Decoder(Event)
+
+    def open_channels(
+        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Do nothing."""
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Do nothing."""
+
+    def add_call(self, call: CallRecord) -> None:
+        """Do nothing."""
+
+    def offer(self, name: str, outputs: Outputs) -> None:
+        """Report the events among the outputs of one participant."""
+        for port in self._ports[name]:
+            if port in outputs.ports:
+                self._on_event(name, port, outputs.step, self._event(name, port, outputs))
+
+    def _event(self, name: str, port: str, outputs: Outputs) -> Event:
+        try:
+            return self._decode(outputs.ports[port])
+        except MessageError as exc:
+            text = f"step {outputs.step}: {name}.{port} is {exc}"
+            raise ParticipantFault(text, participant=name, step=outputs.step) from exc
+
+    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
+        """Do nothing."""
+
+    def bulk_complete(self) -> bool:
+        """Return True: nobody waits for it."""
+        return True
+
+    def write_below(self, step: int) -> None:
+        """Do nothing."""
+
+    def flush(self) -> None:
+        """Do nothing."""
+
+    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
+        """Do nothing."""
+
+    def abort(self) -> None:
+        """Do nothing."""
+
+
+class NoTiming(TimingRecorder):
+    """Records no times."""
+
+    def __init__(self) -> None:
+        """Open no file."""
+
+    def event(self, event: str, participant: str = "", text: str = "") -> None:
+        """Do nothing."""
+
+    def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
+        """Do nothing."""
+
+    def trigger(self, step_limit: int) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
 
 _SHARED = (
     "{folder} may be written by every user of this machine, who could put files of theirs in the "

@@ -8,7 +8,7 @@ from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
 from stepbus_orchestrator.run.kernel.participants import Phase
-from stepbus_orchestrator.run.kernel.phase import RunPhase
+from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.run import Run
 from stepbus_schemas import Start, encode
 

@@ -8,7 +8,7 @@ from stepbus_orchestrator import InProcess, Options, Recording
 from stepbus_orchestrator.cli.terminal.live import in_degrees
 from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.reports.progress import Silent
+from stepbus_orchestrator.run.reports import Silent
 
 
 class Watcher(Silent):

@@ -11,7 +11,7 @@ from support.runs.joints import leftovers
 from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RunFailure
-from stepbus_orchestrator.run.describe.describe import describe
+from stepbus_orchestrator.run.describe import describe
 
 PROGRAM = """
 import stepbus

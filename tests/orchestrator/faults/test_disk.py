@@ -17,7 +17,7 @@ from support.messages.recordings import messages
 from stepbus_orchestrator import InProcess, Options, Pace, load, run_scenario
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
-from stepbus_orchestrator.run.reports.progress import Silent
+from stepbus_orchestrator.run.reports import Silent
 from stepbus_schemas import JointState, encode
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))

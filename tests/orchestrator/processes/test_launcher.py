@@ -9,7 +9,7 @@ from support.surroundings import living_children
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import reaping
-from stepbus_orchestrator.run.reports.progress import Silent
+from stepbus_orchestrator.run.reports import Silent
 
 
 def is_reaper(process):

@@ -13,7 +13,7 @@ from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.reports.progress import Silent
+from stepbus_orchestrator.run.reports import Silent
 
 
 class Stopper(Silent):

@@ -14,7 +14,7 @@ from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
 from stepbus_orchestrator.run.execute import run
-from stepbus_orchestrator.run.reports.result import own_versions
+from stepbus_orchestrator.run.result import own_versions
 
 
 def write_log(path, scenario="name: x", files=None, versions=None):

@@ -2,7 +2,7 @@
 
 import threading
 
-from stepbus_orchestrator.run.reports.progress import Silent
+from stepbus_orchestrator.run.reports import Silent
 from stepbus_schemas import WiringError
 
 

@@ -7,7 +7,7 @@ import msgspec
 
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
-from stepbus_orchestrator.run.bus.session import Session
+from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.host import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases

@@ -7,7 +7,7 @@ from support.messages.recordings import write
 from support.paths import CHECKOUT
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.reports.result import Result
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import Event, JointState, WiringError
 from stepbus_tools.viewing.notebook import recording_html, result_html
 

@@ -13,8 +13,8 @@ from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import TimingRecorder
-from stepbus_orchestrator.run.reports.lateness import Lateness
-from stepbus_orchestrator.run.reports.result import Result
+from stepbus_orchestrator.run.reports import Lateness
+from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import BaseState, Description, Event, Image, JointState, Scalars
 from stepbus_tools.viewing.page import report_page, write_page

@@ -14,7 +14,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import RERUNS, points
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun
-from stepbus_orchestrator.run.reports.result import Result
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import WiringError
 
 from .trust import add_trust, trusted_programs

@@ -20,14 +20,14 @@ from stepbus_orchestrator.run.execute import (
     run,
 )
 from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug, check_names, without_deadlines
 from stepbus_orchestrator.run.extensions.external import External, external_names
-from stepbus_orchestrator.run.extensions.loading import load_extension
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.extensions.real_time import RealTime
-from stepbus_orchestrator.run.reports.lateness import Lateness, in_units
-from stepbus_orchestrator.run.reports.result import Result
+from stepbus_orchestrator.run.reports import Lateness, in_units
+from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario import Scenario, check_installed, load
 from stepbus_schemas import WiringError
 

@@ -4,7 +4,7 @@ import argparse
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
 from stepbus_orchestrator.cli.terminal.output import say, say_json
-from stepbus_orchestrator.run.describe.rehearsal import rehearse
+from stepbus_orchestrator.run.describe import rehearse
 from stepbus_orchestrator.scenario import Schedule, load
 
 _SHOWN_STEPS = 5

@@ -12,7 +12,7 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.cli.terminal.output import visible
-from stepbus_orchestrator.run.reports.progress import Progress
+from stepbus_orchestrator.run.reports import Progress
 
 from .keys import HELP
 

@@ -11,8 +11,8 @@ from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.run.execute import Options, host_of, run
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.debug import Debug
-from stepbus_orchestrator.run.reports.progress import Observer
-from stepbus_orchestrator.run.reports.result import Result, file_sha256
+from stepbus_orchestrator.run.reports import Observer
+from stepbus_orchestrator.run.result import Result, file_sha256
 from stepbus_orchestrator.scenario import Scenario
 
 from .checkpoints import choose, to_be_made

@@ -16,7 +16,7 @@ from stepbus_orchestrator.replay.rerun import (
     unpack,
     version_notes,
 )
-from stepbus_orchestrator.run.reports.result import own_versions
+from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, format_fault, load
 from stepbus_participant import suggest, whole_steps
 from stepbus_participant.parameters import parse_yaml

@@ -8,7 +8,7 @@ from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint, remember
 from stepbus_orchestrator.replay.prepare import Prepared
-from stepbus_orchestrator.run.setup.folder import read_files
+from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario import Schedule, resolved
 from stepbus_participant import irregular
 

@@ -12,8 +12,8 @@ from typing import Any
 from stepbus_orchestrator.errors import Diverged
 from stepbus_orchestrator.replay.outputs.recorded import envelope
 from stepbus_orchestrator.replay.peers import Speaker
-from stepbus_orchestrator.run.bus.session import Session
-from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Bus

@@ -18,7 +18,7 @@ import msgspec
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import is_known_folder
-from stepbus_orchestrator.run.reports.result import RESULT_FILE
+from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     builtin_folders,

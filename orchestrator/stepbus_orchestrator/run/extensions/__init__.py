@@ -1,19 +1,20 @@
 """The features of a run that ship; see docs/guide/writing/extension.md for one of your own."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.extensions.external import External, StartedHere
+from stepbus_orchestrator.run.extensions.faults import Faults
+from stepbus_orchestrator.run.extensions.pace import Pace, Speed
+from stepbus_orchestrator.run.extensions.real_time import RealTime
+from stepbus_orchestrator.run.extensions.save_checkpoints import SaveCheckpoints
+from stepbus_orchestrator.run.extensions.steering import Steering
 from stepbus_orchestrator.scenario import Scenario
-
-from .calls import Calls
-from .external import External, StartedHere
-from .faults import Faults
-from .pace import Pace
-from .real_time import RealTime
-from .save_checkpoints import SaveCheckpoints
-from .speed import Speed
-from .steering import Steering
+from stepbus_participant import load_class
+from stepbus_schemas import WiringError, error_text
 
 _T = TypeVar("_T", bound=RunExtension)
 
@@ -41,3 +42,26 @@ def with_defaults(
 
 def _first(items: Iterable[RunExtension], kind: type[_T]) -> _T | None:
     return next((item for item in items if isinstance(item, kind)), None)
+
+
+def load_extension(name: str) -> RunExtension:
+    """Return an instance of the class that a name such as `limits.py:Limit` names.
+
+    Raises WiringError where there is no such file or class, it is no RunExtension, or it cannot be
+    made without arguments.
+    """
+    file, _, class_name = name.rpartition(":")
+    folder, module = Path(), file
+    if file.endswith(".py"):
+        path = Path(file)
+        if not path.is_file():
+            raise WiringError(f"{name}: no file {file!r}")
+        folder, module = path.parent, path.stem
+    found = load_class(f"{module}:{class_name}", folder.resolve())
+    if not issubclass(found, RunExtension):
+        raise WiringError(f"{name}: {class_name} is no stepbus.RunExtension")
+    try:
+        made: RunExtension = found()
+    except Exception as exc:
+        raise WiringError(f"{name} cannot be made: {error_text(exc)}") from exc
+    return made

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
 from stepbus_orchestrator.recording import layout, recorded_decoder
-from stepbus_orchestrator.run.bus.subscriptions import subscribe_named
+from stepbus_orchestrator.run.bus import subscribe_named
 from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.failures import deadline, seconds
-from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_participant import Request, suggest
 from stepbus_schemas import (

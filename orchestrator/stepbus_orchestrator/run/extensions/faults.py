@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import Process
 from stepbus_orchestrator.scenario import (
     MESSAGE_FAULTS,

@@ -13,10 +13,10 @@ from typing import Any
 
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.failures import at
-from stepbus_orchestrator.run.kernel.gates import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.reports.lateness import Lateness
+from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.scenario import Scenario
 
 _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)

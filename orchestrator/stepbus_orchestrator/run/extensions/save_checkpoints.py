@@ -9,7 +9,7 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import CheckpointOrder, read_stamp
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.run.reports.result import Result
+    from stepbus_orchestrator.run.result import Result
     from stepbus_orchestrator.run.run import Run
 
 

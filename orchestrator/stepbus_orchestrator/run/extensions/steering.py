@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.pace import Pace, Speed
 from stepbus_schemas import CallReply, WiringError
 
 from .calls import Calls
-from .pace import Pace
-from .speed import Speed
 
 _FACTORS = (1e-3, 1e3)
 _PERIODS_S = (0.01, 1.0)

@@ -16,6 +16,8 @@ from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.extensions.hosted_caller import HostedCaller, Room, Seat
 from stepbus_orchestrator.run.host import NoPeers, Opening, ready_descriptions
+from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
+from stepbus_orchestrator.run.inprocess.program import ScenarioModules, check_programs, program_of
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.run import Run
@@ -29,12 +31,8 @@ from stepbus_orchestrator.scenario import (
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
 from stepbus_schemas import WiringError
 
-from .bus import HostedBus
 from .guard import Belongings, Guard
-from .host import HostedParticipant
 from .hub import Hub
-from .modules import ScenarioModules
-from .program import check_programs, program_of
 from .surroundings import NATIVE_LOG, Surroundings
 from .watch import Watch, traced, watched_from_outside
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from stepbus_orchestrator.run.inprocess.program import ScenarioModules
+
 from .guard import Guard
-from .modules import ScenarioModules
 
 NATIVE_LOG = "native.log"
 """Where libraries in C print, beside the logs of the participants."""

@@ -21,9 +21,8 @@ from stepbus_orchestrator.processes import turn_watchdog, turns
 from stepbus_orchestrator.processes.bounded_log import BoundedLog
 from stepbus_orchestrator.processes.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.processes.turns import Stage, Turns, Word, make_file
+from stepbus_orchestrator.run.inprocess.participant import HostedParticipant, Late
 from stepbus_orchestrator.run.kernel.participants import KeptThread
-
-from .host import HostedParticipant, Late
 
 _CHECK_S = 0.1
 _LONGEST_CHECK_S = 0.25

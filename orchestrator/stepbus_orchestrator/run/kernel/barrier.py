@@ -1,9 +1,17 @@
-"""The step barrier: what has been reported, how far the run may go, and who holds a step."""
+"""Which steps are complete, who holds the oldest, and how far the run may go."""
 
+from collections.abc import Callable, Iterable
 from operator import add
 
 from stepbus_orchestrator.scenario import InputSpec, Scenario
 from stepbus_schemas import due_step
+
+FAR = 1 << 62
+"""Beyond the last step of any run."""
+
+
+Gate = Callable[[int], int]
+"""Returns the first step that must not be released yet, or FAR; gets how far steps are released."""
 
 
 class Barrier:
@@ -96,3 +104,9 @@ class Barrier:
     def _arrived(self, item: InputSpec, step: int) -> bool:
         due = due_step(step, item.delay, self._every[item.source])
         return due < 0 or self.reported[item.source] >= due
+
+
+def step_limit(barrier: Barrier, gates: Iterable[Gate], released: int) -> int:
+    """Return how far participants may work; the trigger only ever grows (P5.2)."""
+    limit = min([barrier.step_limit, *(gate(released) for gate in gates)])
+    return max(limit, released)

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from stepbus_orchestrator.run.kernel.state import RunState
+
 from .failures import (
     death,
     late_for_step,
@@ -12,7 +14,6 @@ from .failures import (
     seconds,
 )
 from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
-from .state import RunState
 
 LAST_WORDS_S = 1.0
 """How long the last messages of a process that was ended may still be on their way [s]."""

@@ -7,10 +7,10 @@ from stepbus_orchestrator.errors import (
     StartFailed,
     StepTimeout,
 )
+from stepbus_orchestrator.run.kernel.barrier import Barrier
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import due_step
 
-from .barrier import Barrier
 from .participants import PHASE_DEADLINES, KeptThread, Participants, ParticipantState, Phase
 
 

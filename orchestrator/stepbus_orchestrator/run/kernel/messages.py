@@ -7,6 +7,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
 from stepbus_orchestrator.recording import Sink, TimingRecorder
+from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
@@ -28,7 +29,6 @@ from stepbus_schemas import (
 from .admission import receive, welcome_of
 from .failures import refused, skipped
 from .participants import ParticipantState, Phase
-from .state import RunState
 
 _ORCHESTRATOR = "orchestrator"
 """Whose own liveliness token that is (P3.1)."""

@@ -1,18 +1,60 @@
-"""The state of a run: how far it is, when it ends, who takes part."""
+"""The state of a run: its phase, how far it is, when it ends, who takes part."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, indented
+from stepbus_orchestrator.run.kernel.admission import max_message_bytes
+from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier
+from stepbus_orchestrator.run.kernel.failures import at
+from stepbus_orchestrator.run.kernel.participants import Participants, Phase
 from stepbus_orchestrator.scenario import Scenario
+from stepbus_participant import suggest
+from stepbus_schemas import Decoder, Message, WiringError, message_class
 
-from .admission import max_message_bytes
-from .barrier import Barrier
-from .failures import at
-from .gates import FAR
-from .participants import Participants, Phase
-from .phase import NEXT, RunPhase
+
+class RunPhase(StrEnum):
+    """What a run is doing.
+
+    Start-up: participants join, load their models and get ready (P4). Stepping: steps are released
+    (P5). Fallback: the same, with messages published for a participant that has failed. Closing:
+    closing outputs come in (P11.3). Shutdown: processes end (P11.4).
+    """
+
+    START_UP = "start-up"
+    STEPPING = "stepping"
+    FALLBACK = "fallback"
+    CLOSING = "closing"
+    SHUTDOWN = "shutdown"
+
+    @property
+    def is_stepping(self) -> bool:
+        """Return whether steps are released."""
+        return self is RunPhase.STEPPING or self is RunPhase.FALLBACK
+
+    @property
+    def is_stopping(self) -> bool:
+        """Return whether participants have been asked to end."""
+        return self is RunPhase.CLOSING or self is RunPhase.SHUTDOWN
+
+    @property
+    def shown(self) -> str:
+        """Return it as users see it: `starting`, `stepping` or `stopping`."""
+        if self is RunPhase.START_UP:
+            return "starting"
+        return "stepping" if self.is_stepping else "stopping"
+
+
+NEXT: Mapping[RunPhase, frozenset[RunPhase]] = {
+    RunPhase.START_UP: frozenset({RunPhase.STEPPING, RunPhase.SHUTDOWN}),
+    RunPhase.STEPPING: frozenset({RunPhase.FALLBACK, RunPhase.CLOSING, RunPhase.SHUTDOWN}),
+    RunPhase.FALLBACK: frozenset({RunPhase.CLOSING, RunPhase.SHUTDOWN}),
+    RunPhase.CLOSING: frozenset({RunPhase.SHUTDOWN}),
+    RunPhase.SHUTDOWN: frozenset(),
+}
+"""Every phase ends in shutdown, whatever happens in it; none comes twice."""
 
 
 @dataclass
@@ -116,3 +158,34 @@ class RunState:
                 f"before the first step: {what} take {len(data)} bytes, over the {limit} that the "
                 "low-latency transport carries; set bus.low_latency: false"
             )
+
+
+class Newest:
+    """Decodes the newest messages of a run."""
+
+    def __init__(self, state: RunState) -> None:
+        self._state = state
+        self._decoders: dict[str, Callable[[bytes], Message]] = {}
+
+    def message(self, output: str) -> Message | None:
+        """Return the newest message of an output, such as `plant.joint_state`; None before one.
+
+        Raises WiringError for an output that the scenario does not have, or whose messages are
+        bulk, MessageError for a message that is not of its type.
+        """
+        name, _, port = output.partition(".")
+        if output not in self._decoders:
+            self._decoders[output] = self._decoder(output)
+        raw = self._state.newest.get(name, {}).get(port)
+        return None if raw is None else self._decoders[output](bytes(raw))
+
+    def _decoder(self, output: str) -> Callable[[bytes], Message]:
+        types = {
+            f"{spec.name}.{port}": described.type
+            for spec in self._state.scenario.participants
+            for port, described in spec.outputs.items()
+            if not described.bulk
+        }
+        if output not in types:
+            raise WiringError(f"no output {output!r}{suggest(output, types)}")
+        return Decoder(message_class(types[output], self._state.scenario.types))

@@ -16,8 +16,8 @@ from stepbus_orchestrator.cli.terminal.keys import press
 from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.kernel.gates import FAR
-from stepbus_orchestrator.run.reports.progress import Silent
+from stepbus_orchestrator.run.kernel.barrier import FAR
+from stepbus_orchestrator.run.reports import Silent
 from stepbus_schemas import WiringError
 
 

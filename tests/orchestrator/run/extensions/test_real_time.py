@@ -9,9 +9,9 @@ from support.runs.kernel import scenario, states
 from stepbus_orchestrator import ExitCode
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.extensions.real_time import RealTime
-from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.reports.lateness import in_units
+from stepbus_orchestrator.run.reports import in_units
 
 MS = 1_000_000
 

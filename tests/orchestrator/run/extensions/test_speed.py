@@ -1,7 +1,7 @@
 """How fast a run goes by the wall clock, as asked while it goes on."""
 
-from stepbus_orchestrator.run.extensions.speed import Speed
-from stepbus_orchestrator.run.kernel.gates import FAR
+from stepbus_orchestrator.run.extensions.pace import Speed
+from stepbus_orchestrator.run.kernel.barrier import FAR
 
 
 class Clock:

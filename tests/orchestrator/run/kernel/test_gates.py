@@ -3,8 +3,7 @@
 from support.runs.kernel import scenario
 
 from stepbus_orchestrator import Pace
-from stepbus_orchestrator.run.kernel.barrier import Barrier
-from stepbus_orchestrator.run.kernel.gates import FAR, step_limit
+from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier, step_limit
 
 
 def before(step):

@@ -2,7 +2,7 @@
 
 from queue import SimpleQueue
 
-from stepbus_orchestrator.run.bus.inbox import Inbox
+from stepbus_orchestrator.run.bus import Inbox
 
 
 class Case:

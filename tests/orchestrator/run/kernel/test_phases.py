@@ -10,7 +10,7 @@ from support.surroundings import comes_true
 
 from stepbus_orchestrator import Pace
 from stepbus_orchestrator.errors import Interrupted, ParticipantDied
-from stepbus_orchestrator.run.kernel.phase import NEXT, RunPhase
+from stepbus_orchestrator.run.kernel.state import NEXT, RunPhase
 from stepbus_orchestrator.scenario import HoldSpec
 
 TWO_STEPS = "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"

@@ -3,7 +3,7 @@
 import pytest
 from support.runs.kernel import MISSION, PLANT, scenario
 
-from stepbus_orchestrator.run.fallback.rest import motion_at_end
+from stepbus_orchestrator.run.safe_messages import motion_at_end
 from stepbus_orchestrator.scenario import OutputSpec
 from stepbus_schemas import BaseState, Description, JointState, encode
 

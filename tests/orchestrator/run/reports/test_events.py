@@ -1,6 +1,6 @@
 """Events of participants: shown in the order of the recording, and warnings counted."""
 
-from stepbus_orchestrator.run.reports.events import Events
+from stepbus_orchestrator.run.reports import Events
 from stepbus_schemas import Event
 
 

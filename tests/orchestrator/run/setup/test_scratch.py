@@ -5,7 +5,7 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
-from stepbus_orchestrator.run.setup.scratch import scratch_folder
+from stepbus_orchestrator.run.folder import scratch_folder
 
 
 @pytest.fixture

@@ -6,20 +6,65 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
 from stepbus_orchestrator.processes.activity import Activity, activity
 from stepbus_orchestrator.processes.bounded_log import BoundedLog
 from stepbus_orchestrator.processes.turns import Row, Turns
+from stepbus_orchestrator.run.inprocess.guard import Belongings, Ended
+from stepbus_orchestrator.run.inprocess.hub import Hub
+from stepbus_orchestrator.run.inprocess.program import ScenarioModules
 from stepbus_orchestrator.run.kernel.participants import KeptThread
-from stepbus_participant import HOST, Host, Ticket, append_to, last_error
+from stepbus_participant import (
+    HOST,
+    FaultyPublisher,
+    Host,
+    LoopbackBus,
+    MessageFault,
+    Ticket,
+    append_to,
+    last_error,
+)
 
-from .bus import HostedBus
-from .guard import Belongings, Ended
-from .hub import Hub
-from .modules import ScenarioModules
+
+class HostedBus(LoopbackBus):
+    """A participant's bus in memory, with faults in the outputs that have any.
+
+    peer: the orchestrator's. is_leaf: it has no link to other participants. counter: where
+    to count the outputs that it has published, and the index there.
+    """
+
+    def __init__(
+        self,
+        peer: LoopbackBus,
+        name: str,
+        faults: Sequence[MessageFault],
+        *,
+        counter: "tuple[memoryview[float], int]",
+        is_leaf: bool = False,
+    ) -> None:
+        super().__init__(peer, peer.queue, is_leaf=is_leaf)
+        self._counter = counter
+        self._key = f"out/{name}"
+        self._faults = list(faults)
+
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
+        """Return a function that publishes bytes; it counts outputs, and makes them faulty."""
+        put = super().publisher(key, encoding, remote=remote)
+        if key != self._key:
+            return put
+        if self._faults:
+            put = FaultyPublisher(put, self._faults)
+
+        counts, index = self._counter
+
+        def counted_put(data: bytes, **options: Any) -> None:
+            counts[index] += 1
+            put(data, **options)
+
+        return counted_put
 
 
 class Late(BaseException):

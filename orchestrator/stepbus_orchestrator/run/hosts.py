@@ -1,4 +1,4 @@
-"""The host of a run whose participants have a process each, started here or by the user."""
+"""The hosts that ship: a process for each participant, or all of them in this one."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -6,18 +6,18 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
+from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.links.endpoints import Mesh, make_mesh, private_folder
 from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.bus import open_bus
+from stepbus_orchestrator.run.host import NoPeers, Opening, Strategy, ready_descriptions
+from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
+from stepbus_orchestrator.run.live_file import Live, forget
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
 from stepbus_participant import Bus
-
-from .bus.session import open_bus
-from .host import NoPeers, Opening, ready_descriptions
-from .kernel.participants import Participants, ParticipantState
-from .live_file import Live, forget
-from .run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,3 +89,51 @@ class LiveRun:
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""
         return ready_descriptions(participants)
+
+
+# A run in processes of their own is quicker to start without what is imported below.
+
+
+@dataclass(frozen=True, kw_only=True)
+class InProcess:
+    """Has all participants in this process.
+
+    start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are nobody else's, and
+    what libraries in C print goes to a log.
+    """
+
+    start_order: Sequence[str] | None = None
+    owns_descriptors: bool = False
+
+    def check(self, scenario: Scenario) -> None:
+        """Raise WiringError for a scenario that cannot run in one process, with every reason."""
+        from stepbus_orchestrator.run.inprocess import check_scenario  # noqa: PLC0415
+
+        check_scenario(scenario)
+
+    @contextlib.contextmanager
+    def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
+        """Put the process in order for participants, and back at the end."""
+        from stepbus_orchestrator.run.inprocess import (  # noqa: PLC0415
+            NATIVE_LOG,
+            LocalRun,
+            ScenarioModules,
+            Surroundings,
+        )
+
+        folder = opening.scenario.folder
+        sources = (spec.participant.rpartition(":")[0] for spec in opening.scenario.participants)
+        modules = ScenarioModules(folder, [name for name in sources if name.endswith(".py")])
+        local = LocalRun(opening, modules, self.start_order)
+        native_log = opening.logs / NATIVE_LOG if self.owns_descriptors else None
+        with contextlib.ExitStack() as stack:
+            try:
+                around = Surroundings(folder, modules, local.guard, native_log)
+                stack.enter_context(around)
+            except OSError as exc:
+                raise StartFailed(
+                    f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
+                    "works in the scenario's folder, and logs to the run's"
+                ) from exc
+            stack.enter_context(local.watched(around))
+            yield local.bus, local

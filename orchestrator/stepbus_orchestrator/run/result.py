@@ -14,11 +14,9 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.reports import Events, Lateness, Warned
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import installed_version, write_file
-
-from .events import Events, Warned
-from .lateness import Lateness
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.run import Run

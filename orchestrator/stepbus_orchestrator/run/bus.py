@@ -1,0 +1,258 @@
+"""One run's end of the bus: what is published, what has arrived, and who takes it (P3.1)."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from functools import partial
+from queue import Empty
+from typing import TYPE_CHECKING, Any
+
+from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.processes.watchdog import Watchdog
+from stepbus_orchestrator.run.kernel.messages import MessageHandler
+from stepbus_orchestrator.scenario import Scenario
+from stepbus_participant import Bus, BusError, Endpoint, Queue, Request, ZenohBus
+from stepbus_schemas import CallReply, Refusal, Stop, Trigger, Welcome, encode, encoding_of
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.run.safe_stop import SafeStop
+
+
+class Inbox:
+    """A queue of what has arrived, each item with the function that takes it.
+
+    Callbacks of the bus only put; everything else happens on the thread that calls `receive`.
+    What several participants have to send before anything can go on wakes that thread once.
+
+    queue: of the bus.
+    """
+
+    def __init__(self, queue: Queue) -> None:
+        self._queue = queue
+        self._quiet: deque[tuple[Callable[[Any], None], Any]] = deque()
+        self._awaited: set[str] = set()
+
+    def into(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback for the bus: what it gets is passed to `take` by `receive`."""
+        put = self._queue.put
+        return lambda item: put((take, item))
+
+    def into_from(self, name: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return the same for a participant; it wakes nobody while others are awaited."""
+        put, keep = self._queue.put, self._quiet.append
+
+        def sink(item: Any) -> None:
+            keep((take, item))
+            # Read behind the line above: `wake_for` looks for what was kept once it has set this.
+            awaited = self._awaited
+            awaited.discard(name)
+            if not awaited:
+                put((_ignore, None))
+
+        return sink
+
+    def wake_for(self, names: Iterable[str]) -> None:
+        """Let `receive` wake up once each of these has sent something; none: for anybody."""
+        self._awaited = set(names)
+
+    def receive(self, timeout_s: float) -> None:
+        """Wait for the next item, at most for a time [s], and take all that have come with it."""
+        if self._quiet:
+            timeout_s = 0.0
+        try:
+            take, item = self._queue.get(timeout=timeout_s)
+        except Empty:
+            self._take_quiet()
+            return
+        self._take_quiet()
+        take(item)
+        # Not until it is empty: a process that floods the bus must not keep us from the deadlines.
+        for _ in range(self._queue.qsize()):
+            take, item = self._queue.get()  # no time-out: it is not empty
+            if take is not _ignore:
+                self._take_quiet()
+                take(item)
+
+    def _take_quiet(self) -> None:
+        """Take what has woken nobody; it came before all that is taken next."""
+        for _ in range(len(self._quiet)):
+            take, item = self._quiet.popleft()
+            take(item)
+
+
+def _ignore(_item: object) -> None:
+    """Take what only wakes."""
+
+
+_FIRST_S = 0.05
+_FIRST_STOP_S = 0.01
+_LONGEST_S = 60.0
+
+
+class Announcer:
+    """Publishes, under a watchdog: a put to a process that reads nothing blocks (P2.5).
+
+    Start, trigger and stop are repeated until their effect is seen, since what is published before
+    a link is complete is lost; less and less often, since each message to a frozen participant
+    fills a buffer.
+
+    limit_s: how long a put may block [s]. on_block: is called on the watchdog's thread when one
+    takes longer, and has to end the process that reads nothing.
+    """
+
+    def __init__(self, bus: Bus, token: str, limit_s: float) -> None:
+        self.on_block: Callable[[], None] = lambda: None
+        self._bus = bus
+        self._token = token
+        self._watchdog = Watchdog(limit_s, self._blocked)
+        self._put_start = self.publisher("start", "Start/1")
+        self._put_trigger = self.publisher("trigger", "Trigger/1")
+        self._put_stop = self.publisher("stop", "Stop/1")
+        self._start = b""
+        self._stop = b""
+        self._step_limit = 0
+        self._pause_s = _FIRST_S
+        self._due_s = 0.0
+
+    def publisher(self, key: str, type_name: str, *, remote: bool = False) -> Callable[..., None]:
+        """Return a function that publishes bytes on a key; it takes `attachment=` bytes too.
+
+        remote: the orchestrator's own subscribers do not get them.
+        """
+        put = self._bus.publisher(key, encoding_of(type_name), remote=remote)
+        start, end = self._watchdog.start, self._watchdog.end
+
+        def watched_put(data: bytes, **options: bytes) -> None:
+            start()
+            try:
+                put(data, **options)
+            finally:
+                end()
+
+        return watched_put
+
+    def reply(self, request: Request, message: Welcome | Refusal | CallReply) -> None:
+        """Answer a query with an envelope."""
+        with self._watchdog.watching():
+            request.reply(encode(message), encoding_of(f"{type(message).__name__}/1"))
+
+    def start(self, message: bytes) -> None:
+        """Publish the `Start` (P4.8)."""
+        self._start = message
+        self._put_start(message)
+
+    def trigger(self, step_limit: int) -> None:
+        """Let everybody work on the steps below `step_limit` (P5.2)."""
+        self._step_limit = step_limit
+        self._set_pause(_FIRST_S)
+        self._put_trigger(self._trigger())
+
+    def stop(self, reason: str, at_step: int) -> None:
+        """Let everybody end; negative `at_step`: at once (P11.1)."""
+        self._stop = encode(Stop(token=self._token, reason=reason, at_step=at_step))
+        self._set_pause(_FIRST_STOP_S)
+        self._put_stop(self._stop)
+
+    def repeat(self, *, with_start: bool) -> None:
+        """Repeat the newest trigger, when it is time to; with_start: the `Start` as well."""
+        if self._is_time():
+            if with_start:
+                self._put_start(self._start)
+            self._put_trigger(self._trigger())
+
+    def repeat_stop(self) -> None:
+        """Repeat the `Stop`, when it is time to."""
+        if self._is_time():
+            self._put_stop(self._stop)
+
+    def close(self) -> None:
+        """Stop the watchdog; nothing is published afterwards."""
+        self._watchdog.close()
+
+    def _blocked(self) -> None:
+        self.on_block()
+
+    def _trigger(self) -> bytes:
+        return encode(Trigger(token=self._token, step_limit=self._step_limit))
+
+    def _set_pause(self, pause_s: float) -> None:
+        self._pause_s = pause_s
+        self._due_s = time.monotonic() + pause_s
+
+    def _is_time(self) -> bool:
+        now = time.monotonic()
+        if now < self._due_s:
+            return False
+        self._pause_s = min(2 * self._pause_s, _LONGEST_S)
+        self._due_s = now + self._pause_s
+        return True
+
+
+def open_bus(endpoint: Endpoint, run: str) -> ZenohBus:
+    """Open a session on the bus of a run; raises BusFailed."""
+    try:
+        return ZenohBus(endpoint, run)
+    except BusError as exc:
+        raise BusFailed(str(exc)) from exc
+
+
+class Session:
+    """The bus of one run, with its token.
+
+    limit_s: how long a participant may read nothing while something is published to it [s];
+    default: the longest deadline for a step.
+    """
+
+    def __init__(
+        self, scenario: Scenario, bus: Bus, token: str, limit_s: float | None = None
+    ) -> None:
+        self.scenario = scenario
+        self.bus = bus
+        self.token = token
+        longest_s = max(spec.deadlines.step_s for spec in scenario.participants)
+        self.announcer = Announcer(bus, token, longest_s if limit_s is None else limit_s)
+        self.inbox = Inbox(bus.queue())
+
+
+def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop") -> None:
+    """Listen to all that participants send; everything goes through the session's inbox."""
+    bus, into = session.bus, session.inbox.into
+    bus.answer("join", into(lambda request: _take_join(session, messages, request)))
+    subscribe_named(session, "ready/*", messages.take_ready)
+    subscribe_named(session, "fault/*", messages.take_fault)
+    for spec in session.scenario.participants:
+        # One key each: to ask every sample for its key takes longer than to decode it.
+        take_log = partial(messages.take_log, spec.name)
+        bus.subscribe_content(f"log/{spec.name}", session.inbox.into_from(spec.name, take_log))
+    for name in safe_stop.names:
+        _subscribe_one(session, f"out/{name}", partial(safe_stop.take, name))
+    outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
+    if any(output.bulk for output in outputs):
+        bus.subscribe("bulk/*/*", into(lambda sample: _take_bulk(session, messages, sample)))
+    alive = into(lambda item: messages.take_alive(*item))
+    bus.watch_alive("alive/*", lambda key, is_alive: alive((_last(key), is_alive)))
+    bus.declare_alive("alive/orchestrator")
+
+
+def _subscribe_one(session: Session, key: str, take: Callable[[bytes], None]) -> None:
+    session.bus.subscribe_content(key, session.inbox.into(take))
+
+
+def subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
+    """Listen to keys such as `ready/*`; take: gets what is in place of the star, and the bytes."""
+    bus = session.bus
+    bus.subscribe(key, session.inbox.into(lambda s: take(_last(bus.key(s)), bus.payload(s))))
+
+
+def _last(key: str) -> str:
+    return key.rpartition("/")[2]
+
+
+def _take_join(session: Session, messages: MessageHandler, request: Request) -> None:
+    messages.take_join(request.payload, partial(session.announcer.reply, request))
+
+
+def _take_bulk(session: Session, messages: MessageHandler, sample: Any) -> None:
+    bus = session.bus
+    _, name, port = bus.key(sample).split("/")
+    messages.take_bulk(name, port, bus.attachment(sample), bus.payload(sample))

@@ -1,1 +1,0 @@
-"""What the participants of a scenario say of themselves before any step."""
