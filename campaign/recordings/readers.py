@@ -17,8 +17,8 @@ from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.cli.commands import execute
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.prepare import prepare, shorten
+from stepbus_orchestrator.replay.replay_result import inputs_of
 from stepbus_orchestrator.replay.rerun import read_origin, unpack
-from stepbus_orchestrator.replay.result import inputs_of
 from stepbus_schemas import StepbusError
 from stepbus_tools.conformance.harness import material
 from stepbus_tools.report.panels.fields import field_panels

@@ -6,6 +6,8 @@ from stepbus_orchestrator.run.folder import first_new
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
+from stepbus_orchestrator.run.run_scenario import run as run_scenario
 
 from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 from .analysis.diff import Diff, diff
@@ -33,8 +35,6 @@ from .replay.branch import Branch
 from .replay.branch import branch as branch_recording
 from .replay.rerun import Preparation, Rerun
 from .run.episode import Episode
-from .run.execute import Options, default_folder, host_of
-from .run.execute import run as run_scenario
 from .run.extension import RunExtension
 from .run.extensions.external import External, as_external
 from .run.extensions.real_time import RealTime

@@ -7,28 +7,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stepbus_orchestrator.analysis.findings import findings, replaced
+    from stepbus_orchestrator.analysis.signals import (
+        Array,
+        Signal,
+        Tracking,
+        TrackingError,
+        read_signal,
+        read_tracking,
+        tracking_pieces,
+        tracking_rmse,
+    )
+    from stepbus_orchestrator.processes.child import Child
+    from stepbus_orchestrator.processes.launcher import PYTHON, Launcher
     from stepbus_orchestrator.run.bus import open_bus
     from stepbus_orchestrator.run.describe import describe
     from stepbus_orchestrator.run.folder import read_files, scratch_folder
     from stepbus_orchestrator.run.reports import Lateness, Observer, in_units
     from stepbus_orchestrator.run.result import RESULT_FILE, Result
+    from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 
     from .analysis.comparison import FieldTolerance, PortComparison, Tolerance, differences
     from .analysis.diff import diff
-    from .analysis.findings import findings
-    from .analysis.replaced import replaced
-    from .analysis.signals import (
-        Array,
-        Signal,
-        Tracking,
-        read_signal,
-        read_tracking,
-        tracking_pieces,
-    )
-    from .analysis.tracking import TrackingError, tracking_rmse
-    from .processes.child import Child
-    from .processes.environment import PYTHON
-    from .processes.launcher import Launcher
     from .processes.limits import check_limits
     from .processes.links.credentials import certificates, passwords
     from .processes.links.endpoints import Mesh, make_mesh, new_token, private_folder
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from .replay import ReplayResult, replay
     from .replay.outputs.recorded import Recorded, envelope, recorded_descriptions, without_bulk
     from .replay.rerun import attached_files, unpack_files
-    from .run.execute import Options, host_of, run
     from .run.inprocess import check_scenario
     from .run.kernel.admission import max_message_bytes, welcome_of
     from .run.kernel.descriptions import input_descriptions
@@ -53,8 +52,8 @@ _HOMES = {
     "Line": "run.live_file",
     "Mesh": "processes.links.endpoints",
     "Observer": "run.reports",
-    "Options": "run.execute",
-    "PYTHON": "processes.environment",
+    "Options": "run.run_scenario",
+    "PYTHON": "processes.launcher",
     "PortComparison": "analysis.comparison",
     "RESULT_FILE": "run.result",
     "Recorded": "replay.outputs.recorded",
@@ -64,7 +63,7 @@ _HOMES = {
     "StepTiming": "recording.timing",
     "Tolerance": "analysis.comparison",
     "Tracking": "analysis.signals",
-    "TrackingError": "analysis.tracking",
+    "TrackingError": "analysis.signals",
     "Watchdog": "processes.watchdog",
     "attached_files": "replay.rerun",
     "certificates": "processes.links.credentials",
@@ -75,7 +74,7 @@ _HOMES = {
     "differences": "analysis.comparison",
     "envelope": "replay.outputs.recorded",
     "findings": "analysis.findings",
-    "host_of": "run.execute",
+    "host_of": "run.run_scenario",
     "in_units": "run.reports",
     "input_descriptions": "run.kernel.descriptions",
     "make_mesh": "processes.links.endpoints",
@@ -88,12 +87,12 @@ _HOMES = {
     "read_signal": "analysis.signals",
     "read_tracking": "analysis.signals",
     "recorded_descriptions": "replay.outputs.recorded",
-    "replaced": "analysis.replaced",
+    "replaced": "analysis.findings",
     "replay": "replay",
-    "run": "run.execute",
+    "run": "run.run_scenario",
     "scratch_folder": "run.folder",
     "tracking_pieces": "analysis.signals",
-    "tracking_rmse": "analysis.tracking",
+    "tracking_rmse": "analysis.signals",
     "unpack_files": "replay.rerun",
     "welcome_of": "run.kernel.admission",
     "without_bulk": "replay.outputs.recorded",

@@ -6,7 +6,7 @@ from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 README = (CHECKOUT / "README.md").read_text(encoding="utf-8")
 START = (CHECKOUT / "docs/guide/getting_started.md").read_text(encoding="utf-8")

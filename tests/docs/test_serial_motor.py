@@ -10,7 +10,7 @@ from support.paths import CHECKOUT
 from stepbus_orchestrator import InProcess, Options, RealTime, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 
 @pytest.fixture

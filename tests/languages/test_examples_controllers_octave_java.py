@@ -9,7 +9,7 @@ from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 EXAMPLES = CHECKOUT / "examples" / "controllers"
 PROGRAMS = {"octave": "octave-cli", "java": "javac"}

@@ -16,7 +16,7 @@ from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
 CRATE = CHECKOUT / "clients" / "rust"

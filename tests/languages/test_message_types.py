@@ -11,7 +11,7 @@ import stepbus
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"

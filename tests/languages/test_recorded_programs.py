@@ -12,7 +12,7 @@ from support.tools import needs
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 SCENARIO = """\
 name: counter

@@ -10,7 +10,7 @@ from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_tools.conformance import conformance, select
 
 TOOLS = {"c": ("make", "cc"), "java": ("javac",), "js": ("node",), "octave": ("octave-cli",)}

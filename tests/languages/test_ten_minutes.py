@@ -7,11 +7,10 @@ from support.paths import DOCS
 from support.tools import needs
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.analysis.signals import read_tracking
-from stepbus_orchestrator.analysis.tracking import tracking_rmse
+from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 PAGE = (DOCS / "guide/getting_started.md").read_text(encoding="utf-8")
 

@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.scenario import builtin_names
 
 STEPS = 60

@@ -10,9 +10,9 @@ from stepbus_orchestrator import InProcess, Options, Recording, cli, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
 AT = 100

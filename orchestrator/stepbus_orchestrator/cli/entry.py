@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from types import FrameType
 
-from stepbus_orchestrator.processes.environment import PYTHON
+from stepbus_orchestrator.processes.launcher import PYTHON
 
 from . import signals
 from .signals import SIGNALS, forget_swallowed, interrupt, on_signals, retry_swallowed

@@ -6,7 +6,7 @@ import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 
-from .child import Child
+from stepbus_orchestrator.processes.child import Child
 
 _LONGEST_PAUSE_S = 0.02
 _LONGEST_DELAY_S = 0.01

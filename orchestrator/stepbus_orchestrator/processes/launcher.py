@@ -1,4 +1,4 @@
-"""Starts the participants of a run, and ends them whatever happens."""
+"""The environment of Python participants, in a process of their own or in a shared one."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -7,6 +7,11 @@ from pathlib import Path
 from msgspec.structs import asdict
 
 from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.external import External
+from stepbus_orchestrator.processes.links.port_users import cut_links
+from stepbus_orchestrator.processes.links.shared_ticket import JoinTicket, SharedTicket
+from stepbus_orchestrator.processes.reaping import LeftBehind, Reaper
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import (
     NO_CHECKPOINTS,
@@ -19,12 +24,19 @@ from stepbus_participant import (
     Ticket,
 )
 
-from .child import Child
-from .environment import PYTHON
-from .external import External
-from .links.cut import cut_links
-from .links.shared_ticket import JoinTicket, SharedTicket
-from .reaping import LeftBehind, Reaper
+PYTHON = {
+    # One thread for each BLAS: more only compete for the cores the lockstep runs on.
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONUNBUFFERED": "1",
+    # The order of a set of texts is the same in every run.
+    "PYTHONHASHSEED": "0",
+}
+
+
+def is_set() -> bool:
+    """Return whether this process has it, so that it can host participants as their own would."""
+    return all(os.environ.get(name) == value for name, value in PYTHON.items())
 
 
 class Launcher:

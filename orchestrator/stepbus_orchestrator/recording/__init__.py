@@ -5,12 +5,12 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 
 from typing import TYPE_CHECKING, Any
 
+from stepbus_orchestrator.recording.layout import recorded_decoder, upgraded
+from stepbus_orchestrator.recording.mcap.file import McapFile
+from stepbus_orchestrator.recording.recorder import Descriptions, Recorder, Sink
+
 from .checkpoints import Checkpoints, CheckpointWriter, SavedState
-from .earlier import recorded_decoder, upgraded
-from .mcap.file import McapFile
-from .recorder import Recorder
 from .recover import Recovery, recover
-from .sink import Descriptions, Sink
 from .timing import TimingRecorder
 
 if TYPE_CHECKING:

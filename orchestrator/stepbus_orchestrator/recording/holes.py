@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Mapping
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.hash_chain import HashChain
+from stepbus_orchestrator.recording.step_order import HashChain
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import CHAIN_EVERY, Chain, Decoder, MessageError, StepbusError
 

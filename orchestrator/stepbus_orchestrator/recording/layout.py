@@ -1,8 +1,12 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
-from stepbus_schemas import CHAIN_EVERY
+import msgspec
+
+from stepbus_schemas import CHAIN_EVERY, Decoder, Envelope, Message, type_name
 
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
@@ -102,3 +106,39 @@ def incomplete(step: int) -> str:
 def has_chain(step: int) -> bool:
     """Return whether the hash chains are recorded after this step (P13.3)."""
     return (step + 1) % CHAIN_EVERY == 0
+
+
+T = TypeVar("T", bound=Message | Envelope)
+
+_RENAMED: Mapping[str, Mapping[str, str]] = {
+    "CallRecord/1": {"verb": "method"},
+    "Detections/1": {"kinds": "types"},
+    "Goal/1": {"kind": "type"},
+}
+"""Type → name of a field in protocol 1 → its name since."""
+_fields = msgspec.msgpack.Decoder(dict[str, msgspec.Raw]).decode
+_encode = msgspec.msgpack.Encoder().encode
+
+
+def upgraded(type_name: str) -> Callable[[bytes], bytes]:
+    """Return what gives a recorded message of a type in the names of today."""
+    renamed = _RENAMED.get(type_name)
+
+    def upgrade(data: bytes) -> bytes:
+        if renamed is None:
+            return data
+        try:
+            fields = _fields(data)
+        except msgspec.MsgspecError:
+            return data
+        if renamed.keys().isdisjoint(fields):
+            return data
+        return _encode({renamed.get(name, name): value for name, value in fields.items()})
+
+    return upgrade
+
+
+def recorded_decoder(cls: type[T]) -> Callable[[bytes], T]:
+    """Return the decoder of a type for messages of recordings; it raises as `Decoder`."""
+    decode, upgrade = Decoder(cls), upgraded(type_name(cls))
+    return lambda data: decode(upgrade(data))

@@ -1,13 +1,21 @@
-"""Writes run.mcap: the outputs of all participants, in an order that no timing can change."""
+"""The seam between a run and what becomes of its outputs."""
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.mcap.file import McapFile
+from stepbus_orchestrator.recording.step_order import (
+    HashChain,
+    Published,
+    StepOrder,
+    messages_sha256,
+)
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
     SHIPPED,
@@ -24,11 +32,42 @@ from stepbus_schemas import (
     json_schema,
 )
 
-from . import layout
-from .hash_chain import HashChain, messages_sha256
-from .mcap.file import McapFile
-from .sink import Descriptions
-from .step_order import Published, StepOrder
+Descriptions = Mapping[str, Mapping[str, Description]]
+"""Participant → output → its description."""
+
+
+class Sink(Protocol):
+    """Takes the outputs of participants: a recorder, or a comparison with a recording."""
+
+    def open_channels(
+        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Take how the participants describe their outputs, and what they run on."""
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Take a fact about the run that is no message."""
+
+    def add_call(self, call: CallRecord) -> None:
+        """Take a call that changed something; all steps before its own are written."""
+
+    def offer(self, name: str, outputs: Outputs) -> None:
+        """Take the outputs of one participant, which come in the order of their steps."""
+
+    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
+        """Take the content of a bulk port, before or after the outputs that announce it."""
+
+    def bulk_complete(self) -> bool:
+        """Return whether all announced bulk content has arrived."""
+
+    def write_below(self, step: int) -> None:
+        """Process all steps below `step`: they are complete."""
+
+    def flush(self) -> None:
+        """Keep what is processed safe from a kill; called by the wall clock, changes no result."""
+
+    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
+        """End at `closing_step`; closing: who published once more at it."""
+
 
 OnEvent = Callable[[str, str, int, Event], None]
 """Takes (participant, port, step, event)."""

@@ -12,8 +12,8 @@ from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.mcap.being_written import is_being_written
 from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
+from stepbus_orchestrator.recording.mcap.reserved_file import is_being_written
 from stepbus_orchestrator.recording.mcap.scanner import Scanner
 from stepbus_participant import irregular, make_file, parse_duration
 from stepbus_participant.parameters import parse_yaml

@@ -9,8 +9,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-
-from .mcap.file import McapFile
+from stepbus_orchestrator.recording.mcap.file import McapFile
 
 # In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
 _ROWS = 256

@@ -1,4 +1,4 @@
-"""Replays one participant: the function behind `stepbus replay`, free of printing."""
+"""The strategy of a replay: one participant is started, its peers are played."""
 
 import contextlib
 import threading
@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
 from stepbus_orchestrator.errors import argument
@@ -17,11 +18,18 @@ from stepbus_orchestrator.processes.links.endpoints import (
     new_token,
     private_folder,
 )
-from stepbus_orchestrator.recording import Recorder, Recording, TimingRecorder, layout
+from stepbus_orchestrator.recording import Descriptions, Recorder, Recording, TimingRecorder, layout
+from stepbus_orchestrator.replay.outputs.check import Check, new_reference
+from stepbus_orchestrator.replay.outputs.recorded import Recorded, recorded_descriptions
+from stepbus_orchestrator.replay.peers import Peer, Peers
+from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
+from stepbus_orchestrator.replay.programs.trust import programs_of
+from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
+from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.run.bus import Session, open_bus
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import scratch_folder
-from stepbus_orchestrator.run.kernel.participants import Process
+from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Process
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
@@ -32,18 +40,56 @@ from stepbus_orchestrator.scenario import (
     replaced_program,
     start_command,
 )
-from stepbus_participant import make_new_folder
-from stepbus_schemas import BridgeFormat
+from stepbus_participant import Bus, make_new_folder
+from stepbus_schemas import BridgeFormat, Decoder, MessageError, Outputs
 
-from .outputs.check import Check
-from .outputs.recorded import Recorded, recorded_descriptions
-from .outputs.reference import new_reference
-from .peers import Peer, Peers
-from .prepare import alone, prepare, shorten
-from .programs.trust import programs_of
-from .programs.work_tree import find_work_tree
-from .result import ReplayResult, inputs_of
-from .strategy import Replay
+_decode_outputs = Decoder(Outputs)
+
+
+class Replay:
+    """Starts one participant, and plays the others from a recording.
+
+    start: starts its process. recorded: the descriptions of all outputs. mesh: of the replay.
+    """
+
+    def __init__(
+        self,
+        spec: ParticipantSpec,
+        start: Callable[[], Process],
+        peers: Peers,
+        recorded: Descriptions,
+        *,
+        bus: Bus,
+        mesh: Mesh,
+    ) -> None:
+        self.peers = peers
+        self.mesh = mesh
+        self._spec = spec
+        self._start = start
+        self._recorded = recorded
+        self._bus = bus
+        self._newest: Any = None
+        # Nobody waits for it, so that only its outputs themselves show how far it has come.
+        bus.subscribe(f"out/{spec.name}", self._see)
+
+    def _see(self, sample: Any) -> None:
+        self._newest = sample
+
+    def newest_step(self) -> int:
+        """Return the newest step the participant was seen to publish; −1 before the first."""
+        try:
+            return _decode_outputs(self._bus.payload(self._newest)).step if self._newest else -1
+        except MessageError:
+            return -1
+
+    def launch(self, run: Run) -> None:
+        """Start the participant."""
+        run.started(ParticipantState(self._spec, self._start(), self.newest_step))
+
+    def descriptions(self, participants: Participants) -> Descriptions:
+        """Return how all outputs were described when they were recorded."""
+        return self._recorded
+
 
 WINDOW = 256
 """How many steps the peers are played ahead of the participant [steps]."""

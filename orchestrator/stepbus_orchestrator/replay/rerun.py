@@ -12,10 +12,10 @@ from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
-from stepbus_orchestrator.run.execute import Options, run
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario, command, load, resolved
 from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
 from stepbus_participant.parameters import is_file_name, parse_yaml

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 import msgspec
 
 from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.run.execute import Options, run
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,

@@ -17,11 +17,11 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
 
-from .execute import Options, run
 from .extensions.debug import Debug
 from .extensions.hosted_caller import HostedCaller, Room
 

@@ -1,10 +1,11 @@
 """Scenarios: what takes part in a run, how it is coupled, and whether that can work."""
 
+from stepbus_orchestrator.scenario.check import check_classes
+from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missing
+from stepbus_orchestrator.scenario.reading.extend import read_data
 from stepbus_participant.parameters import Problem
 
-from .declared import check_classes
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
-from .installed import NEEDS, check_installed, missing
 from .load import ScenarioError, check_data, load
 from .model import (
     EXTERNAL_SPAWN_S,
@@ -21,7 +22,6 @@ from .model import (
 )
 from .program import command, python_target, replaced_program, start_command, written_program
 from .reading.earlier import upgraded
-from .reading.extend import read_data
 from .reading.locate import builtin_folders, builtin_names
 from .resolve import files, left_out, resolved
 from .schedule import Schedule

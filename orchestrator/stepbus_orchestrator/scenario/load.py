@@ -9,17 +9,17 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.scenario.check import check
+from stepbus_orchestrator.scenario.reading.extend import read_extended
+from stepbus_orchestrator.scenario.reading.template import instantiate
 from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
 
-from .check import check
 from .model import Scenario
 from .reading.build import build
 from .reading.earlier import upgraded
-from .reading.extend import read_extended
 from .reading.locate import locate
 from .reading.override import add_faults, override
-from .reading.template import instantiate
 
 
 class ScenarioError(SettingsError):

@@ -11,12 +11,12 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.scenario.packages import participant_classes
 from stepbus_participant import extra_hint, is_installed, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .files.paths import is_file, is_folder
 from .model import BridgeSpec, ParticipantSpec
-from .packages import participant_classes
 
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",

@@ -9,7 +9,7 @@ from support.store_paths import STORE_PROGRAMS, STORE_TESTS
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 pytestmark = pytest.mark.slow
 

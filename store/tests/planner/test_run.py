@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from support.services.planner import write_arm
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import Decoder, Plan
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ from support.runs.store import NAMES, moves, store
 
 from stepbus_orchestrator import InProcess, Options, Recording, load
 from stepbus_orchestrator.replay.branch import branch
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 
 @pytest.mark.slow

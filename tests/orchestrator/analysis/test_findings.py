@@ -13,7 +13,7 @@ from stepbus_orchestrator.analysis.findings import _Count, findings
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import Description, Goal, JointState
 
 DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"

@@ -13,7 +13,7 @@ from support.runs.joints import leftovers
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording, recover
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.scenario import FAULT_TYPES
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]

@@ -12,7 +12,7 @@ from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.links.endpoints import private_folder
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 

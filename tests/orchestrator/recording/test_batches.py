@@ -5,8 +5,7 @@ import pytest
 from support.messages.recordings import write
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.recording.reader.arrays import array_of
-from stepbus_orchestrator.recording.reader.columns import columns
+from stepbus_orchestrator.recording.reader.columns import array_of, columns
 from stepbus_schemas import Decoder, JointCommand, JointState, MessageError, encode, message_class
 
 FIELDS = {"JointState/1": ("position", "velocity", "target"), "JointCommand/1": ("mode", "values")}

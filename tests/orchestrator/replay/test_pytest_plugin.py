@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 pytest_plugins = ["pytester"]
 

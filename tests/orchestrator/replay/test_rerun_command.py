@@ -11,9 +11,9 @@ from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.run_scenario import run
 
 
 class Stopper(Silent):

@@ -13,8 +13,8 @@ from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.result import own_versions
+from stepbus_orchestrator.run.run_scenario import run
 
 
 def write_log(path, scenario="name: x", files=None, versions=None):

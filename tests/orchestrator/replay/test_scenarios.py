@@ -11,7 +11,7 @@ from support.runs.joints import PROGRAM, SCENARIO, fault, run_joints, write_scen
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.scenario import ScenarioError
 
 SELDOM = """

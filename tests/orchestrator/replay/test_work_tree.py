@@ -13,7 +13,7 @@ from stepbus_orchestrator.recording import Recording, known_programs
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.programs.trust import programs_of
 from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
 REPLAY = ("--participant", "controller")

@@ -6,7 +6,7 @@ from mcap.reader import make_reader
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 ECHO = '''
 from stepbus import Event, Participant

@@ -11,10 +11,9 @@ import pytest
 from mcap.reader import make_reader
 
 from stepbus_orchestrator import InProcess, Options, load
-from stepbus_orchestrator.analysis.signals import read_tracking
-from stepbus_orchestrator.analysis.tracking import tracking_rmse
+from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 # rad, joints 1 and 2, after 2 s: ../shared/robots.md; to be met within 20 %.
 FIGURES = {

@@ -13,7 +13,7 @@ from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 EXAMPLES = CHECKOUT / "examples/controllers"
 TOOLS = {"c": ("cc", "make"), "javascript": ("node",)}

@@ -5,7 +5,7 @@ from pathlib import Path
 from support.runs.joints import PROGRAM, SCENARIO
 
 from stepbus_orchestrator import Options, Result, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 BRIDGED = PROGRAM.with_name("bridged.py")
 SILENT = {"hang", "stop", "child"}

@@ -9,9 +9,9 @@ from pathlib import Path
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator import External, Options, Pace, RealTime, load
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.run_scenario import run
 
 JOIN = (sys.executable, "-m", "stepbus_orchestrator.cli", "join")
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}

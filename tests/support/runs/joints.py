@@ -7,8 +7,8 @@ import psutil
 from support.paths import PROGRAMS
 
 from stepbus_orchestrator import Observer, Options, Result, host_of, load
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.host import Host
+from stepbus_orchestrator.run.run_scenario import run
 
 PROGRAM = PROGRAMS / "joints.py"
 

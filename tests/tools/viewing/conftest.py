@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus_orchestrator import InProcess, Options, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 
 @pytest.fixture(scope="session")

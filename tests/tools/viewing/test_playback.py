@@ -8,7 +8,7 @@ from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_tools.viewing.playback import History, Playback, open_recording
 from stepbus_tools.viewing.stage import open_page
 

@@ -1,9 +1,21 @@
 """Compares messages: equal to the byte, within a tolerance, or where they diverge."""
 
-from .divergence import Divergence, PortResult, in_order, port_lines
-from .port import PortComparison, fields_of
-from .tolerance import FieldTolerance, Tolerance, parse_tolerance, read_tolerance
-from .values import differences, short
+from stepbus_orchestrator.analysis.comparison.divergence import (
+    Divergence,
+    PortComparison,
+    PortResult,
+    fields_of,
+    in_order,
+    port_lines,
+)
+from stepbus_orchestrator.analysis.comparison.tolerance import (
+    FieldTolerance,
+    Tolerance,
+    differences,
+    parse_tolerance,
+    read_tolerance,
+    short,
+)
 
 __all__ = [
     "Divergence",

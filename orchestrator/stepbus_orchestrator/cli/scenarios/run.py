@@ -13,12 +13,6 @@ from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.run.execute import (
-    Options,
-    default_folder,
-    host_of,
-    run,
-)
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug, check_names, without_deadlines
@@ -28,6 +22,12 @@ from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports import Lateness, in_units
 from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import (
+    Options,
+    default_folder,
+    host_of,
+    run,
+)
 from stepbus_orchestrator.scenario import Scenario, check_installed, load
 from stepbus_schemas import WiringError
 

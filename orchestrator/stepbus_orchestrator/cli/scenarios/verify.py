@@ -13,7 +13,7 @@ from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, nu
 from stepbus_orchestrator.cli.terminal.interrupt import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.processes.environment import is_set
+from stepbus_orchestrator.processes.launcher import is_set
 from stepbus_orchestrator.scenario import load
 from stepbus_participant import make_new_folder
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import BusFailed, argument
+from stepbus_orchestrator.processes.links.port_users import PortUsers
 from stepbus_orchestrator.scenario import Scenario, low_latency
 from stepbus_participant import Endpoint
 
 from .credentials import CALLER, ORCHESTRATOR, access_control, certificates, identities, passwords
-from .port_users import PortUsers
 
 _SOCKET_PATH_BYTES = 107
 _NOT_IN_ADDRESSES = "#?"

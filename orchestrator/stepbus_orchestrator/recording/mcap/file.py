@@ -1,4 +1,4 @@
-"""An MCAP file in the making."""
+"""The MCAP file of a run: MessagePack messages with JSON Schemas."""
 
 import contextlib
 import errno
@@ -11,10 +11,9 @@ from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
+from stepbus_orchestrator.recording.mcap.reserved_file import ReservedFile
 from stepbus_schemas import json_schema
-
-from .message_writer import MessageWriter
-from .reserved_file import ReservedFile
 
 
 class McapFile:

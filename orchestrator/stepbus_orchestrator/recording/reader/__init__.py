@@ -1,7 +1,7 @@
 """Reads recordings lazily: the index at once, the messages of a port when they are asked for."""
 
-from .batches import BATCH_BYTES, Batch
-from .maps import raw_map
+from stepbus_orchestrator.recording.reader.columns import BATCH_BYTES, Batch, raw_map
+
 from .port import Port
 from .recording import Recording
 from .source import Entry

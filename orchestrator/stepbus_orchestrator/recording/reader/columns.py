@@ -1,23 +1,120 @@
-"""Fields of many messages as arrays, without an object for each number.
-
-The messages of a port mostly have the same bytes but for their 64-bit floats. Where they do, the
-floats are taken right out of the bytes; any others are decoded one by one.
-"""
+"""The messages of a port as columns: fields are arrays over time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import msgpack
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording.earlier import recorded_decoder
-from stepbus_schemas import Message
+from stepbus_orchestrator.recording.layout import recorded_decoder
+from stepbus_orchestrator.recording.reader.source import Row, Source
+from stepbus_schemas import Message, MessageError
 
-from .arrays import array_of
+if TYPE_CHECKING:
+    from stepbus_orchestrator.recording.reader.port import Port
+
+
+def array_of(values: Sequence[Any]) -> NDArray[Any] | None:
+    """Return numbers and vectors of numbers as an array, anything else as one of objects.
+
+    Shape (T,) for numbers, (T, n) for vectors, and so on. None where the values are absent in all
+    messages, numbers in some, or where vectors change their length.
+    """
+    if values and all(value is None for value in values):
+        return None
+    if not values or any(_is_numeric(value) for value in values):
+        try:
+            found = np.array(values)
+        except ValueError:
+            return None
+        return found if found.dtype.kind in "bif" else None
+    objects = np.empty(len(values), dtype=object)
+    objects[:] = list(values)
+    return objects
+
+
+def _is_numeric(value: Any) -> bool:
+    """Return whether a value is a number, or a list or tuple of numbers at any depth."""
+    while isinstance(value, list | tuple) and value:
+        value = value[0]
+    return isinstance(value, int | float) or value in ([], ())
+
+
+_UTC = 3
+"""How msgpack gives timestamps: as datetime."""
+
+
+def raw_map(data: bytes) -> dict[str, Any]:
+    """Return the fields of a message as they stand in its bytes; defaults are left out.
+
+    Raises MessageError for bytes that are not one MessagePack map.
+    """
+    try:
+        found = msgpack.unpackb(data, strict_map_key=False, timestamp=_UTC)
+    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as exc:
+        raise MessageError(f"no MessagePack: {str(exc) or type(exc).__name__}") from exc
+    if not isinstance(found, dict):
+        raise MessageError(f"no MessagePack map: {type(found).__name__}")
+    return found
+
+
+BATCH_BYTES = 1024 * 1024
+"""Of messages in a batch; decoded they take about ten times as much."""
+
+
+class Batch:
+    """The messages of one port in some consecutive steps.
+
+    steps: shape (m,). t: simulation time, shape (m,), [s].
+    """
+
+    def __init__(self, port: Port, rows: Sequence[Row]) -> None:
+        self._class = port.message_class
+        self._data = [row[3] for row in rows]
+        self.steps: NDArray[np.int64] = np.array([row[1] for row in rows], dtype=np.int64)
+        t_ns = np.array([row[2] for row in rows], dtype=np.int64)
+        self.t: NDArray[np.float64] = t_ns * np.float64(1e-9)
+
+    def messages(self) -> Iterator[Message]:
+        """Yield its messages; raises MessageError for one that is not of the port's type."""
+        return map(recorded_decoder(self._class), self._data)
+
+    def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
+        """Return some fields of its messages, as `Port.arrays` does."""
+        return columns(self._class, self._data, fields)
+
+
+def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:
+    """Yield topic → batch in one pass, each batch with whole steps.
+
+    most_bytes: of messages; a batch ends with the step that reaches it.
+    """
+    found: dict[str, list[Row]] = {port.topic: [] for port in ports}
+    places = {number: found[port.topic] for port in ports for number in port.channels}
+    size, newest = 0, -1
+    for row in source.rows(frozenset(places)):
+        if size >= most_bytes and row[1] > newest:
+            yield _taken(ports, found)
+            size = 0
+        places[row[0]].append(row)
+        size += len(row[3])
+        newest = max(newest, row[1])
+    if any(found.values()):
+        yield _taken(ports, found)
+
+
+def _taken(ports: Sequence[Port], found: dict[str, list[Row]]) -> dict[str, Batch]:
+    """Return what was found, and empty it."""
+    taken = {port.topic: Batch(port, found[port.topic]) for port in ports}
+    for rows in found.values():
+        rows.clear()
+    return taken
+
 
 _FLOAT = 0xCB
 _FLOAT_BYTES = 9  # with the byte before it that says it is one

@@ -1,5 +1,6 @@
-"""The descriptions of recorded ports."""
+"""The message types that a recording brings, from its schemas."""
 
+import contextlib
 import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -9,7 +10,33 @@ import msgspec
 
 from stepbus_orchestrator.recording import layout
 from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import Description, StepbusError
+from stepbus_schemas import (
+    ENVELOPE_TYPES,
+    MESSAGE_TYPES,
+    Description,
+    StepbusError,
+    Types,
+    WiringError,
+    declaration_of,
+)
+
+_NO_SCHEMA = (ValueError, LookupError, TypeError, AttributeError, RecursionError)
+
+
+def recorded_types(schemas: Mapping[str, bytes]) -> Types:
+    """Return the types of a recording's schemas, by their names in the file.
+
+    One that says no type stays unknown: reading its messages says so.
+    """
+    found = Types()
+    for name, text in schemas.items():
+        type_name = layout.type_of_schema(name)
+        if type_name in MESSAGE_TYPES or type_name in ENVELOPE_TYPES:
+            continue
+        with contextlib.suppress(WiringError, *_NO_SCHEMA):
+            found |= Types({type_name: declaration_of(type_name, json.loads(text))})
+    return found
+
 
 _LOWEST = "lower"
 

@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.earlier import recorded_decoder
+from stepbus_orchestrator.recording.layout import recorded_decoder
+from stepbus_orchestrator.recording.reader.columns import array_of, raw_map
+from stepbus_orchestrator.recording.reader.descriptions import Names
 from stepbus_participant import suggest
 from stepbus_schemas import SHIPPED, Description, Message, Types, WiringError
 
-from .arrays import array_of
-from .descriptions import Names
-from .maps import raw_map
 from .source import LATEST_NS, Entry, Source
 
 

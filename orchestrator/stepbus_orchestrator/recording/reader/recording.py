@@ -9,15 +9,18 @@ from typing import Self
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import Plot, view
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.hash_chain import messages_sha256
 from stepbus_orchestrator.recording.holes import Holes
+from stepbus_orchestrator.recording.reader.columns import BATCH_BYTES, Batch, batches
+from stepbus_orchestrator.recording.reader.descriptions import (
+    Names,
+    read_description,
+    recorded_types,
+)
+from stepbus_orchestrator.recording.step_order import messages_sha256
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
-from .batches import BATCH_BYTES, Batch, batches
-from .descriptions import Names, read_description
 from .port import Port
-from .recorded_types import recorded_types
 from .source import Source
 
 

@@ -15,7 +15,6 @@ from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.mcap.being_written import is_locked
 from stepbus_orchestrator.recording.mcap.records import (
     HEAD,
     MESSAGE_HEAD,
@@ -23,6 +22,7 @@ from stepbus_orchestrator.recording.mcap.records import (
     check_head,
     chunk_content,
 )
+from stepbus_orchestrator.recording.mcap.reserved_file import is_locked
 from stepbus_participant import open_regular
 
 from .index import Block, Index, read_index

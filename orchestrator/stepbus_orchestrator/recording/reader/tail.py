@@ -18,12 +18,15 @@ from stepbus_orchestrator.recording.mcap.records import (
     DamagedRecord,
     records_of,
 )
+from stepbus_orchestrator.recording.reader.descriptions import (
+    Names,
+    read_description,
+    recorded_types,
+)
 from stepbus_participant import open_regular
 from stepbus_schemas import Decoder, Description, MessageError, StepbusError, Types
 from stepbus_schemas import Message as PortMessage
 
-from .descriptions import Names, read_description
-from .recorded_types import recorded_types
 from .source import unreadable
 
 _SKIP_BYTES = 32 * 1024 * 1024

@@ -1,6 +1,5 @@
 """Branch: the steps of a recording up to one, and from there a run with a change."""
 
-from .branch import Branch, BranchPlan, branch
-from .vary import Variant, variants
+from stepbus_orchestrator.replay.branch.branch import Branch, BranchPlan, Variant, branch, variants
 
 __all__ = ["Branch", "BranchPlan", "Variant", "branch", "variants"]

@@ -1,4 +1,4 @@
-"""From a recording, a step and a change to what a branch runs."""
+"""Which checkpoints a branch starts from."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
-from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState, layout
 from stepbus_orchestrator.replay.outputs.recorded import counts_from_of, replayable_steps
 from stepbus_orchestrator.replay.rerun import (
     SOURCE_FOLDER,
@@ -17,10 +17,20 @@ from stepbus_orchestrator.replay.rerun import (
     version_notes,
 )
 from stepbus_orchestrator.run.result import own_versions
-from stepbus_orchestrator.scenario import Scenario, format_fault, load
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, format_fault, load
 from stepbus_participant import suggest, whole_steps
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import CallRecord, WiringError
+
+
+def to_be_made(calls: Sequence[CallRecord], restored: Mapping[str, SavedState]) -> list[CallRecord]:
+    """Return the calls of a recording that are in no checkpoint."""
+    return [
+        call
+        for call in calls
+        if call.participant not in restored or call.step >= restored[call.participant].step
+    ]
+
 
 _KEPT = ("every", "publishes", "inputs", "outputs")
 """They decide who reads what at which step: a branch keeps them."""
@@ -177,3 +187,25 @@ def _call(text: str, at: int, scenario: Scenario) -> CallRecord:
         )
     args = [parse_yaml(value, value) for value in values]
     return CallRecord(step=at, participant=name, method=method, args=args)
+
+
+def choose(saved: Checkpoints, plan: Plan) -> Mapping[str, SavedState]:
+    """Return the newest checkpoint of each participant that the branch does not change.
+
+    It is before a step below that of the branch: so at least one step of the participant is
+    compared with the recording.
+    """
+    unchanged = [spec for spec in plan.scenario.participants if spec.name not in plan.changed]
+    found = {spec.name: _newest(saved, spec, plan) for spec in unchanged}
+    return {name: checkpoint for name, checkpoint in found.items() if checkpoint is not None}
+
+
+def _newest(saved: Checkpoints, spec: ParticipantSpec, plan: Plan) -> SavedState | None:
+    called = [call.step for call in plan.calls if call.participant == spec.name]
+    for checkpoint in saved.below(spec.name, plan.at):
+        fits = checkpoint.step % spec.every == 0
+        # A participant answers calls while it waits for its own next step, behind the checkpoint.
+        splits = any(checkpoint.step - spec.every < step < checkpoint.step for step in called)
+        if fits and not splits:
+            return checkpoint
+    return None

@@ -1,6 +1,8 @@
-"""Compares what the replayed participant publishes with what it published in the recording."""
+"""Writes a new reference recording: the old one with one participant's outputs replaced."""
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 from stepbus_orchestrator.analysis.comparison import (
     Divergence,
@@ -8,15 +10,74 @@ from stepbus_orchestrator.analysis.comparison import (
     PortResult,
     Tolerance,
 )
-from stepbus_orchestrator.errors import ParticipantFault
-from stepbus_orchestrator.recording import Descriptions, Recorder, Recording
+from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
+from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, Recording, layout
+from stepbus_orchestrator.recording.known_programs import fingerprint, remember
 from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.recording.step_order import StepOrder
+from stepbus_orchestrator.replay.outputs.recorded import (
+    Track,
+    counts_from_of,
+    recorded_descriptions,
+    recorded_versions,
+)
+from stepbus_orchestrator.replay.prepare import Prepared
+from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.run.kernel.failures import at
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario import ParticipantSpec, Schedule, resolved
+from stepbus_participant import irregular
 from stepbus_schemas import CallRecord, Description, MessageError, Outputs
 
-from .recorded import Track, counts_from_of, recorded_descriptions, recorded_versions
+
+@contextlib.contextmanager
+def new_reference(
+    target: Path | None, old: Recording, prepared: Prepared
+) -> Iterator[Recorder | None]:
+    """Yield what takes the outputs; the file gets its name at the end, if nothing has failed.
+
+    target: must not exist; None: nothing is written. prepared: what is attached: its scenario, and
+    its files of the work tree, or else those of the old recording. Raises RecordingFailed when it
+    exists or cannot be written.
+    """
+    if target is None:
+        yield None
+        return
+    if irregular(target) or target.exists():
+        raise OutputExists(
+            f"{target} exists already; choose another name with {argument('--update')}"
+        )
+    part = target.with_name(f".{target.name}.part")
+    file = McapFile(part)
+    scenario = prepared.scenario
+    text = (
+        resolved(scenario).encode()
+        if prepared.is_changed
+        else old.attachments[layout.SCENARIO_ATTACHMENT]
+    )
+    try:
+        contents = _files(old) if prepared.files is None else read_files(prepared.files)
+        file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
+        for name, content in contents.items():
+            file.attach(layout.file_attachment(name), "application/octet-stream", content)
+        for name, versions in old.metadata.items():
+            if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
+                file.add_metadata(name, versions)
+        order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        yield Recorder(file, order, scenario.step_ns, types=scenario.types)
+        part.replace(target)
+        # It holds what has just been started here.
+        remember(fingerprint(text, contents))
+    finally:
+        file.close()
+        part.unlink(missing_ok=True)
+
+
+def _files(recording: Recording) -> dict[str, bytes]:
+    return {
+        file: content
+        for name, content in recording.attachments.items()
+        if (file := layout.attached_file(name)) is not None
+    }
 
 
 class Check:

@@ -8,6 +8,7 @@ from typing import Any
 
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink, layout
+from stepbus_orchestrator.replay.prefix.sink import Expected, PrefixSink
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.host import Strategy
@@ -16,9 +17,7 @@ from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder
 
-from .expected import Expected
 from .relay import Relay
-from .sink import PrefixSink
 
 WINDOW = 256
 """How many steps participants may be apart while each repeats its own [steps]."""

@@ -12,15 +12,13 @@ from typing import Any
 from stepbus_orchestrator.errors import Diverged
 from stepbus_orchestrator.replay.outputs.recorded import envelope
 from stepbus_orchestrator.replay.peers import Speaker
+from stepbus_orchestrator.replay.prefix.sink import Expected, PrefixSink
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Bus
 from stepbus_schemas import due_step
-
-from .expected import Expected
-from .sink import PrefixSink
 
 _CHUNK = 1024
 """How many steps are read from the recording before those that are complete are written."""

@@ -1,7 +1,7 @@
-"""Compares what participants publish with the recording, up to where the run is live."""
+"""What participants published in the recording, kept until they have published it again."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
@@ -9,11 +9,43 @@ from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
 from stepbus_orchestrator.errors import Diverged, argument
 from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink
 from stepbus_orchestrator.recording.layout import topic_of
+from stepbus_orchestrator.replay.outputs.recorded import Recorded
 from stepbus_orchestrator.run.kernel.failures import at as at_step
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import CallRecord, Description, Outputs
 
-from .expected import Expected, Ports
+Ports = dict[str, bytes]
+"""Port → the bytes of its message, or of its bulk content."""
+
+
+class Expected:
+    """The outputs of all participants below a step, read once and taken twice.
+
+    Once as inputs of others, ahead; and once more to compare.
+    """
+
+    def __init__(self, recording: Recording, specs: Iterable[ParticipantSpec], at: int) -> None:
+        self._at = at
+        self._recorded = {spec.name: Recorded(recording, spec) for spec in specs}
+        self._ahead: dict[str, deque[tuple[int, Ports]]] = {
+            name: deque() for name in self._recorded
+        }
+
+    def below(self, name: str, step: int) -> Iterable[tuple[int, Ports]]:
+        """Yield the next outputs of a participant, those of steps below `step` and the end."""
+        recorded = self._recorded[name]
+        while recorded.step < min(step, self._at):
+            found = recorded.step, recorded.take()
+            self._ahead[name].append(found)
+            yield found
+
+    def take(self, name: str, step: int) -> Ports:
+        """Return the outputs of a step, in the order of steps, and forget them."""
+        ahead = self._ahead[name]
+        while ahead and ahead[0][0] < step:
+            ahead.popleft()
+        return ahead.popleft()[1] if ahead and ahead[0][0] == step else {}
+
 
 _WHY = (
     "it got its recorded inputs, so it is not deterministic, or not the program that was recorded; "

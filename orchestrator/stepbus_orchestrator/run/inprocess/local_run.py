@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, argument
-from stepbus_orchestrator.processes.bounded_log import BoundedLog
+from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.links.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
 from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from stepbus_orchestrator.processes.activity import Activity, activity
-from stepbus_orchestrator.processes.bounded_log import BoundedLog
+from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.turns import Row, Turns
 from stepbus_orchestrator.run.inprocess.guard import Belongings, Ended
 from stepbus_orchestrator.run.inprocess.hub import Hub

@@ -18,7 +18,7 @@ from types import FrameType
 from typing import Any, ClassVar
 
 from stepbus_orchestrator.processes import turn_watchdog, turns
-from stepbus_orchestrator.processes.bounded_log import BoundedLog
+from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.processes.turns import Stage, Turns, Word, make_file
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant, Late

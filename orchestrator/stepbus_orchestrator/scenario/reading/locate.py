@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from stepbus_orchestrator.scenario.packages import scenario_folders
 from stepbus_participant import extra_hint, suggest
 from stepbus_participant.parameters import fatal
 
 from ..files.paths import is_file, is_folder, is_scenario
-from ..packages import scenario_folders
 
 MAIN_FILE = "scenario.yaml"
 

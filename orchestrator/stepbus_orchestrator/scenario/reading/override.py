@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from stepbus_orchestrator.errors import argument
+from stepbus_orchestrator.scenario.reading.template import without_replaced
 from stepbus_participant import SettingsError, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
 from stepbus_schemas import WiringError
 
 from .declaration import ScenarioFile
-from .merge import without_replaced
 
 TOP_KEYS = tuple(
     name for name in ScenarioFile.__struct_encode_fields__ if name not in {"extends", "templates"}

@@ -1,14 +1,55 @@
-"""`templates`: participants that differ in a few values are written once."""
+"""`templates`: participants that differ in a few values are written once; not too many."""
 
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
-from stepbus_participant import suggest
-from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, show
+from stepbus_participant import read_text, suggest
+from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, fatal, show
 
-from .merge import merged
+MOST_PARTICIPANTS = 1000
+"""Any two have a link, and each participant is a process."""
+
+_PARTICIPANTS = re.compile(r"^participants:[ \t]*(#.*)?$", re.MULTILINE)
+_FIRST = re.compile(r"\A(?:[ \t]*(?:#.*)?\n)*( +)\S")
+
+
+def refuse_crowd(path: Path) -> None:
+    """Raise SettingsError for a file with too many participants; what is no such file passes.
+
+    It counts lines, which takes milliseconds; to read 10,000 participants as YAML takes seconds.
+    """
+    try:
+        text = read_text(path, "utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return
+    start = _PARTICIPANTS.search(text)
+    if start is None:
+        return
+    # From the line on that is less indented, it is about something else.
+    block = re.split(r"^[^\s#]", text[start.end() + 1 :], maxsplit=1, flags=re.MULTILINE)[0]
+    first = _FIRST.match(block)
+    if first is None:
+        return
+    keys = re.findall(rf"^{first[1]}[A-Za-z0-9\"'][^:\n]*:", block, re.MULTILINE)
+    _check(len(keys), path.name, text.count("\n", 0, start.start()) + 1)
+
+
+def check_count(document: YamlFile) -> None:
+    """Raise SettingsError for too many participants, however they are written."""
+    participants = document.data.get("participants")
+    if isinstance(participants, dict):
+        place = document.places.get(("participants",))
+        _check(len(participants), document.file, 0 if place is None else place.line)
+
+
+def _check(count: int, file: str, line: int) -> None:
+    if count > MOST_PARTICIPANTS:
+        text = f"has {count} participants; a run has at most {MOST_PARTICIPANTS}"
+        raise fatal(file, text, line)
+
 
 _TEMPLATES, _TEMPLATE, _WITH = "templates", "template", "with"
 _PARAMETER = re.compile(r"\$\{([^{}]*)\}")
@@ -123,3 +164,31 @@ def _problem(document: YamlFile, keys: Keys, text: str) -> Problem:
     if place is None:
         return Problem(file=document.file, line=0, path=path, message=text)
     return Problem(file=place.file, line=place.line, path=path, message=text)
+
+
+_PROGRAM = ("exec", "bridge")
+
+
+def merged(base: dict[str, Any], top: dict[str, Any], at: Keys = ()) -> dict[str, Any]:
+    """Return `base` with `top` over it: maps merged, the rest replaced, null removes.
+
+    at: where both stand in a scenario; a participant is the class or the program of `top`.
+    """
+    is_row = len(at) == 2 and at[0] in {"participants", "templates"}
+    result = without_replaced(base, top) if is_row else dict(base)
+    for key, value in top.items():
+        below = base.get(key)
+        if value is None:
+            result.pop(key, None)
+        elif isinstance(value, dict):
+            result[key] = merged(below if isinstance(below, dict) else {}, value, (*at, key))
+        else:
+            result[key] = value
+    return result
+
+
+def without_replaced(row: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a participant without its class or program, where `top` has the other."""
+    has_class, has_program = (top.get(key) is not None for key in ("participant", "exec"))
+    left_out = (*_PROGRAM * has_class, *("participant",) * has_program)
+    return {key: value for key, value in row.items() if key not in left_out}

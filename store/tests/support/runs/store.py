@@ -3,7 +3,7 @@
 import numpy as np
 
 from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")

@@ -11,8 +11,8 @@ from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import BranchPlan, branch
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord, WiringError
 
 STEPS = 100

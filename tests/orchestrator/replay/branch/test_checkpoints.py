@@ -11,8 +11,8 @@ import pytest
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.branch import branch
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import CallRecord
 
 STEPS = 300

@@ -19,9 +19,9 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, forget
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
 

@@ -13,11 +13,11 @@ from support.runs.joints import fault, leftovers, write_scenario
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli.terminal.keys import press
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
 

@@ -7,7 +7,7 @@ from support.runs.joints import write_scenario
 
 import stepbus
 from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 SPEAKER = """
 from stepbus import Event, Participant

@@ -4,7 +4,7 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 LINGERS = """
 import atexit

@@ -8,7 +8,7 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator import Options, host_of, load
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.run.setup import opened_files
 from stepbus_orchestrator.run.setup.opened_files import OpenedFiles
 

@@ -23,10 +23,10 @@ from support.tools import needs
 from stepbus_orchestrator import ExitCode, InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.replay.branch import branch
-from stepbus_orchestrator.run.execute import run
 from stepbus_orchestrator.run.extensions import external
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")

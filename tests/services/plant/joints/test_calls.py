@@ -9,7 +9,7 @@ from support.services.plant import body, make_plant
 from stepbus_orchestrator import Options, Pace, call, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_participant import CallError
 from stepbus_schemas import JointCommand, JointState
 

@@ -7,7 +7,7 @@ import pytest
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 from stepbus_tools.viewing.scene import Latest, Pose, build_scene
 from stepbus_tools.viewing.scene.pose import about, from_rpy
 

@@ -5,7 +5,7 @@ from support.browser import needs_chromium, opened
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.execute import run
+from stepbus_orchestrator.run.run_scenario import run
 
 
 @pytest.fixture(scope="module")

@@ -12,18 +12,17 @@ from stepbus_orchestrator.errors import RecordingFailed, RunFailure
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.processes.links.endpoints import new_token
 from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.extension import RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, claim, default_folder
+from stepbus_orchestrator.run.host import Host, Opening
 from stepbus_orchestrator.run.hosts import InProcess, Processes
+from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Events, Observer, Silent
 from stepbus_orchestrator.run.result import Result, result_of
+from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.run_files import RunFiles
 from stepbus_orchestrator.scenario import Scenario, check_installed
-
-from .extension import RunExtension, overriding
-from .host import Host, Opening
-from .phases import run_phases
-from .run import Run
 
 __all__ = ["Options", "default_folder", "host_of", "run"]
 
