@@ -6,7 +6,7 @@ each is a process, and loads this at every start.
 
 from typing import TYPE_CHECKING
 
-from .bus import ONE_THREAD, Bus, BusError, FaultyPublisher, Queue, Request, ZenohBus
+from .bus import ONE_THREAD, Bus, BusError, Clock, Queue, Request, ZenohBus
 from .bus.ticket import (
     NO_CHECKPOINTS,
     TICKET_VARIABLE,
@@ -80,12 +80,12 @@ __all__ = [
     "BusError",
     "CallError",
     "CheckpointOrder",
+    "Clock",
     "Config",
     "Count",
     "Duration",
     "Endpoint",
     "ExtraMissing",
-    "FaultyPublisher",
     "File",
     "Finite",
     "Host",

@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from queue import SimpleQueue
 from typing import NamedTuple
 
@@ -60,6 +61,7 @@ def taken(direction):
 class ScriptedBus:
     """Gives a participant the messages of the example, and keeps what it sends."""
 
+    clock = time
     queue = SimpleQueue
 
     def __init__(self):

@@ -10,6 +10,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording.mcap.file import McapFile
+from stepbus_participant import Clock
 
 # In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
 _ROWS = 256
@@ -59,10 +60,11 @@ class TimingRecorder:
     """Appends to timing.mcap; its log times are nanoseconds since the epoch.
 
     It decides nothing: when the disk is full it stops writing, and leaves it to the recording
-    itself to end the run.
+    itself to end the run. clock: of the run.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, clock: Clock = time) -> None:
+        self._clock = clock
         self._file = McapFile(path)
         self._channels = {
             name: self._file.add_channel(topic, name, {}, _schema_of)
@@ -85,13 +87,13 @@ class TimingRecorder:
         """Record that a log batch arrived now, and how long its steps took."""
         held = self._rows.setdefault(participant, [])
         held.extend(rows)
-        self._arrivals.setdefault(participant, []).append((rows[-1][0], time.time_ns()))
+        self._arrivals.setdefault(participant, []).append((rows[-1][0], self._clock.time_ns()))
         if len(held) >= _ROWS:
             self._write_steps(participant)
 
     def trigger(self, step_limit: int) -> None:
         """Record that a trigger was sent now."""
-        self._triggers.append((step_limit, time.time_ns()))
+        self._triggers.append((step_limit, self._clock.time_ns()))
         if len(self._triggers) >= _ROWS:
             self._write_triggers()
 
@@ -107,7 +109,9 @@ class TimingRecorder:
     def _add(self, name: str, record: msgspec.Struct) -> None:
         self._sequence += 1
         with contextlib.suppress(RecordingFailed):
-            self._file.add(self._channels[name], time.time_ns(), _encode(record), self._sequence)
+            self._file.add(
+                self._channels[name], self._clock.time_ns(), _encode(record), self._sequence
+            )
 
     def close(self) -> None:
         """Write the rest and complete the file, as far as the disk allows."""

@@ -1,6 +1,5 @@
 """One run's end of the bus: what is published, what has arrived, and who takes it (P3.1)."""
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -177,10 +176,10 @@ class Announcer:
 
     def _set_pause(self, pause_s: float) -> None:
         self._pause_s = pause_s
-        self._due_s = time.monotonic() + pause_s
+        self._due_s = self._bus.clock.monotonic() + pause_s
 
     def _is_time(self) -> bool:
-        now = time.monotonic()
+        now = self._bus.clock.monotonic()
         if now < self._due_s:
             return False
         self._pause_s = min(2 * self._pause_s, _LONGEST_S)

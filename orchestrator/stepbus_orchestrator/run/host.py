@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import Scenario
-from stepbus_participant import Bus
+from stepbus_participant import Bus, Clock
 
 from .extension import RunExtension
 from .kernel.participants import Participants
@@ -103,7 +103,14 @@ class Opening:
 
 
 class Host(Protocol):
-    """Where a run takes place."""
+    """Where a run takes place.
+
+    clock: of its buses.
+    """
+
+    @property
+    def clock(self) -> Clock:
+        """Return the time by which the run goes."""
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run here, with every reason."""

@@ -1,10 +1,11 @@
 """The hosts that ship: a process for each participant, or all of them in this one."""
 
 import contextlib
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
@@ -17,7 +18,7 @@ from stepbus_orchestrator.run.kernel.participants import Participants, Participa
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
-from stepbus_participant import Bus
+from stepbus_participant import Bus, Clock
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,7 @@ class Processes:
     gets their processes by name.
     """
 
+    clock: ClassVar[Clock] = time
     start_order: Sequence[str] | None = None
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
 
@@ -102,6 +104,7 @@ class InProcess:
     what libraries in C print goes to a log.
     """
 
+    clock: ClassVar[Clock] = time
     start_order: Sequence[str] | None = None
     owns_descriptors: bool = False
 

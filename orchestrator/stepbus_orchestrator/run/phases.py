@@ -1,7 +1,6 @@
 """The phases of a run: start-up, stepping, closing, shutdown, and the fallback (P4, P5, P11)."""
 
 import signal
-import time
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
@@ -128,9 +127,9 @@ def _await_outputs(run: Run, closing: list[str]) -> None:
 
 
 def _await_bulk(run: Run) -> None:
-    began = time.monotonic()
+    began = run.clock.monotonic()
     while not run.recorder.bulk_complete():
-        run.turn(lambda _elapsed_s: check_bulk(run.state, time.monotonic() - began))
+        run.turn(lambda _elapsed_s: check_bulk(run.state, run.clock.monotonic() - began))
 
 
 def _fall_back(run: Run, failure: RunFailure) -> RunPhase:

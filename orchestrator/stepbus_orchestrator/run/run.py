@@ -2,7 +2,6 @@
 
 import contextlib
 import threading
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -58,6 +57,7 @@ class Run:
         self.state = RunState(session.scenario)
         self.session = session
         self.announcer = session.announcer
+        self.clock = session.bus.clock
         self.timing = timing
         self.out = out
         self.observer = observer or Silent()
@@ -76,7 +76,7 @@ class Run:
         self._is_timed = False
         self._completed = 0
         self._looked_at = 0
-        self._began = time.monotonic()
+        self._began = self.clock.monotonic()
         self._checked_at = self._began
         self._ticks = 0
         self.announcer.on_block = self._liveness.kill_blockers
@@ -99,7 +99,7 @@ class Run:
             turn()
         if self.interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
-        elapsed_s = time.monotonic() - self.state.away_s - self._checked_at
+        elapsed_s = self.clock.monotonic() - self.state.away_s - self._checked_at
         if elapsed_s < TICK_S and not self.state.is_check_due:
             return
         self._checked_at += elapsed_s
@@ -122,8 +122,8 @@ class Run:
     def receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
         self.session.inbox.wake_for(())
-        deadline = time.monotonic() + duration_s
-        while time.monotonic() < deadline:
+        deadline = self.clock.monotonic() + duration_s
+        while self.clock.monotonic() < deadline:
             self.session.inbox.receive(SHORT_TICK_S)
 
     def receive_after_failure(self, timeout_s: float) -> None:
@@ -193,7 +193,7 @@ class Run:
 
     def stop(self, reason: str, at_step: int = -1) -> None:
         """Announce that the run ends; negative `at_step`: at once (P11)."""
-        self.ended_at = time.monotonic()
+        self.ended_at = self.clock.monotonic()
         self.extensions.stopping()
         self.announcer.stop(reason, at_step)
 
@@ -201,5 +201,5 @@ class Run:
         """Return how far the run is."""
         # Until the next step is due by the clock, a run is held too.
         is_held = not self._is_timed or self.extensions.is_holding()
-        elapsed_s = time.monotonic() - (self.state.started_at or self._began)
+        elapsed_s = self.clock.monotonic() - (self.state.started_at or self._began)
         return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)

@@ -9,7 +9,7 @@ from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.folder import attach
 from stepbus_orchestrator.run.reports import Events
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule, left_out
-from stepbus_participant import is_shared
+from stepbus_participant import Clock, is_shared
 from stepbus_schemas import CallRecord, Decoder, Event, MessageError, Outputs, type_name
 
 _EVENT = type_name(Event)
@@ -111,7 +111,9 @@ class RunFiles:
     recorder: gets the outputs of the participants. timing: gets what the clock shows.
     """
 
-    def __init__(self, scenario: Scenario, out: Path, events: Events, *, is_recorded: bool) -> None:
+    def __init__(
+        self, scenario: Scenario, out: Path, events: Events, clock: Clock, *, is_recorded: bool
+    ) -> None:
         self._scenario = scenario
         self._events = events
         # A run in one process works in the scenario's folder.
@@ -122,7 +124,7 @@ class RunFiles:
         self.recorder: Recorder | NoRecorder = NoRecorder(order, events.take)
         if is_recorded:
             self._file = McapFile(self.out / layout.RUN_FILE)
-            self.timing = TimingRecorder(self.out / layout.TIMING_FILE)
+            self.timing = TimingRecorder(self.out / layout.TIMING_FILE, clock)
             self.recorder = Recorder(
                 self._file, order, scenario.step_ns, events.take, scenario.types
             )

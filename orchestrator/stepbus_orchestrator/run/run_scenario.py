@@ -2,7 +2,6 @@
 
 import dataclasses
 import threading
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -82,13 +81,15 @@ class _Execution:
     def __init__(
         self, scenario: Scenario, options: Options, observer: Observer, interrupt: threading.Event
     ) -> None:
-        self._began = time.monotonic()
+        self._began = options.host.clock.monotonic()
         self._scenario = scenario
         self._options = options
         self._observer = observer
         self._interrupt = interrupt
         self._events = Events(observer)
-        self._files = RunFiles(scenario, options.out, self._events, is_recorded=options.is_recorded)
+        self._files = RunFiles(
+            scenario, options.out, self._events, options.host.clock, is_recorded=options.is_recorded
+        )
         self._run: Run | None = None
 
     def execute(self) -> Result:

@@ -1,6 +1,5 @@
 """Shutdown: every process ends by itself in time, or is ended (P11.4)."""
 
-import time
 from collections.abc import Collection
 
 from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StopTimeout
@@ -9,6 +8,7 @@ from stepbus_orchestrator.run.kernel.failures import seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import SHORT_TICK_S, Run
 from stepbus_orchestrator.scenario import Deadlines
+from stepbus_participant import Clock
 
 _LAST_S = 0.5
 """How long the last messages of a process may come behind its end [s]."""
@@ -36,7 +36,7 @@ def shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
         and not (failure is not None and participant.process.activity().is_stopped)
     ]
     late = _await_ends(run, waits_for, has_failed=failure is not None)
-    _end_all(participants.values())
+    _end_all(run.clock, participants.values())
     _take_last(run, waits_for)
     run.announcer.close()
     return late
@@ -44,21 +44,21 @@ def shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
 
 def _take_last(run: Run, participants: Collection[ParticipantState]) -> None:
     """Take what participants published before they ended; it may arrive after their exit codes."""
-    give_up = time.monotonic() + _LAST_S
+    give_up = run.clock.monotonic() + _LAST_S
     run.receive_after_failure(0.0)
-    while time.monotonic() < give_up and not all(
+    while run.clock.monotonic() < give_up and not all(
         participant.has_left or _is_external(participant) for participant in participants
     ):
         run.receive_after_failure(SHORT_TICK_S)
 
 
-def _end_all(participants: Collection[ParticipantState]) -> None:
+def _end_all(clock: Clock, participants: Collection[ParticipantState]) -> None:
     for participant in participants:
         participant.process.terminate()
     # They share the grace between the two signals.
-    give_up = time.monotonic() + TERM_GRACE_S
+    give_up = clock.monotonic() + TERM_GRACE_S
     for participant in participants:
-        participant.process.end(max(0.0, give_up - time.monotonic()))
+        participant.process.end(max(0.0, give_up - clock.monotonic()))
 
 
 def _is_external(participant: ParticipantState) -> bool:
@@ -68,12 +68,12 @@ def _is_external(participant: ParticipantState) -> bool:
 def _await_ends(
     run: Run, participants: list[ParticipantState], *, has_failed: bool
 ) -> list[ParticipantState]:
-    began = time.monotonic()
+    began = run.clock.monotonic()
     while True:
         left = [
             participant for participant in participants if participant.process.exit_code() is None
         ]
-        waited_s = time.monotonic() - began
+        waited_s = run.clock.monotonic() - began
         if not any(waited_s < _patience_s(run, item, has_failed=has_failed) for item in left):
             return left
         run.extensions.awaiting(left)

@@ -1,7 +1,5 @@
 """Start-up: participants are started, admitted and ready; then the clock starts (P4)."""
 
-import time
-
 from stepbus_orchestrator.errors import BusFailed, ParticipantFault, RunFailure, StartFailed
 from stepbus_orchestrator.processes.links.endpoints import Mesh, gone, tcp_ports
 from stepbus_orchestrator.run.kernel.admission import batches_of
@@ -39,7 +37,7 @@ def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
     """
     participants = run.state.participants
     blamed = failure.participant if failure.participant in participants else None
-    end_s = time.monotonic() + _LEAVING_S
+    end_s = run.clock.monotonic() + _LEAVING_S
     while True:
         ended = [name for name, one in participants.items() if one.process.exit_code() is not None]
         alive = [
@@ -48,9 +46,9 @@ def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
             if participant.phase > Phase.SPAWNED and name not in ended
         ]
         lost = mesh.lost(blamed, alive)
-        if lost is None or time.monotonic() > end_s:
+        if lost is None or run.clock.monotonic() > end_s:
             break
-        time.sleep(_CHECK_S)
+        run.clock.sleep(_CHECK_S)
     if lost is not None:
         return gone(lost)
     left = [port for name in ended for port in tcp_ports(mesh.participants[name])]
@@ -80,7 +78,7 @@ def _start(run: Run) -> RunPhase:
     state.check_size("the descriptions of all inputs", message)
     run.extensions.ready()
     run.timing.event("start")
-    state.started_at = time.monotonic()
+    state.started_at = run.clock.monotonic()
     run.announcer.start(message)
     return RunPhase.STEPPING
 

@@ -1,15 +1,13 @@
 """The bus: the interface that the rest of stepbus knows, and its implementation over Zenoh."""
 
-from .faulty_bus import FaultyBus, FaultyPublisher
-from .interface import Bus, BusError, Queue, Request
+from .interface import Bus, BusError, Clock, Queue, Request
 from .zenoh_bus import ONE_THREAD, ZenohBus, zenoh_settings
 
 __all__ = [
     "ONE_THREAD",
     "Bus",
     "BusError",
-    "FaultyBus",
-    "FaultyPublisher",
+    "Clock",
     "Queue",
     "Request",
     "ZenohBus",

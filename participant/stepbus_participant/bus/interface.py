@@ -10,6 +10,22 @@ class BusError(RunError, ConnectionError):
     """The bus cannot be opened, or has been closed."""
 
 
+class Clock(Protocol):
+    """The time in which a bus waits; the module `time` is the real one."""
+
+    def monotonic(self) -> float:
+        """Return the time since some moment [s]."""
+
+    def monotonic_ns(self) -> int:
+        """Return the same [ns]."""
+
+    def time_ns(self) -> int:
+        """Return the time since the epoch [ns]; it may jump."""
+
+    def sleep(self, seconds: float, /) -> None:
+        """Wait [s]."""
+
+
 class Queue(Protocol):
     """A queue between the callbacks of a bus and the one who waits for them; see `SimpleQueue`."""
 
@@ -43,6 +59,10 @@ class Bus(Protocol):
     Keys are relative to the run's key space. Callbacks run on a thread of the bus and should
     only put their sample into a queue (P2.7).
     """
+
+    @property
+    def clock(self) -> Clock:
+        """Return the time in which its queues and queries wait."""
 
     def queue(self) -> Queue:
         """Return a queue for what callbacks get; waiting for it lets the bus work."""

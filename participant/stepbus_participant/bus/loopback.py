@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from queue import Empty, SimpleQueue
-from time import monotonic
 from typing import Any, Literal, NamedTuple
 
-from .interface import BusError, Queue, Request
+from .interface import BusError, Clock, Queue, Request
 
 
 class _Sample(NamedTuple):
@@ -54,6 +54,7 @@ class LoopbackBus:
     """A `Bus` without a network: samples reach their subscribers in the publisher's own thread.
 
     peer: any bus of the network to join; default: a new network. make_queue: of what it queues.
+    clock: of the network.
     is_leaf: it has a link to `peer` only, so that what it publishes reaches nobody else.
     """
 
@@ -62,8 +63,10 @@ class LoopbackBus:
         peer: LoopbackBus | None = None,
         make_queue: Callable[[], Queue] = SimpleQueue,
         *,
+        clock: Clock = time,
         is_leaf: bool = False,
     ) -> None:
+        self.clock: Clock = clock if peer is None else peer.clock
         self.declared: list[_Declared] = [] if peer is None else peer.declared
         self._routes: list[_Route] = [] if peer is None else peer._routes
         self._only = peer if is_leaf else None
@@ -134,10 +137,10 @@ class LoopbackBus:
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
         """Yield the answers to a query as they come, of everybody who answers in time."""
         replies = self.queue()
-        deadline = monotonic() + timeout_s
+        deadline = self.clock.monotonic() + timeout_s
         for _ in range(self._call("answerer", key, _LoopbackRequest(data, replies))):
             try:
-                yield replies.get(timeout=max(0.0, deadline - monotonic()))
+                yield replies.get(timeout=max(0.0, deadline - self.clock.monotonic()))
             except Empty:
                 return
 

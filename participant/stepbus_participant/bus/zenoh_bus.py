@@ -8,13 +8,14 @@ import os
 import re
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from .interface import BusError, Queue, Request
+from .interface import BusError, Clock, Queue, Request
 from .ticket import Endpoint, private_folder
 
 ONE_THREAD = {
@@ -166,6 +167,8 @@ class ZenohBus:
 
     Raises BusError when the endpoint cannot be opened.
     """
+
+    clock: Clock = time
 
     def __init__(self, endpoint: Endpoint, run: str) -> None:
         zenoh = self._zenoh = _zenoh()

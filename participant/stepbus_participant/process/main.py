@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Mapping
 from types import FrameType
 
-from stepbus_participant.bus import Bus, BusError, FaultyBus, ZenohBus
+from stepbus_participant.bus import Bus, BusError, ZenohBus
 from stepbus_participant.bus.ticket import Ticket, load_ticket
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant, PortType
@@ -49,15 +49,9 @@ def _own_process() -> Host:
     """Return the bus of this process's ticket; raises WiringError without one, BusError."""
     ticket = load_ticket()
     try:
-        return Host(ticket, _open_bus(ticket))
+        return Host(ticket, ZenohBus(ticket.endpoint, ticket.run))
     except BusError as exc:
         raise BusError(f"{ticket.name}: {exc}") from exc
-
-
-def _open_bus(ticket: Ticket) -> ZenohBus:
-    if ticket.faults:
-        return FaultyBus(ticket.endpoint, ticket.run, ticket.name, ticket.faults)
-    return ZenohBus(ticket.endpoint, ticket.run)
 
 
 def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
@@ -70,7 +64,13 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     types = Types.of(_classes(factory))
     welcome = join(bus, ticket, inputs, outputs, types)
     session = Session(
-        factory, welcome, bus, types, profile=ticket.profile, checkpoint=ticket.checkpoint
+        factory,
+        welcome,
+        bus,
+        types,
+        faults=ticket.faults,
+        profile=ticket.profile,
+        checkpoint=ticket.checkpoint,
     )
     session.work()
 

@@ -1,7 +1,6 @@
 """Admission to a run: `Hello`, and the orchestrator's answer."""
 
 import os
-import time
 from collections.abc import Mapping
 
 from stepbus_participant.bus import Bus
@@ -58,17 +57,19 @@ def join(
         types=dict(types.declarations),
         batches=True,
     )
-    deadline = time.monotonic() + ticket.join_timeout_s
-    while time.monotonic() < deadline:
+    deadline = bus.clock.monotonic() + ticket.join_timeout_s
+    while bus.clock.monotonic() < deadline:
         refusal: RunError | None = None
-        for answer in bus.query("join", encode(hello), encoding_of("Hello/1"), _left_s(deadline)):
+        for answer in bus.query(
+            "join", encode(hello), encoding_of("Hello/1"), _left_s(bus, deadline)
+        ):
             try:
                 return _read_answer(answer, ticket)
             except RunError as exc:
                 refusal = refusal or exc
         if refusal is not None:
             raise refusal
-        time.sleep(_RETRY_S)
+        bus.clock.sleep(_RETRY_S)
     raise RunError(
         f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
         f"{ticket.join_timeout_s} s; is it still running?"
@@ -88,9 +89,9 @@ def await_delivery(bus: Bus, welcome: Welcome) -> None:
         return
 
 
-def _left_s(deadline: float) -> float:
+def _left_s(bus: Bus, deadline: float) -> float:
     """Return the time until a deadline, never 0, which means no time-out [s]."""
-    return max(_RETRY_S, deadline - time.monotonic())
+    return max(_RETRY_S, deadline - bus.clock.monotonic())
 
 
 def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:

@@ -1,10 +1,11 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
 from stepbus_participant.bus import Bus
+from stepbus_participant.bus.ticket import MessageFault
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     SHIPPED,
@@ -23,6 +24,7 @@ from stepbus_schemas import (
 )
 
 from .bulk import stamp
+from .faulty import FaultyPublisher
 
 BATCH_BYTES = 30_000
 """Most bytes of a batch (P9.2.3): the low-latency transport silently loses what exceeds 64 KiB."""
@@ -84,6 +86,10 @@ class Outbox:
         self._put(self._pack(HANDSHAKE_STEP, {}, {}, None))
         for put in self._put_bulk.values():
             put(b"", attachment=stamp(HANDSHAKE_STEP, self._welcome.token))
+
+    def inject(self, faults: Sequence[MessageFault]) -> None:
+        """Let some outputs arrive late, twice, damaged or not at all; the log stays intact."""
+        self._put = self._put_batch = FaultyPublisher(self._put, faults, self._bus.clock)
 
     def hold_up_to(self, number: int) -> None:
         """Publish so many steps in one message, since nobody waits for them (P7.6)."""

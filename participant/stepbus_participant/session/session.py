@@ -3,11 +3,16 @@
 import contextlib
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 
 from stepbus_participant.bus import Bus
-from stepbus_participant.bus.ticket import NO_CHECKPOINTS, CheckpointOrder, ProfileOrder
+from stepbus_participant.bus.ticket import (
+    NO_CHECKPOINTS,
+    CheckpointOrder,
+    MessageFault,
+    ProfileOrder,
+)
 from stepbus_participant.config import Config
 from stepbus_participant.participant import Participant
 from stepbus_participant.step import InvalidInput
@@ -48,8 +53,9 @@ class Terminated(RunError):
 class Session:
     """Runs one participant from its `Welcome` on.
 
-    factory: makes the participant from its configuration. types: of its own classes. profile:
-    what to measure. checkpoint: when to save the state, and from which to start.
+    factory: makes the participant from its configuration. types: of its own classes. faults: what
+    to do to its outputs on their way. profile: what to measure. checkpoint: when to save the state,
+    and from which to start.
     """
 
     def __init__(
@@ -59,6 +65,7 @@ class Session:
         bus: Bus,
         types: Types = SHIPPED,
         *,
+        faults: Sequence[MessageFault] = (),
         profile: ProfileOrder | None = None,
         checkpoint: CheckpointOrder = NO_CHECKPOINTS,
     ) -> None:
@@ -75,6 +82,8 @@ class Session:
         self._profiler = Profiler(profile, welcome.name) if profile is not None else None
         make_outbox = Outbox if self._profiler is None else self._profiler.outbox
         self._outbox = make_outbox(welcome, bus, self._drops, self._types)
+        if faults:
+            self._outbox.inject(faults)
         self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
         self._step = -1
 

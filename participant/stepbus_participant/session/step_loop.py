@@ -147,7 +147,7 @@ class StepLoop:
         takes longer than all else that a trigger costs. What arrives is not read before it (P5.2):
         the run may end before this step.
         """
-        until_s = time.monotonic() + FLUSH_AFTER_S
+        until_s = self._bus.clock.monotonic() + FLUSH_AFTER_S
         left_s = FLUSH_AFTER_S
         for source in self._sources:
             is_there = source.entries or source.early is not None
@@ -156,7 +156,7 @@ class StepLoop:
                     source.early = source.queue.get(timeout=left_s)
                 except Empty:
                     return 0.0
-                left_s = max(0.0, until_s - time.monotonic())
+                left_s = max(0.0, until_s - self._bus.clock.monotonic())
                 if source.early is None:
                     # The orchestrator has sent something urgent.
                     break

@@ -1,10 +1,12 @@
 """What a faulty publisher makes of the outputs it gets."""
 
+import time
+
 import msgspec
 import pytest
 
 from stepbus_participant import MessageFault
-from stepbus_participant.bus.faulty_bus import FaultyPublisher
+from stepbus_participant.session.faulty import FaultyPublisher
 from stepbus_schemas import Decoder, MessageError, Outputs, encode
 
 decode = Decoder(Outputs)
@@ -18,7 +20,7 @@ def message(step):
 def published(kind, *steps):
     """Return what goes out when steps are published and step 2 has a fault."""
     out = []
-    publish = FaultyPublisher(out.append, [MessageFault(type=kind, step=2, duration_s=0.001)])
+    publish = FaultyPublisher(out.append, [MessageFault(type=kind, step=2, duration_s=0.001)], time)
     for step in steps:
         publish(message(step))
     return out

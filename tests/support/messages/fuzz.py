@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Any
@@ -68,6 +69,7 @@ class Sample:
 class HandBus:
     """A bus without a network: `hand` gives a sample to whoever listens to its key."""
 
+    clock = time
     queue = SimpleQueue
 
     def __init__(self) -> None:

@@ -1,5 +1,6 @@
 """A bus that gives a plant a script of messages, without processes."""
 
+import time
 from queue import SimpleQueue
 
 import msgspec
@@ -27,6 +28,7 @@ class Bus:
     later: another, once it reports that it waits.
     """
 
+    clock = time
     queue = SimpleQueue
 
     def __init__(self, welcome, script, later=()):

@@ -1,5 +1,6 @@
 """Scenarios, processes and a bus in memory, to test the run loop without starting anything."""
 
+import time
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -181,6 +182,7 @@ class Bus:
     order: in which their logs arrive. dies: (participant, step): its process ends there.
     """
 
+    clock = time
     queue = SimpleQueue
 
     def __init__(self, scenario, order, dies=None):

@@ -1,7 +1,6 @@
 """The prefix of a run from a recording: each participant repeats what is recorded of it."""
 
 import dataclasses
-import time
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -96,7 +95,7 @@ class RecordedPrefix(RunExtension):
         return {"checkpoint": order}
 
     def _record_live(self, run: Run) -> None:
-        self.took_s = time.monotonic() - run.state.started_at
+        self.took_s = run.clock.monotonic() - run.state.started_at
         run.timing.event("live", text=f"from step {self.at}")
 
 

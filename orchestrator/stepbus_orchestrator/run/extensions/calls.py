@@ -1,6 +1,5 @@
 """Calls beside the step loop: made from outside, answered between two steps (P15)."""
 
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -137,12 +136,12 @@ class Calls(RunExtension):
     def _send(self, asked: _Asked, step: int) -> None:
         self._number += 1
         call = Call(token=self._token, id=self._number, method=asked.method, args=asked.args)
-        now = time.monotonic()
+        now = self.run.clock.monotonic()
         self._open = _Open(asked=asked, message=call, step=step, sent_at=now, checked_at=now)
         self._puts[asked.participant](encode(call))
 
     def _check(self, call: _Open) -> None:
-        now = time.monotonic()
+        now = self.run.clock.monotonic()
         call.waited_s += min(now - call.checked_at, _LONGEST_CHECK_S)
         call.checked_at = now
         participant = self._state.participants[call.asked.participant]

@@ -3,7 +3,6 @@
 import dataclasses
 import shlex
 import sys
-import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -44,7 +43,7 @@ class External(RunExtension):
     def __init__(self, tickets: Mapping[str, Path] = MappingProxyType({})) -> None:
         self._tickets = tickets
         self._scripts: list[Path] = []
-        self._told_at = time.monotonic()
+        self._told_at = 0.0
 
     def prepare(self, scenario: Scenario) -> Scenario:
         """Raise WiringError for what cannot be done to a participant that is started elsewhere."""
@@ -67,7 +66,7 @@ class External(RunExtension):
     def attach(self, run: "Run") -> None:
         """Remind the user from now on."""
         super().attach(run)
-        self._told_at = time.monotonic()
+        self._told_at = self.run.clock.monotonic()
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return where the ticket of a participant is put."""
@@ -119,7 +118,7 @@ class External(RunExtension):
                 self._tell(participant, "has not ended yet; is it in a debugger?")
 
     def _is_time(self) -> bool:
-        now = time.monotonic()
+        now = self.run.clock.monotonic()
         if now - self._told_at < _REMIND_S:
             return False
         self._told_at = now

@@ -4,7 +4,6 @@ import contextlib
 import resource
 import signal
 import threading
-import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -103,7 +102,7 @@ class Faults(RunExtension):
         if fault.type == "freeze":
             process.signal(signal.SIGSTOP)
             if fault.duration_ns is not None:
-                self._frozen.append((time.monotonic() + lasts_s, process))
+                self._frozen.append((self.run.clock.monotonic() + lasts_s, process))
         elif fault.type == "slow":
             thread = threading.Thread(target=self._slow_down, args=(process, lasts_s), daemon=True)
             thread.start()
@@ -112,7 +111,7 @@ class Faults(RunExtension):
             _end(process, signal.SIGKILL if fault.type == "kill" else signal.SIGSEGV)
 
     def _thaw(self) -> None:
-        now = time.monotonic()
+        now = self.run.clock.monotonic()
         for until, process in self._frozen:
             if now >= until:
                 process.signal(signal.SIGCONT)
@@ -120,8 +119,12 @@ class Faults(RunExtension):
 
     def _slow_down(self, process: Process, lasts_s: float) -> None:
         """Let a process run for a fifth of the time."""
-        until = time.monotonic() + lasts_s
-        while time.monotonic() < until and not self._over.is_set() and process.exit_code() is None:
+        until = self.run.clock.monotonic() + lasts_s
+        while (
+            self.run.clock.monotonic() < until
+            and not self._over.is_set()
+            and process.exit_code() is None
+        ):
             process.signal(signal.SIGSTOP)
             self._over.wait(_SLOW_HOLD_S)
             process.signal(signal.SIGCONT)

@@ -7,9 +7,9 @@ result.
 import dataclasses
 import time
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.extension import RunExtension
@@ -18,6 +18,10 @@ from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.scenario import Scenario
+from stepbus_participant import Clock
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator.run.run import Run
 
 _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
 
@@ -25,12 +29,11 @@ _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
 class RealTime(RunExtension):
     """Step k begins `k · step / factor` after the first, without drift.
 
-    step_ns: length of a step [ns]. factor: 2 is twice as fast as real time. clock: monotonic [ns].
+    step_ns: length of a step [ns]. factor: 2 is twice as fast as real time. clock: until
+    it has a run.
     """
 
-    def __init__(
-        self, step_ns: int, factor: float, clock: Callable[[], int] = time.monotonic_ns
-    ) -> None:
+    def __init__(self, step_ns: int, factor: float, clock: Clock = time) -> None:
         self._period_ns = step_ns / Fraction(factor).limit_denominator(1_000_000)
         self.factor = factor
         self._clock = clock
@@ -43,6 +46,11 @@ class RealTime(RunExtension):
         """Let each step begin when all have finished the one before, and its time has come."""
         return dataclasses.replace(scenario, window=1, batch=1)
 
+    def attach(self, run: "Run") -> None:
+        """Go by the clock of the run."""
+        super().attach(run)
+        self._clock = run.clock
+
     def limit(self, released: int) -> int:
         """Return the first step whose time has not come."""
         others = (gate(released) for gate in self.run.extensions.gates if gate != self.limit)
@@ -51,16 +59,16 @@ class RealTime(RunExtension):
 
     def due(self) -> int:
         """Return the first step whose time has not come."""
-        return int((self._clock() - self._origin()) // self._period_ns) + 1
+        return int((self._clock.monotonic_ns() - self._origin()) // self._period_ns) + 1
 
     def wait_s(self, released: int, longest_s: float) -> float:
         """Return how long to wait for messages, at most until the next step is due [s]."""
-        left_s = (self._due_ns(released) - self._clock()) * 1e-9
+        left_s = (self._due_ns(released) - self._clock.monotonic_ns()) * 1e-9
         return min(left_s, longest_s) if left_s > 0 else longest_s
 
     def follow(self, state: RunState, *, others: int) -> None:
         """Record who holds the next step past its time; others: the limit of all other gates."""
-        released, now = state.released, self._clock()
+        released, now = state.released, self._clock.monotonic_ns()
         if now < self._due_ns(released):
             return
         if state.barrier.step_limit <= released:
@@ -78,7 +86,7 @@ class RealTime(RunExtension):
 
         Raises StepTimeout where a participant was late that may not be.
         """
-        now = self._clock()
+        now = self._clock.monotonic_ns()
         for step in range(first, limit):
             self._lateness_ns.append(max(0, now - self._due_ns(step)))
         late, self._holders = sorted(self._holders), set()
@@ -127,7 +135,7 @@ class RealTime(RunExtension):
 
     def _origin(self) -> int:
         if self._origin_ns is None:
-            self._origin_ns = self._clock()
+            self._origin_ns = self._clock.monotonic_ns()
         return self._origin_ns
 
     def _due_ns(self, step: int) -> int:

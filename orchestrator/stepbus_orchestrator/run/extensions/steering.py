@@ -1,7 +1,6 @@
 """What a user asks of a run itself while it goes on: none of it changes a result."""
 
 import dataclasses
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -47,7 +46,7 @@ class Steering(RunExtension):
     @property
     def flush_s(self) -> float | None:
         """Return how often the recording is written; who watches asks for it again and again."""
-        if self._flush_s is not None and time.monotonic() > self._flush_until:
+        if self._flush_s is not None and self.run.clock.monotonic() > self._flush_until:
             # Who asked for it was killed.
             self._flush_s = None
         return self._flush_s
@@ -55,8 +54,8 @@ class Steering(RunExtension):
     def turn(self) -> None:
         """Write what is recorded as often as somebody who watches the run asks for."""
         period_s = self.flush_s
-        if period_s is not None and time.monotonic() - self._flushed_at >= period_s:
-            self._flushed_at = time.monotonic()
+        if period_s is not None and self.run.clock.monotonic() - self._flushed_at >= period_s:
+            self._flushed_at = self.run.clock.monotonic()
             self.run.recorder.flush()
 
     def take(self, method: str, args: Sequence[Any]) -> CallReply:
@@ -95,7 +94,7 @@ class Steering(RunExtension):
     def _set_flush(self, args: Sequence[Any]) -> None:
         given = args[0] if args else None
         self._flush_s = None if given is None else _number(given, _PERIODS_S, "flush")
-        self._flush_until = time.monotonic() + FLUSHED_S
+        self._flush_until = self.run.clock.monotonic() + FLUSHED_S
 
 
 def _number(value: object, limits: tuple[float, float], what: str) -> float:

@@ -212,7 +212,6 @@ class LocalRun:
                 HostedBus(
                     self.bus,
                     spec.name,
-                    ticket.faults,
                     counter=(self._turns.words, Row.PUBLISHED + number),
                     is_leaf=self._opening.is_star,
                 ),

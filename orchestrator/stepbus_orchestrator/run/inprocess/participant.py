@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -19,10 +19,8 @@ from stepbus_orchestrator.run.inprocess.program import ScenarioModules
 from stepbus_orchestrator.run.kernel.participants import KeptThread
 from stepbus_participant import (
     HOST,
-    FaultyPublisher,
     Host,
     LoopbackBus,
-    MessageFault,
     Ticket,
     append_to,
     last_error,
@@ -30,17 +28,16 @@ from stepbus_participant import (
 
 
 class HostedBus(LoopbackBus):
-    """A participant's bus in memory, with faults in the outputs that have any.
+    """A participant's bus in memory, which counts what it publishes.
 
-    peer: the orchestrator's. is_leaf: it has no link to other participants. counter: where
-    to count the outputs that it has published, and the index there.
+    peer: the orchestrator's. name: of the participant. is_leaf: it has no link to others. counter:
+    where to count its outputs, and the index there.
     """
 
     def __init__(
         self,
         peer: LoopbackBus,
         name: str,
-        faults: Sequence[MessageFault],
         *,
         counter: "tuple[memoryview[float], int]",
         is_leaf: bool = False,
@@ -48,16 +45,12 @@ class HostedBus(LoopbackBus):
         super().__init__(peer, peer.queue, is_leaf=is_leaf)
         self._counter = counter
         self._key = f"out/{name}"
-        self._faults = list(faults)
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
-        """Return a function that publishes bytes; it counts outputs, and makes them faulty."""
+        """Return a function that publishes bytes; it counts outputs."""
         put = super().publisher(key, encoding, remote=remote)
         if key != self._key:
             return put
-        if self._faults:
-            put = FaultyPublisher(put, self._faults)
-
         counts, index = self._counter
 
         def counted_put(data: bytes, **options: Any) -> None:

@@ -7,7 +7,7 @@ from stepbus_orchestrator.run.kernel.barrier import FAR
 class Clock:
     now = 100.0
 
-    def __call__(self):
+    def monotonic(self):
         return self.now
 
 

@@ -259,7 +259,7 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
     hosted = HostedParticipant(
-        ticket, HostedBus(bus, "worker", [], counter=(turns.words, 0)), leave,
+        ticket, HostedBus(bus, "worker", counter=(turns.words, 0)), leave,
         modules=ScenarioModules(tmp_path, []), hub=hub, log=Path("/dev/full"), take_program=lambda _group: None, shown=False,
         number=1, turns=turns,
     )  # fmt: skip

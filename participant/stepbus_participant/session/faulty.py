@@ -1,13 +1,11 @@
 """Injected faults, between a participant and its consumers (docs/faults.md)."""
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from stepbus_participant.bus import Clock
+from stepbus_participant.bus.ticket import MessageFault
 from stepbus_schemas import Decoder, Outputs
-
-from .ticket import Endpoint, MessageFault
-from .zenoh_bus import ZenohBus
 
 _decode_outputs = Decoder(Outputs)
 
@@ -15,34 +13,18 @@ _PADDING = b"\xa7padding\xc6" + (1 << 20).to_bytes(4, "big") + bytes(1 << 20)
 """An unknown field of 1 MiB, far over what the low-latency transport carries."""
 
 
-class FaultyBus(ZenohBus):
-    """A bus that injects faults into the outputs of one participant.
-
-    name: the participant. faults: what to do at which step. The log to the orchestrator stays
-    intact: it reports what was published, not what arrived.
-    """
-
-    def __init__(
-        self, endpoint: Endpoint, run: str, name: str, faults: Sequence[MessageFault]
-    ) -> None:
-        super().__init__(endpoint, run)
-        self._key = f"out/{name}"
-        self._faults = list(faults)
-
-    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
-        """Return a function that publishes bytes, with faults where they are outputs."""
-        put = super().publisher(key, encoding, remote=remote)
-        return FaultyPublisher(put, self._faults) if key == self._key else put
-
-
 class FaultyPublisher:
     """Publishes outputs, and injects the faults of their steps.
 
-    Several faults of one step apply one after the other, in their order.
+    Several faults of one step apply one after the other, in their order. What the log reports was
+    published, not what arrived.
     """
 
-    def __init__(self, put: Callable[..., None], faults: Sequence[MessageFault]) -> None:
+    def __init__(
+        self, put: Callable[..., None], faults: Sequence[MessageFault], clock: Clock
+    ) -> None:
         self._put = put
+        self._clock = clock
         self._faults: dict[int, list[MessageFault]] = {}
         for fault in faults:
             self._faults.setdefault(fault.step, []).append(fault)
@@ -65,7 +47,7 @@ class FaultyPublisher:
             self._held = messages
             return []
         if fault.type == "delay":
-            time.sleep(fault.duration_s)
+            self._clock.sleep(fault.duration_s)
             return messages
         if fault.type == "duplicate":
             return messages * 2
