@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 
 import msgspec
@@ -249,7 +250,7 @@ def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
         with pytest.raises(
             (RunError, MessageError), match=r"our Hello|the orchestrator speaks protocol"
         ):
-            join(SimpleNamespace(query=lambda *_, reply=answer: [reply]), ticket)
+            join(SimpleNamespace(clock=time, query=lambda *_, reply=answer: [reply]), ticket)
 
 
 def test_whoever_else_answers_a_hello_keeps_nobody_out():
@@ -260,6 +261,6 @@ def test_whoever_else_answers_a_hello_keeps_nobody_out():
     unauthenticated = msgspec.structs.replace(welcome, token=OLD_TOKEN)
     answers = [encode(Refusal(reason="go away")), b"\xc1", encode(unauthenticated), encode(welcome)]
     ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
-    assert join(SimpleNamespace(query=lambda *_: answers), ticket) == welcome
+    assert join(SimpleNamespace(clock=time, query=lambda *_: answers), ticket) == welcome
     with pytest.raises(RunError, match="go away"):
-        join(SimpleNamespace(query=lambda *_: answers[:3]), ticket)
+        join(SimpleNamespace(clock=time, query=lambda *_: answers[:3]), ticket)
