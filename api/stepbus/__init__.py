@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from stepbus_orchestrator import Scenario as CheckedScenario
     from stepbus_participant import *
     from stepbus_schemas import *
-    from stepbus_tools import Exported, SweepProgress, SweepResult
+    from stepbus_tools import Comparison, Exported, SweepProgress, SweepResult
 
     from . import testing
-    from .recordings import branch, diff, export, recover, replay, report, rerun
+    from .recordings import branch, compare, diff, export, recover, replay, report, rerun
     from .runs import call, describe, load, run, verify
     from .scenarios import Scenario
     from .sweeps import sweep
@@ -70,6 +70,7 @@ __all__ = [
     "BytesMessage",
     "CallError",
     "CheckedScenario",
+    "Comparison",
     "Config",
     "Contacts",
     "ControllerStatus",
@@ -167,6 +168,7 @@ __all__ = [
     "Wrench",
     "branch",
     "call",
+    "compare",
     "describe",
     "diff",
     "each",

@@ -31,7 +31,7 @@ from stepbus_schemas import BridgeFormat, WiringError
 from .overrides import Overrides, overrides
 
 if TYPE_CHECKING:
-    from stepbus_tools import Exported
+    from stepbus_tools import Comparison, Exported
 
 Source = str | PathLike[str]
 """A recording: its path, the folder of its run, or the `Result` of the run."""
@@ -110,6 +110,22 @@ def diff(first: Source, second: Source, *, tolerance: AnyTolerance = None) -> Di
     cannot be read.
     """
     return diff_recordings(path_of(first), path_of(second), tolerance_of(tolerance))
+
+
+def compare(first: Source, second: Source) -> Comparison:
+    """Compare the numbers of two runs, aligned by time, with an error for each of them.
+
+    Where `diff` says whether two recordings are the same, this says how far two runs are apart,
+    such as with other parameters or another step. Numbers are compared at the times of the
+    recording with fewer messages, with what the other then holds; only those count that both have
+    in the same unit. `compare(a, b)["plant.joint_state.position.joint1"].rmse` is one,
+    `compare(a, b).frame()` are all.
+
+    Raises RecordingFailed when one cannot be read.
+    """
+    from stepbus_tools import compare_recordings  # noqa: PLC0415  (a tool, when asked)
+
+    return compare_recordings(path_of(first), path_of(second))
 
 
 def rerun(
