@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from stepbus import ReplayResult
     from stepbus.overrides import Overrides
     from stepbus.recordings import AnyTolerance
+    from stepbus.results import ReplayResult
     from stepbus_schemas import BridgeFormat
 
 MARKER = "stepbus_logs"

@@ -80,7 +80,7 @@ def test_a_comparison_is_a_table_and_says_what_it_does_not_have(usual, softer, t
         stepbus.WiringError, match=r"did you mean 'plant\.joint_state\.position\.joint2'"
     ):
         compared["plant.joint_state.position.joint"]
-    with pytest.raises(stepbus.RecordingFailed):
+    with pytest.raises(stepbus.errors.RecordingFailed):
         stepbus.compare(usual, tmp_path / "none.mcap")
 
 
@@ -114,7 +114,7 @@ def test_a_frame_of_a_signal_that_is_not_there_is_one_sentence(usual, signal, wo
 
 def test_without_pandas_a_frame_says_how_to_install_it(usual, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(stepbus.ExtraMissing, match=r"a DataFrame needs pandas.*\[export\]"):
+    with pytest.raises(stepbus.errors.ExtraMissing, match=r"a DataFrame needs pandas.*\[export\]"):
         stepbus.Recording(usual).frame()
-    with pytest.raises(stepbus.ExtraMissing, match="needs pandas"):
+    with pytest.raises(stepbus.errors.ExtraMissing, match="needs pandas"):
         stepbus.compare(usual, usual).frame()
