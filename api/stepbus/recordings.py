@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -11,105 +11,35 @@ from typing import TYPE_CHECKING
 
 from stepbus_orchestrator import (
     Branch,
-    Diff,
     Observer,
+    Overrides,
     Preparation,
     Recording,
     Recovery,
-    ReplayResult,
     Rerun,
-    Tolerance,
+    Source,
     branch_recording,
-    parse_tolerance,
-    read_tolerance,
-    replay_participant,
+    diff,
+    override_texts,
+    recording_file,
 )
-from stepbus_orchestrator import diff as diff_recordings
 from stepbus_orchestrator import recover as recover_recording
-from stepbus_schemas import BridgeFormat, WiringError
-
-from .overrides import Overrides, overrides
+from stepbus_orchestrator import replay_participant as replay
+from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:
     from stepbus_tools import Comparison, Exported
 
-Source = str | PathLike[str]
-"""A recording: its path, the folder of its run, or the `Result` of the run."""
-AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None
-"""An absolute tolerance for all, or by `PORT[.FIELD]`; a YAML file; None: equal to the byte."""
-
-
-def path_of(source: Source) -> Path:
-    """Return the path of a recording."""
-    path = Path(source)
-    return path / "run.mcap" if path.is_dir() else path
-
-
-def tolerance_of(given: AnyTolerance, participant: str = "") -> Tolerance:
-    """Return a tolerance; raises WiringError when it is none. participant: of bare port names."""
-    match given:
-        case None:
-            return Tolerance()
-        case Tolerance():
-            return given
-        case float() | int():
-            return parse_tolerance([str(given)], (), (), participant)
-        case Mapping():
-            rows = [f"{field}={value}" for field, value in given.items()]
-            return parse_tolerance(rows, (), (), participant)
-        case _:
-            return read_tolerance(Path(given))
-
-
-def replay(
-    recording: Source,
-    participant: str,
-    *,
-    program: Sequence[str] | None = None,
-    bridge: BridgeFormat | None = None,
-    recorded: bool = False,
-    source: str | PathLike[str] | None = None,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    tolerance: AnyTolerance = None,
-    update: str | PathLike[str] | None = None,
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> ReplayResult:
-    """Run one participant against its recording, and compare what it publishes.
-
-    The program is that of the scenario in the work tree, where it is found there, else the copy in
-    the recording. recorded: start the copy. source: folder or file of the scenario in the work
-    tree; default: it is searched.
-
-    program: command line of another program. bridge: format of the bridge to the program. set: as
-    of `load`. tolerance: how far outputs may differ; default: equal to the byte. update: path of a
-    new reference recording to write.
-
-    Raises WiringError when recording, participant or tolerance do not fit, RunFailure when the
-    participant fails.
-    """
-    return replay_participant(
-        path_of(recording),
-        participant,
-        program=program,
-        bridge=bridge,
-        recorded=recorded,
-        source=None if source is None else Path(source),
-        overrides=overrides(set),
-        tolerance=tolerance_of(tolerance, participant),
-        update=None if update is None else Path(update),
-        observer=observer,
-        interrupt=interrupt,
-    )
-
-
-def diff(first: Source, second: Source, *, tolerance: AnyTolerance = None) -> Diff:
-    """Compare the messages of two recordings, port by port.
-
-    tolerance: ports are topics such as `controller/command`. Raises RecordingFailed when one
-    cannot be read.
-    """
-    return diff_recordings(path_of(first), path_of(second), tolerance_of(tolerance))
+__all__ = [
+    "branch",
+    "compare",
+    "diff",
+    "export",
+    "recover",
+    "replay",
+    "report",
+    "rerun",
+]
 
 
 def compare(first: Source, second: Source) -> Comparison:
@@ -125,7 +55,7 @@ def compare(first: Source, second: Source) -> Comparison:
     """
     from stepbus_tools import compare_recordings  # noqa: PLC0415  (a tool, when asked)
 
-    return compare_recordings(path_of(first), path_of(second))
+    return compare_recordings(recording_file(first), recording_file(second))
 
 
 def rerun(
@@ -141,7 +71,9 @@ def rerun(
     out: folder of the new run. Raises RecordingFailed when the recording holds no scenario,
     OutputExists when `out` holds a run.
     """
-    return Preparation(path_of(recording), Path(out), overrides(set)).run(observer, interrupt)
+    return Preparation(recording_file(recording), Path(out), override_texts(set)).run(
+        observer, interrupt
+    )
 
 
 def branch(
@@ -169,10 +101,10 @@ def branch(
     WiringError for a change that no branch can make.
     """
     return branch_recording(
-        path_of(recording),
+        recording_file(recording),
         at,
         Path(out),
-        overrides(set),
+        override_texts(set),
         faults=faults,
         calls=calls,
         checkpoints=checkpoints,
@@ -187,7 +119,7 @@ def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
 
     Raises RecordingFailed when there is nothing to recover, OutputExists when `target` exists.
     """
-    return recover_recording(path_of(recording), Path(target))
+    return recover_recording(recording_file(recording), Path(target))
 
 
 def export(
@@ -222,7 +154,7 @@ def export(
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
         raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
-    with Recording(path_of(recording)) as opened:
+    with Recording(recording_file(recording)) as opened:
         damage = [line for line in (damage_line(opened),) if line]
         return {
             form: replace(done, problems=[*done.problems, *damage])
@@ -241,4 +173,4 @@ def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
     if not recordings:
         raise WiringError("nothing to report; name a recording")
     target = None if out is None else Path(out)
-    return report_recordings([path_of(source) for source in recordings], target)
+    return report_recordings([recording_file(source) for source in recordings], target)

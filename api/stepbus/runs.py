@@ -15,6 +15,7 @@ from stepbus_orchestrator import (
     External,
     Observer,
     Options,
+    Overrides,
     Pace,
     ParticipantDescription,
     RealTime,
@@ -26,6 +27,8 @@ from stepbus_orchestrator import (
     check_data,
     check_installed,
     default_folder,
+    override_texts,
+    plain_value,
     plan,
     run_scenario,
 )
@@ -34,8 +37,6 @@ from stepbus_orchestrator import describe as describe_scenario
 from stepbus_orchestrator import load as load_scenario
 from stepbus_orchestrator import verify as verify_trials
 from stepbus_schemas import CallReply, StepbusError, WiringError
-
-from .overrides import Overrides, overrides, plain
 
 AnyScenario = str | PathLike[str] | Mapping[str, Any] | Scenario
 """A scenario: a built-in name, the path of a file or folder, a map like a file, or a loaded one."""
@@ -64,7 +65,9 @@ def load(
     Raises ScenarioError with every problem, each with file, line and path.
     """
     if isinstance(scenario, Mapping):
-        return check_data(plain(scenario), Path(folder or Path.cwd()), overrides(set), faults)
+        return check_data(
+            plain_value(scenario), Path(folder or Path.cwd()), override_texts(set), faults
+        )
     if folder is not None:
         raise WiringError("folder: only a scenario that is a map has none of its own")
     if isinstance(scenario, Scenario):
@@ -73,7 +76,7 @@ def load(
                 f"{scenario.name} is loaded already; give `set` and `faults` to stepbus.load"
             )
         return scenario
-    return load_scenario(Path(scenario), overrides(set), faults)
+    return load_scenario(Path(scenario), override_texts(set), faults)
 
 
 def run(

@@ -1,6 +1,6 @@
 """What `stepbus_orchestrator` exports."""
 
-from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
+from .analysis.comparison import AnyTolerance, Tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
 from .errors import (
@@ -17,6 +17,7 @@ from .errors import (
     StepTimeout,
     StopTimeout,
 )
+from .recording.layout import Source, recording_file
 from .recording.reader import Recording
 from .recording.recover import Recovery, recover
 from .recording.timing import StepTiming
@@ -37,9 +38,21 @@ from .run.reports.result import Result
 from .run.run_scenario import Options, default_folder
 from .run.run_scenario import run as run_scenario
 from .run.setup.folder import first_new
-from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
+from .scenario import (
+    Overrides,
+    Problem,
+    Scenario,
+    ScenarioError,
+    check_data,
+    check_installed,
+    load,
+    override_texts,
+    plain_value,
+    yaml_text,
+)
 
 __all__ = [
+    "AnyTolerance",
     "Branch",
     "BusFailed",
     "Diff",
@@ -51,6 +64,7 @@ __all__ = [
     "Observer",
     "Options",
     "OutputExists",
+    "Overrides",
     "Pace",
     "ParticipantDescription",
     "ParticipantDied",
@@ -69,6 +83,7 @@ __all__ = [
     "RunFailure",
     "Scenario",
     "ScenarioError",
+    "Source",
     "StartFailed",
     "StepTimeout",
     "StepTiming",
@@ -85,11 +100,13 @@ __all__ = [
     "diff",
     "first_new",
     "load",
-    "parse_tolerance",
+    "override_texts",
+    "plain_value",
     "plan",
-    "read_tolerance",
+    "recording_file",
     "recover",
     "replay_participant",
     "run_scenario",
     "verify",
+    "yaml_text",
 ]

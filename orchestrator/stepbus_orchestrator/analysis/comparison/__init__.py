@@ -2,10 +2,18 @@
 
 from .divergence import Divergence, PortResult, in_order, port_lines
 from .port import PortComparison, fields_of
-from .tolerance import FieldTolerance, Tolerance, parse_tolerance, read_tolerance
+from .tolerance import (
+    AnyTolerance,
+    FieldTolerance,
+    Tolerance,
+    parse_tolerance,
+    read_tolerance,
+    tolerance_of,
+)
 from .values import differences, short
 
 __all__ = [
+    "AnyTolerance",
     "Divergence",
     "FieldTolerance",
     "PortComparison",
@@ -18,4 +26,5 @@ __all__ = [
     "port_lines",
     "read_tolerance",
     "short",
+    "tolerance_of",
 ]

@@ -1,10 +1,10 @@
 """`stepbus diff`: compare two recordings."""
 
 import argparse
-from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.parameters import add_parameters, parameters_of
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
 
@@ -12,14 +12,12 @@ from .tolerance_arguments import add_tolerance_arguments, tolerance_of
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("first", type=Path, help="a recording, or the folder of its run")
-    parser.add_argument("second", type=Path, help="another one")
-    add_tolerance_arguments(parser)
+    add_parameters(parser, diff, tolerance=add_tolerance_arguments, is_part=None)
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
 
 
 def _execute(args: argparse.Namespace) -> int:
-    found = diff(args.first, args.second, tolerance_of(args))
+    found = diff(**parameters_of(args, diff) | {"tolerance": tolerance_of(args)})
     if args.json:
         say_json(found)
     else:
