@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stepbus_orchestrator import (
-    Branch,
     Observer,
     Overrides,
     Preparation,
@@ -18,11 +16,11 @@ from stepbus_orchestrator import (
     Recovery,
     Rerun,
     Source,
-    branch_recording,
     diff,
     override_texts,
     recording_file,
 )
+from stepbus_orchestrator import branch_recording as branch
 from stepbus_orchestrator import recover as recover_recording
 from stepbus_orchestrator import replay_participant as replay
 from stepbus_schemas import WiringError
@@ -73,44 +71,6 @@ def rerun(
     """
     return Preparation(recording_file(recording), Path(out), override_texts(set)).run(
         observer, interrupt
-    )
-
-
-def branch(
-    recording: Source,
-    out: str | PathLike[str],
-    *,
-    at: int | str,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    faults: Sequence[str] = (),
-    calls: Sequence[str] = (),
-    checkpoints: bool = True,
-    in_process: bool = False,
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> Branch:
-    """Take a recording up to a step, and go on from there live, with a change.
-
-    at: the first live step, or its time such as "6s". out: folder of the new run. set: as of
-    `load`; a changed participant's own outputs count from `at` on. faults: such as "kill plant at
-    1300". calls: such as "controller set kp 90", made before step `at`. checkpoints: whether
-    participants start from the newest state that the run has saved, instead of step 0.
-
-    Below `at`, each participant gets its recorded inputs; the first that does not publish what is
-    recorded is named in `result`. Raises RecordingFailed when the recording does not go so far,
-    WiringError for a change that no branch can make.
-    """
-    return branch_recording(
-        recording_file(recording),
-        at,
-        Path(out),
-        override_texts(set),
-        faults=faults,
-        calls=calls,
-        checkpoints=checkpoints,
-        in_process=in_process,
-        observer=observer,
-        interrupt=interrupt,
     )
 
 

@@ -6,7 +6,7 @@ A docstring explains parameters as `name: text.`; the first sentence is the help
 import argparse
 import inspect
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from os import PathLike
 from pathlib import Path
 from types import UnionType
@@ -46,7 +46,7 @@ def add_parameters(
             given(parser)
             continue
         row: dict[str, Any] = {"help": texts[name], **_kind(hints[name]), **given}
-        if "default" not in row and isinstance(parameter.default, int | str) and row.get("type"):
+        if row.get("type") is not None and isinstance(parameter.default, int | str):
             row |= {"default": parameter.default}
             row["help"] += f" (default: {parameter.default})"
         is_positional = parameter.kind is parameter.POSITIONAL_OR_KEYWORD and "flag" not in row
@@ -78,6 +78,8 @@ def _kind(hint: Any) -> dict[str, Any]:
     """Return what `add_argument` needs for a type."""
     if hint == Overrides:
         return {"action": "append", "default": [], "metavar": "PATH=VALUE"}
+    if get_origin(hint) is Sequence:
+        return {"action": "append", "default": []}
     options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     if bool in options:
         return {"action": "store_true"}
