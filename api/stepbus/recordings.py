@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stepbus_orchestrator import (
-    Observer,
-    Overrides,
-    Preparation,
     Recording,
     Recovery,
-    Rerun,
     Source,
     diff,
-    override_texts,
     recording_file,
 )
 from stepbus_orchestrator import branch_recording as branch
 from stepbus_orchestrator import recover as recover_recording
 from stepbus_orchestrator import replay_participant as replay
+from stepbus_orchestrator import rerun_recording as rerun
 from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:
@@ -54,24 +49,6 @@ def compare(first: Source, second: Source) -> Comparison:
     from stepbus_tools import compare_recordings  # noqa: PLC0415  (a tool, when asked)
 
     return compare_recordings(recording_file(first), recording_file(second))
-
-
-def rerun(
-    recording: Source,
-    out: str | PathLike[str],
-    *,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> Rerun:
-    """Run the scenario of a recording again, from nothing but the recording.
-
-    out: folder of the new run. Raises RecordingFailed when the recording holds no scenario,
-    OutputExists when `out` holds a run.
-    """
-    return Preparation(recording_file(recording), Path(out), override_texts(set)).run(
-        observer, interrupt
-    )
 
 
 def recover(recording: Source, target: str | PathLike[str]) -> Recovery:

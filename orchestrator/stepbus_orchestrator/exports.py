@@ -25,7 +25,8 @@ from .replay import ReplayResult
 from .replay import replay as replay_participant
 from .replay.branch import Branch
 from .replay.branch import branch as branch_recording
-from .replay.rerun import Preparation, Rerun
+from .replay.rerun import Rerun
+from .replay.rerun import rerun as rerun_recording
 from .run.describe.describe import ParticipantDescription, describe
 from .run.episode import Episode
 from .run.extension import RunExtension
@@ -69,7 +70,6 @@ __all__ = [
     "ParticipantDescription",
     "ParticipantDied",
     "ParticipantFault",
-    "Preparation",
     "Problem",
     "Progress",
     "RealTime",
@@ -106,6 +106,7 @@ __all__ = [
     "recording_file",
     "recover",
     "replay_participant",
+    "rerun_recording",
     "run_scenario",
     "verify",
     "yaml_text",

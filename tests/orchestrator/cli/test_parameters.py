@@ -65,6 +65,6 @@ def test_a_value_of_another_type_is_refused(parser, capsys):
     assert "argument --coats: invalid int value: 'many'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("function", [stepbus.replay, stepbus.diff, stepbus.branch])
+@pytest.mark.parametrize("function", [stepbus.replay, stepbus.rerun, stepbus.diff, stepbus.branch])
 def test_the_docstring_explains_every_parameter(function):
     assert set(parameter_texts(function)) >= set(inspect.signature(function).parameters)
