@@ -46,7 +46,7 @@ def add_parameters(
             given(parser)
             continue
         row: dict[str, Any] = {"help": texts[name], **_kind(hints[name]), **given}
-        if row.get("type") is not None and isinstance(parameter.default, int | str):
+        if "action" not in row and isinstance(parameter.default, int | str):
             row |= {"default": parameter.default}
             row["help"] += f" (default: {parameter.default})"
         is_positional = parameter.kind is parameter.POSITIONAL_OR_KEYWORD and "flag" not in row
@@ -88,4 +88,4 @@ def _kind(hint: Any) -> dict[str, Any]:
             return {"choices": get_args(option)}
         if get_origin(option) is PathLike:
             return {"type": Path}
-    return {"type": int} if int in options else {}
+    return {"type": int} if int in options and str not in options else {}

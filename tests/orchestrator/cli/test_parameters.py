@@ -20,6 +20,7 @@ def paint(
     set: Overrides = (),  # noqa: A002
     colour: Literal["red", "blue"] | None = None,
     coats: int = 2,
+    at: int | str = 0,
     dry_first: bool = False,
     secret: str = "",
     interrupt: threading.Event | None = None,
@@ -27,7 +28,7 @@ def paint(
     """Paint a picture.
 
     picture: file or folder. set: override a value, e.g. a.b=1. In Python, a map too. colour: of
-    all. coats: how many; each takes a day. dry_first: wait before. secret: not for all. interrupt:
+    all. coats: how many; each takes a day. at: a day, or its name. dry_first: wait before. secret: not for all. interrupt:
     ends it.
     """
 
@@ -51,10 +52,10 @@ def test_the_help_is_the_first_sentence_of_the_docstring(parser):
 
 def test_what_is_given_is_what_the_function_takes(parser):
     args = parser.parse_args(
-        ["a.png", "--set", "a=1", "--set", "b=2", "--color", "red", "--dry-first"]
+        ["a.png", "--set", "a=1", "--set", "b=2", "--color", "red", "--at", "6s", "--dry-first"]
     )
     assert parameters_of(args, paint) == {
-        "picture": Path("a.png"), "set": ["a=1", "b=2"], "colour": "red", "coats": 2, "dry_first": True,
+        "picture": Path("a.png"), "set": ["a=1", "b=2"], "colour": "red", "coats": 2, "at": "6s", "dry_first": True,
     }  # fmt: skip
     paint(**parameters_of(args, paint))
 

@@ -9,7 +9,7 @@ from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.after_run import after_run_lines
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.parameters import add_parameters
-from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
+from stepbus_orchestrator.cli.signals import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, OutputExists

@@ -6,7 +6,7 @@ import msgspec
 
 from stepbus_orchestrator.cli.command import Command, number
 from stepbus_orchestrator.cli.parameters import add_parameters, parameters_of
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
@@ -15,7 +15,7 @@ from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
 from stepbus_schemas import WiringError
 
-from .tolerance_arguments import add_tolerance_arguments, tolerance_of
+from .diff import add_tolerance_arguments, tolerance_of
 from .trust import add_trust, trusted_programs
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.command import Command, number
 from stepbus_orchestrator.cli.parameters import add_parameters
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
