@@ -1,54 +1,58 @@
-"""stepbus: co-simulation for robotics in lockstep; everything a user does from Python.
+"""stepbus: co-simulation for robotics in lockstep; what a user does from Python.
 
 Each name is imported when it is first used. What a controller on a robot takes part with loads
-nothing of the orchestrator.
+nothing of the orchestrator. What is used less is in `stepbus.messages`, `.params`, `.errors`,
+`.results`, `.wiring` and `.testing`.
 """
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .lookup import imported_on_use
+
 if TYPE_CHECKING:
     from stepbus_orchestrator import (
-        Branch,
-        BusFailed,
-        Diff,
-        Diverged,
         ExitCode,
-        Interrupted,
         Observer,
-        OutputExists,
         Pace,
-        ParticipantDescription,
-        ParticipantDied,
-        ParticipantFault,
-        Problem,
         Progress,
         Recording,
-        RecordingFailed,
-        Recovery,
-        ReplayResult,
-        Rerun,
         Result,
         RunExtension,
         RunFailure,
+        Scenario,
         ScenarioError,
-        StartFailed,
-        StepTimeout,
-        StopTimeout,
         Tolerance,
-        Verification,
     )
-    from stepbus_orchestrator import Scenario as CheckedScenario
-    from stepbus_participant import *
-    from stepbus_schemas import *
-    from stepbus_tools import Exported, SweepProgress, SweepResult
+    from stepbus_participant import (
+        Config,
+        Method,
+        Participant,
+        Settings,
+        Steering,
+        Step,
+        main,
+        take_part,
+    )
+    from stepbus_schemas import (
+        Description,
+        Event,
+        JointCommand,
+        JointReference,
+        JointState,
+        Message,
+        SensedJoints,
+        StepbusError,
+        WiringError,
+    )
 
-    from . import testing
-    from .recordings import branch, diff, export, recover, replay, report, rerun
+    from . import errors, messages, params, results, testing, wiring
+    from .recordings import branch, compare, diff, export, recover, replay, report, rerun
     from .runs import call, describe, load, run, verify
-    from .scenarios import Scenario
     from .sweeps import sweep
 
+_MODULES = ("errors", "messages", "params", "results", "testing", "wiring")
 _HOMES = (
     "stepbus_participant",
     "stepbus_schemas",
@@ -56,150 +60,85 @@ _HOMES = (
     ".recordings",
     ".sweeps",
     "stepbus_orchestrator",
-    "stepbus_tools",
 )
 """Where a name of `__all__` comes from: the first that has it."""
 
 __all__ = [
-    "BaseCommand",
-    "BaseState",
-    "Branch",
-    "Bus",
-    "BusError",
-    "BusFailed",
-    "BytesMessage",
-    "CallError",
-    "CheckedScenario",
     "Config",
-    "Contacts",
-    "ControllerStatus",
-    "Count",
     "Description",
-    "Detections",
-    "Diff",
-    "Diverged",
-    "Duration",
-    "Endpoint",
     "Event",
     "ExitCode",
-    "Exported",
-    "ExtraMissing",
-    "File",
-    "Finite",
-    "Goal",
-    "GoalStatus",
-    "GripperCommand",
-    "GripperState",
-    "Image",
-    "Imu",
-    "InputAbsent",
-    "Interrupted",
-    "InvalidInput",
     "JointCommand",
     "JointReference",
     "JointState",
-    "LaserScan",
     "Message",
-    "MessageError",
     "Method",
-    "ModelFile",
-    "Name",
-    "Names",
-    "NonNegative",
-    "NonNegativePerJoint",
     "Observer",
-    "OutputError",
-    "OutputExists",
     "Pace",
     "Participant",
-    "ParticipantDescription",
-    "ParticipantDied",
-    "ParticipantFault",
-    "PerJoint",
-    "PerName",
-    "Plan",
-    "PlanRequest",
-    "Plugin",
-    "PointCloud",
-    "PortType",
-    "Ports",
-    "Poses",
-    "Positive",
-    "PositivePerJoint",
-    "Problem",
-    "Problems",
     "Progress",
     "Recording",
-    "RecordingFailed",
-    "Recovery",
-    "ReplayResult",
-    "Rerun",
     "Result",
-    "RunError",
     "RunExtension",
     "RunFailure",
-    "Scalars",
     "Scenario",
     "ScenarioError",
     "SensedJoints",
     "Settings",
-    "SettingsError",
-    "Share",
-    "Spiral",
-    "StartFailed",
     "Steering",
     "Step",
-    "StepTimeout",
     "StepbusError",
-    "StopTimeout",
-    "SweepProgress",
-    "SweepResult",
-    "Text",
-    "TextMessage",
-    "Ticket",
     "Tolerance",
-    "Transforms",
-    "Types",
-    "Vector3",
-    "Verification",
-    "Whole",
     "WiringError",
-    "Wrench",
     "branch",
     "call",
+    "compare",
     "describe",
     "diff",
-    "each",
+    "errors",
     "export",
     "load",
-    "load_ticket",
-    "load_types",
     "main",
-    "meta",
-    "needed_when",
+    "messages",
+    "params",
     "recover",
     "replay",
     "report",
     "rerun",
+    "results",
     "run",
     "sweep",
     "take_part",
     "testing",
     "verify",
-    "when",
+    "wiring",
 ]
+
+_find, __dir__ = imported_on_use(__name__, __all__, _HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name when it is first used (PEP 562)."""
-    if name == "testing":
-        return import_module("stepbus.testing")
-    if name not in __all__:
-        raise AttributeError(f"module 'stepbus' has no attribute {name!r}")
-    homes = (import_module(home, __name__) for home in _HOMES)
-    value = globals()[name] = next(getattr(h, name) for h in homes if hasattr(h, name))
-    return value
+    """Import a name when it is first used, a moved one with a warning that says where it is."""
+    if name in _MODULES:
+        return import_module(f"stepbus.{name}")
+    if name == "CheckedScenario":
+        _warn(name, "stepbus.Scenario")
+        return _find("Scenario")
+    if name not in __all__ and (module := _module_of(name)):
+        _warn(name, f"stepbus.{module}.{name}")
+        return getattr(import_module(f"stepbus.{module}"), name)
+    return _find(name)
 
 
-def __dir__() -> list[str]:
-    return [*__all__, *(name for name in globals() if name.startswith("__"))]
+def _module_of(name: str) -> str:
+    """Return where a name is that was here in version 0.1; empty for one that is nowhere."""
+    others = (module for module in _MODULES if module != "testing")
+    return next((m for m in others if name in import_module(f"stepbus.{m}").__all__), "")
+
+
+def _warn(name: str, place: str) -> None:
+    warnings.warn(
+        f"stepbus.{name} is {place} now, and goes with the next version",
+        DeprecationWarning,
+        stacklevel=3,
+    )

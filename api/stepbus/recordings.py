@@ -2,168 +2,53 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stepbus_orchestrator import (
-    Branch,
-    Diff,
-    Observer,
-    Preparation,
     Recording,
     Recovery,
-    ReplayResult,
-    Rerun,
-    Tolerance,
-    branch_recording,
-    parse_tolerance,
-    read_tolerance,
-    replay_participant,
+    Source,
+    diff,
+    recording_file,
 )
-from stepbus_orchestrator import diff as diff_recordings
+from stepbus_orchestrator import branch_recording as branch
 from stepbus_orchestrator import recover as recover_recording
-from stepbus_schemas import BridgeFormat, WiringError
-
-from .overrides import Overrides, overrides
+from stepbus_orchestrator import replay_participant as replay
+from stepbus_orchestrator import rerun_recording as rerun
+from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:
-    from stepbus_tools import Exported
+    from stepbus_tools import Comparison, Exported
 
-Source = str | PathLike[str]
-"""A recording: its path, the folder of its run, or the `Result` of the run."""
-AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None
-"""An absolute tolerance for all, or by `PORT[.FIELD]`; a YAML file; None: equal to the byte."""
-
-
-def path_of(source: Source) -> Path:
-    """Return the path of a recording."""
-    path = Path(source)
-    return path / "run.mcap" if path.is_dir() else path
-
-
-def tolerance_of(given: AnyTolerance, participant: str = "") -> Tolerance:
-    """Return a tolerance; raises WiringError when it is none. participant: of bare port names."""
-    match given:
-        case None:
-            return Tolerance()
-        case Tolerance():
-            return given
-        case float() | int():
-            return parse_tolerance([str(given)], (), (), participant)
-        case Mapping():
-            rows = [f"{field}={value}" for field, value in given.items()]
-            return parse_tolerance(rows, (), (), participant)
-        case _:
-            return read_tolerance(Path(given))
+__all__ = [
+    "branch",
+    "compare",
+    "diff",
+    "export",
+    "recover",
+    "replay",
+    "report",
+    "rerun",
+]
 
 
-def replay(
-    recording: Source,
-    participant: str,
-    *,
-    program: Sequence[str] | None = None,
-    bridge: BridgeFormat | None = None,
-    recorded: bool = False,
-    source: str | PathLike[str] | None = None,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    tolerance: AnyTolerance = None,
-    update: str | PathLike[str] | None = None,
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> ReplayResult:
-    """Run one participant against its recording, and compare what it publishes.
+def compare(first: Source, second: Source) -> Comparison:
+    """Compare the numbers of two runs, aligned by time, with an error for each of them.
 
-    The program is that of the scenario in the work tree, where it is found there, else the copy in
-    the recording. recorded: start the copy. source: folder or file of the scenario in the work
-    tree; default: it is searched.
+    Where `diff` says whether two recordings are the same, this says how far two runs are apart,
+    such as with other parameters or another step. Numbers are compared at the times of the
+    recording with fewer messages, with what the other then holds; only those count that both have
+    in the same unit. `compare(a, b)["plant.joint_state.position.joint1"].rmse` is one,
+    `compare(a, b).frame()` are all.
 
-    program: command line of another program. bridge: format of the bridge to the program. set: as
-    of `load`. tolerance: how far outputs may differ; default: equal to the byte. update: path of a
-    new reference recording to write.
-
-    Raises WiringError when recording, participant or tolerance do not fit, RunFailure when the
-    participant fails.
+    Raises RecordingFailed when one cannot be read.
     """
-    return replay_participant(
-        path_of(recording),
-        participant,
-        program=program,
-        bridge=bridge,
-        recorded=recorded,
-        source=None if source is None else Path(source),
-        overrides=overrides(set),
-        tolerance=tolerance_of(tolerance, participant),
-        update=None if update is None else Path(update),
-        observer=observer,
-        interrupt=interrupt,
-    )
+    from stepbus_tools import compare_recordings  # noqa: PLC0415  (a tool, when asked)
 
-
-def diff(first: Source, second: Source, *, tolerance: AnyTolerance = None) -> Diff:
-    """Compare the messages of two recordings, port by port.
-
-    tolerance: ports are topics such as `controller/command`. Raises RecordingFailed when one
-    cannot be read.
-    """
-    return diff_recordings(path_of(first), path_of(second), tolerance_of(tolerance))
-
-
-def rerun(
-    recording: Source,
-    out: str | PathLike[str],
-    *,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> Rerun:
-    """Run the scenario of a recording again, from nothing but the recording.
-
-    out: folder of the new run. Raises RecordingFailed when the recording holds no scenario,
-    OutputExists when `out` holds a run.
-    """
-    return Preparation(path_of(recording), Path(out), overrides(set)).run(observer, interrupt)
-
-
-def branch(
-    recording: Source,
-    out: str | PathLike[str],
-    *,
-    at: int | str,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    faults: Sequence[str] = (),
-    calls: Sequence[str] = (),
-    checkpoints: bool = True,
-    in_process: bool = False,
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> Branch:
-    """Take a recording up to a step, and go on from there live, with a change.
-
-    at: the first live step, or its time such as "6s". out: folder of the new run. set: as of
-    `load`; a changed participant's own outputs count from `at` on. faults: such as "kill plant at
-    1300". calls: such as "controller set kp 90", made before step `at`. checkpoints: whether
-    participants start from the newest state that the run has saved, instead of step 0.
-
-    Below `at`, each participant gets its recorded inputs; the first that does not publish what is
-    recorded is named in `result`. Raises RecordingFailed when the recording does not go so far,
-    WiringError for a change that no branch can make.
-    """
-    return branch_recording(
-        path_of(recording),
-        at,
-        Path(out),
-        overrides(set),
-        faults=faults,
-        calls=calls,
-        checkpoints=checkpoints,
-        in_process=in_process,
-        observer=observer,
-        interrupt=interrupt,
-    )
+    return compare_recordings(recording_file(first), recording_file(second))
 
 
 def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
@@ -171,7 +56,7 @@ def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
 
     Raises RecordingFailed when there is nothing to recover, OutputExists when `target` exists.
     """
-    return recover_recording(path_of(recording), Path(target))
+    return recover_recording(recording_file(recording), Path(target))
 
 
 def export(
@@ -206,7 +91,7 @@ def export(
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
         raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
-    with Recording(path_of(recording)) as opened:
+    with Recording(recording_file(recording)) as opened:
         damage = [line for line in (damage_line(opened),) if line]
         return {
             form: replace(done, problems=[*done.problems, *damage])
@@ -225,4 +110,4 @@ def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
     if not recordings:
         raise WiringError("nothing to report; name a recording")
     target = None if out is None else Path(out)
-    return report_recordings([path_of(source) for source in recordings], target)
+    return report_recordings([recording_file(source) for source in recordings], target)

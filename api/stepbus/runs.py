@@ -15,31 +15,32 @@ from stepbus_orchestrator import (
     External,
     Observer,
     Options,
+    Overrides,
     Pace,
     ParticipantDescription,
     RealTime,
     Result,
     RunExtension,
+    Scenario,
     Verification,
     as_external,
+    check_data,
     check_installed,
     default_folder,
     host_of,
+    override_texts,
+    plain_value,
     plan,
     run_scenario,
 )
-from stepbus_orchestrator import Scenario as CheckedScenario
 from stepbus_orchestrator import call as call_run
 from stepbus_orchestrator import describe as describe_scenario
 from stepbus_orchestrator import load as load_scenario
 from stepbus_orchestrator import verify as verify_trials
 from stepbus_schemas import CallReply, StepbusError, WiringError
 
-from .overrides import Overrides, overrides
-from .scenarios import Scenario
-
-AnyScenario = str | PathLike[str] | Scenario | CheckedScenario
-"""A scenario: a built-in name, the path of a file or folder, one in Python, or a checked one."""
+AnyScenario = str | PathLike[str] | Mapping[str, Any] | Scenario
+"""A scenario: a built-in name, the path of a file or folder, a map like a file, or a loaded one."""
 
 
 def load(
@@ -47,25 +48,36 @@ def load(
     *,
     set: Overrides = (),  # noqa: A002  as --set on the command line
     faults: Sequence[str] = (),
-) -> CheckedScenario:
+    folder: str | PathLike[str] | None = None,
+) -> Scenario:
     """Load and check a scenario; start nothing.
 
-    scenario: a built-in name such as `two_link`, the path of a YAML file or its folder, or a
-    `Scenario`. set:
-    `{"controller.params.kp": 80}` or `["controller.params.kp=80"]`. faults: texts such as
-    `kill plant at 120`.
+    scenario: a built-in name such as `two_link`, the path of a YAML file or its folder, or a map
+    with the keys of a scenario file (docs/reference/scenario.md), in which message classes stand
+    for their names. set: `{"controller.params.kp": 80}` or `["controller.params.kp=80"]`. faults:
+    texts such as `kill plant at 120`. folder: what file names in a map are relative to; default:
+    the current one.
+
+    ```python
+    plant = {"participant": "stepbus_plant:Plant", "outputs": {"joint_state": stepbus.JointState}}
+    swing = {"name": "swing", "step": "5ms", "duration": "2s", "participants": {"plant": plant}}
+    ```
 
     Raises ScenarioError with every problem, each with file, line and path.
     """
+    if isinstance(scenario, Mapping):
+        return check_data(
+            plain_value(scenario), Path(folder or Path.cwd()), override_texts(set), faults
+        )
+    if folder is not None:
+        raise WiringError("folder: only a scenario that is a map has none of its own")
     if isinstance(scenario, Scenario):
-        return scenario.check(set=set, faults=faults)
-    if isinstance(scenario, CheckedScenario):
         if set or faults:
             raise WiringError(
                 f"{scenario.name} is loaded already; give `set` and `faults` to stepbus.load"
             )
         return scenario
-    return load_scenario(Path(scenario), overrides(set), faults)
+    return load_scenario(Path(scenario), override_texts(set), faults)
 
 
 def run(

@@ -8,10 +8,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal
 
+from stepbus_orchestrator import Overrides, override_texts, yaml_text
 from stepbus_tools import SweepProgress, SweepResult, Terms, default_name, find_spec
 from stepbus_tools import sweep_scenario as run_sweep
-
-from .overrides import Overrides, overrides, yaml_text
 
 Axes = Sequence[str] | Mapping[str, Any]
 """Axes as the command line has them, or path → values: a list, `50:200:7` or `~normal(1, 0.1)`."""
@@ -54,7 +53,7 @@ def sweep(
     another sweep or cannot be written, StartFailed where Ray does not start, Interrupted.
     """
     given = {
-        "set": overrides(set),
+        "set": override_texts(set),
         "vary": _axes(vary),
         "samples": samples,
         "sampling": "" if sampling == "random" else sampling,

@@ -19,9 +19,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 
 import stepbus
-from stepbus.overrides import Overrides, overrides
 from stepbus.runs import AnyScenario
-from stepbus_orchestrator import Episode, Result, RunFailure, Scenario
+from stepbus_orchestrator import Episode, Overrides, Result, RunFailure, Scenario, override_texts
 from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
 
@@ -112,7 +111,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._renderer = Renderer(camera or Camera())
         self._frame: Any = None
         self._given = scenario
-        self._settings = [*overrides(set), *([f"duration={duration}"] if duration else [])]
+        self._settings = [*override_texts(set), *([f"duration={duration}"] if duration else [])]
         self._faults = list(faults)
         self._name = participant
         params = {
@@ -143,9 +142,9 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         """
         self._end("reset")
         episode_seed = self._next_seed(seed)
-        more = overrides(_known(options).get("set", ()))
+        more = override_texts(_known(options).get("set", ()))
         if self._vary is not None:
-            more = [*overrides(self._vary(self.np_random)), *more]
+            more = [*override_texts(self._vary(self.np_random)), *more]
         scenario = self._load(more) if more else self._scenario
         scenario = dataclasses.replace(scenario, seed=episode_seed)
         step = self._begin(scenario, is_recorded=self._folders.is_recorded)

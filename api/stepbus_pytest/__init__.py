@@ -7,7 +7,7 @@ before a test asks for the fixture.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from os import PathLike
@@ -17,10 +17,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from stepbus import ReplayResult
-    from stepbus.overrides import Overrides
-    from stepbus.recordings import AnyTolerance
-    from stepbus_schemas import BridgeFormat
+    from stepbus.results import ReplayResult
 
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
@@ -109,36 +106,21 @@ def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult
 
     It tests the program in the work tree, where the log's scenario is found there, and warns where
     it is not; `source`: the scenario's folder, relative to the test's file; `recorded`: test the
-    copy in the log. It takes `program`: another program, and `bridge`: the format it speaks;
-    `set`: overrides such as `{"controller.params.kp": 101}`; `tolerance`: a number, or a YAML file,
-    relative to the test's file. It returns the result.
+    copy in the log; `tolerance`: a number, or a YAML file, relative to the test's file. All other
+    options are those of `stepbus.replay`. It returns the result.
     """
     log: _Log | _Mistake = request.param
     if isinstance(log, _Mistake):
         pytest.fail(log.text, pytrace=False)
     folder = request.path.parent
 
-    def replay_log(
-        *,
-        program: Sequence[str] | None = None,
-        bridge: BridgeFormat | None = None,
-        recorded: bool = False,
-        source: str | PathLike[str] | None = None,
-        set: Overrides = (),  # noqa: A002  as --set on the command line
-        tolerance: AnyTolerance = None,
-    ) -> ReplayResult:
+    def replay_log(**options: Any) -> ReplayResult:
         __tracebackhide__ = True
+        for name in ("source", "tolerance"):
+            if isinstance(path := options.get(name), str | PathLike):
+                options[name] = folder / path
         testing: Any = import_module("stepbus.testing")
-        result: ReplayResult = testing.assert_replays(
-            log.recording,
-            log.participant,
-            program=program,
-            bridge=bridge,
-            recorded=recorded,
-            source=None if source is None else folder / source,
-            set=set,
-            tolerance=folder / tolerance if isinstance(tolerance, str | PathLike) else tolerance,
-        )
+        result: ReplayResult = testing.assert_replays(log.recording, log.participant, **options)
         for note in result.notes:
             warnings.warn(f"{log.recording.name}: {note}", stacklevel=2)
         return result

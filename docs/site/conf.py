@@ -71,10 +71,11 @@ GROUPS = ("Functions", "Classes", "Messages", "Errors", "Types and constants", "
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 ERRORS = {
-    name
-    for name in stepbus.__all__
-    if isinstance(value := getattr(stepbus, name), type) and issubclass(value, BaseException)
+    name: "stepbus" if name in stepbus.__all__ else "stepbus.errors"
+    for name in stepbus.errors.__all__
+    if isinstance(value := getattr(stepbus.errors, name), type) and issubclass(value, BaseException)
 }
+"""Error → where it is documented."""
 
 
 def _group(value: Any) -> str:
@@ -119,6 +120,9 @@ def reference(module: str) -> str:
     public = import_module(module)
     groups: dict[str, list[str]] = {group: [] for group in GROUPS}
     for name in getattr(public, "__all__", ()):
+        # What stands in `stepbus` itself as well is described there.
+        if module != "stepbus" and name in stepbus.__all__:
+            continue
         groups[_group(getattr(public, name))].append(name)
     parts = []
     for group, names in groups.items():
@@ -163,7 +167,11 @@ def _format(
         formatted += [*text.split("\n"), ""]
     link = re.compile(rf"(?<![`\w.])({'|'.join(sorted(ERRORS))})(?![`\w])")
     text = QUOTED.sub(_quoted, "\n".join(formatted))
-    lines[:] = link.sub(r":py:exc:`~stepbus.\1`", text).split("\n")
+    lines[:] = link.sub(_error_link, text).split("\n")
+
+
+def _error_link(found: re.Match[str]) -> str:
+    return f":py:exc:`~{ERRORS[found[1]]}.{found[1]}`"
 
 
 def _code_block(found: re.Match[str]) -> str:

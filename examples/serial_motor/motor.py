@@ -6,7 +6,8 @@ import serial
 from frames import REPLY_BYTES, read_reply, request
 
 import stepbus
-from stepbus import Config, Description, Duration, JointCommand, JointState, Step
+from stepbus import Config, Description, JointCommand, JointState, Step
+from stepbus.params import Duration
 
 
 class Params(stepbus.Settings):
@@ -32,7 +33,7 @@ class SerialMotor(stepbus.Participant):
         try:
             self.line = serial.Serial(path, params.baud, timeout=timeout, write_timeout=timeout)
         except serial.SerialException as exc:
-            raise stepbus.RunError(f"{exc}; is the motor on?") from exc
+            raise stepbus.errors.RunError(f"{exc}; is the motor on?") from exc
         self.line.reset_input_buffer()
         # The first request has number 0: the motor goes home.
         self.number = 0
@@ -44,15 +45,17 @@ class SerialMotor(stepbus.Participant):
             self.line.write(request(self.number, torque))
             frame = self.line.read(REPLY_BYTES)
         except serial.SerialException as exc:
-            raise stepbus.RunError(f"{self.line.port}: {exc}") from exc
+            raise stepbus.errors.RunError(f"{self.line.port}: {exc}") from exc
         if len(frame) < REPLY_BYTES:
-            raise stepbus.RunError(
+            raise stepbus.errors.RunError(
                 f"{self.line.port}: {len(frame)} of {REPLY_BYTES} bytes within "
                 f"{self.line.timeout} s; is the motor on?"
             )
         number, position, velocity = read_reply(frame)
         if number != self.number:
-            raise stepbus.RunError(f"{self.line.port}: answers {number}, asked was {self.number}")
+            raise stepbus.errors.RunError(
+                f"{self.line.port}: answers {number}, asked was {self.number}"
+            )
         self.number = number % 255 + 1
         return JointState(position=[position], velocity=[velocity])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import stepbus
 
-TYPES = stepbus.load_types(Path(__file__).with_name("types.yaml"))
+TYPES = stepbus.messages.load_types(Path(__file__).with_name("types.yaml"))
 Depth = TYPES["Depth/1"]
 Thruster = TYPES["Thruster/1"]
 

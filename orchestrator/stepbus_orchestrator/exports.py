@@ -9,7 +9,7 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 
-from .analysis.comparison import Tolerance, parse_tolerance, read_tolerance
+from .analysis.comparison import AnyTolerance, Tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
 from .errors import (
@@ -26,6 +26,7 @@ from .errors import (
     StepTimeout,
     StopTimeout,
 )
+from .recording.layout import Source, recording_file
 from .recording.reader import Recording
 from .recording.recover import Recovery, recover
 from .recording.timing import StepTiming
@@ -33,15 +34,28 @@ from .replay import ReplayResult
 from .replay import replay as replay_participant
 from .replay.branch import Branch
 from .replay.branch import branch as branch_recording
-from .replay.rerun import Preparation, Rerun
+from .replay.rerun import Rerun
+from .replay.rerun import rerun as rerun_recording
 from .run.episode import Episode
 from .run.extension import RunExtension
 from .run.extensions.external import External, as_external
 from .run.extensions.real_time import RealTime
 from .run.live_file import call
-from .scenario import Problem, Scenario, ScenarioError, check_data, check_installed, load
+from .scenario import (
+    Overrides,
+    Problem,
+    Scenario,
+    ScenarioError,
+    check_data,
+    check_installed,
+    load,
+    override_texts,
+    plain_value,
+    yaml_text,
+)
 
 __all__ = [
+    "AnyTolerance",
     "Branch",
     "BusFailed",
     "Diff",
@@ -54,11 +68,11 @@ __all__ = [
     "Observer",
     "Options",
     "OutputExists",
+    "Overrides",
     "Pace",
     "ParticipantDescription",
     "ParticipantDied",
     "ParticipantFault",
-    "Preparation",
     "Problem",
     "Progress",
     "RealTime",
@@ -72,6 +86,7 @@ __all__ = [
     "RunFailure",
     "Scenario",
     "ScenarioError",
+    "Source",
     "StartFailed",
     "StepTimeout",
     "StepTiming",
@@ -89,11 +104,14 @@ __all__ = [
     "first_new",
     "host_of",
     "load",
-    "parse_tolerance",
+    "override_texts",
+    "plain_value",
     "plan",
-    "read_tolerance",
+    "recording_file",
     "recover",
     "replay_participant",
+    "rerun_recording",
     "run_scenario",
     "verify",
+    "yaml_text",
 ]

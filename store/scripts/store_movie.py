@@ -18,7 +18,8 @@ import numpy as np
 from PIL import Image
 from store_pictures import FOLDER, Log, Look, Moments, Picture, Scene
 
-from stepbus import BaseState, Event
+from stepbus import Event
+from stepbus.messages import BaseState
 
 SIZE = (640, 360)
 """Width and height of a frame [pixel]."""

@@ -22,17 +22,8 @@ import pybullet as bullet
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
-from stepbus import (
-    Detections,
-    Event,
-    GripperState,
-    Image,
-    JointState,
-    Message,
-    Poses,
-    Recording,
-    testing,
-)
+from stepbus import Event, JointState, Message, Recording, testing
+from stepbus.messages import Detections, GripperState, Image, Poses
 from stepbus_plant import Params, load_world
 from stepbus_plant.physics.engine import Physics
 

@@ -37,7 +37,7 @@ def test_an_export_to_nowhere_and_of_nothing_is_an_error(result, tmp_path):
         stepbus.export(result)
     with pytest.raises(stepbus.WiringError, match=r"write \.mp4 or \.gif"):
         stepbus.export(result, video=tmp_path / "film.avi")
-    with pytest.raises(stepbus.RecordingFailed):
+    with pytest.raises(stepbus.errors.RecordingFailed):
         stepbus.export(tmp_path / "no.mcap", csv=tmp_path / "csv")
 
 
@@ -59,7 +59,7 @@ def test_a_page_that_cannot_be_written_is_a_warning_and_the_run_has_its_result(
     tmp_path, monkeypatch
 ):
     def fail(paths):
-        raise stepbus.RecordingFailed(f"{paths[0]}: no space")
+        raise stepbus.errors.RecordingFailed(f"{paths[0]}: no space")
 
     monkeypatch.setattr("stepbus_tools.report_recordings", fail)
     with pytest.warns(UserWarning, match=r"no report: .*run\.mcap: no space"):

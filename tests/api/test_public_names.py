@@ -10,7 +10,7 @@ import stepbus
 import stepbus_orchestrator
 import stepbus_participant
 import stepbus_schemas
-from stepbus import recordings, runs
+from stepbus import errors, messages, params, recordings, results, runs, wiring
 
 
 def order(name):
@@ -18,21 +18,102 @@ def order(name):
     return (0 if name.isupper() else 1 if name[0].isupper() else 2), name
 
 
-@pytest.mark.parametrize("package", [stepbus, stepbus_orchestrator])
+MODULES = (errors, messages, params, results, wiring)
+PUBLIC = [
+    "Config",
+    "Description",
+    "Event",
+    "ExitCode",
+    "JointCommand",
+    "JointReference",
+    "JointState",
+    "Message",
+    "Method",
+    "Observer",
+    "Pace",
+    "Participant",
+    "Progress",
+    "Recording",
+    "Result",
+    "RunExtension",
+    "RunFailure",
+    "Scenario",
+    "ScenarioError",
+    "SensedJoints",
+    "Settings",
+    "Steering",
+    "Step",
+    "StepbusError",
+    "Tolerance",
+    "WiringError",
+    "branch",
+    "call",
+    "compare",
+    "describe",
+    "diff",
+    "errors",
+    "export",
+    "load",
+    "main",
+    "messages",
+    "params",
+    "recover",
+    "replay",
+    "report",
+    "rerun",
+    "results",
+    "run",
+    "sweep",
+    "take_part",
+    "testing",
+    "verify",
+    "wiring",
+]
+MOVED = [
+    ("BaseState", "messages"), ("Types", "messages"), ("load_types", "messages"), ("meta", "messages"),
+    ("PerJoint", "params"), ("when", "params"), ("Problem", "errors"), ("StepTimeout", "errors"),
+    ("Diff", "results"), ("SweepResult", "results"), ("Ticket", "wiring"), ("PortType", "wiring"),
+]  # fmt: skip
+
+
+def test_the_public_names_are_these():
+    assert stepbus.__all__ == PUBLIC
+
+
+@pytest.mark.parametrize("package", [stepbus, stepbus_orchestrator, *MODULES])
 def test_all_is_sorted(package):
     assert package.__all__ == sorted(set(package.__all__), key=order)
 
 
-@pytest.mark.parametrize("name", stepbus.__all__)
-def test_every_public_name_is_there_and_documented(name):
-    value = getattr(stepbus, name)
-    assert getattr(value, "__doc__", "")
-    assert name in dir(stepbus)
+@pytest.mark.parametrize("module", [stepbus, *MODULES])
+def test_every_public_name_is_there_and_documented(module):
+    for name in module.__all__:
+        assert getattr(getattr(module, name), "__doc__", "")
+        assert name in dir(module)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_name_in_two_places_is_the_same(module):
+    both = set(module.__all__) & set(stepbus.__all__)
+    assert all(getattr(module, name) is getattr(stepbus, name) for name in both)
+
+
+@pytest.mark.parametrize(("name", "module"), MOVED)
+def test_a_name_that_has_moved_says_where_it_is(name, module):
+    with pytest.warns(
+        DeprecationWarning, match=rf"stepbus\.{name} is stepbus\.{module}\.{name} now"
+    ) as warned:
+        value = getattr(stepbus, name)
+    assert value is getattr(getattr(stepbus, module), name)
+    assert warned[0].filename == __file__
+
+
+def test_the_checked_scenario_is_the_scenario():
+    with pytest.warns(DeprecationWarning, match="is stepbus.Scenario now"):
+        assert stepbus.CheckedScenario is stepbus.Scenario is stepbus_orchestrator.Scenario
 
 
 def test_a_name_that_several_packages_have_is_the_user_facing_one():
-    assert stepbus.Scenario is runs.Scenario
-    assert stepbus.CheckedScenario is stepbus_orchestrator.Scenario
     for module in (runs, recordings):
         own = {
             n: v for n, v in vars(module).items() if getattr(v, "__module__", "") == module.__name__
@@ -44,15 +125,29 @@ def test_a_name_that_several_packages_have_is_the_user_facing_one():
 
 def test_what_a_participant_needs_is_public():
     internal = {"CheckpointOrder", "Clock", "HOST", "Host", "Input", "LONGEST_NS", "LoopbackBus", "MessageFault", "Mimic", "NO_CHECKPOINTS", "ONE_THREAD", "Own", "PARTICIPANTS", "ProfileOrder", "Queue", "Request", "StepsOver", "TICKET_VARIABLE", "ZenohBus"}  # fmt: skip
+    public = {name for module in (stepbus, *MODULES) for name in module.__all__}
     functions = {name for name in stepbus_participant.__all__ if name.islower()}
-    left_out = set(stepbus_participant.__all__) - set(stepbus.__all__)
+    left_out = set(stepbus_participant.__all__) - public
     assert left_out - functions == internal
-    assert {"each", "load_ticket", "main", "take_part", "when"} <= set(stepbus.__all__)
+    assert {"main", "take_part"} <= set(stepbus.__all__)
+    assert {"each", "when", "needed_when"} <= set(params.__all__)
 
 
 def test_every_message_is_public():
-    messages = {cls.__name__ for cls in stepbus_schemas.MESSAGE_TYPES.values()} | {"Spiral"}
-    assert messages <= set(stepbus.__all__)
+    types = {cls.__name__ for cls in stepbus_schemas.MESSAGE_TYPES.values()} | {"Spiral"}
+    assert types <= set(messages.__all__)
+
+
+def test_every_error_is_public():
+    roots = (stepbus_schemas, stepbus_participant, stepbus_orchestrator)
+    known = {name for root in roots for name in root.__all__ if is_error(getattr(root, name))}
+    assert known - {"StepsOver"} == {
+        name for name in errors.__all__ if is_error(getattr(errors, name))
+    }
+
+
+def is_error(value):
+    return isinstance(value, type) and issubclass(value, stepbus.StepbusError)
 
 
 def test_an_unknown_name_is_an_attribute_error():
@@ -68,7 +163,12 @@ def loaded_by(program):
 
 
 def test_a_participant_loads_neither_orchestrator_nor_recording():
-    modules = loaded_by("from stepbus import JointCommand, Participant, main")
+    modules = loaded_by(
+        "from stepbus import JointCommand, Participant, errors, main\n"
+        "from stepbus.errors import CallError, InvalidInput\n"
+        "from stepbus.messages import Poses\nfrom stepbus.params import PerJoint\n"
+        "from stepbus.wiring import load_ticket"
+    )
     heavy = {"mcap", "rich", "ruamel.yaml", "stepbus_orchestrator", "matplotlib", "pybullet"}
     assert modules & heavy == set()
 

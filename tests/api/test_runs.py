@@ -9,6 +9,7 @@ import pytest
 
 import stepbus
 import stepbus_scenarios
+from stepbus import messages
 from stepbus_tools.report.lateness import read_lateness
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
@@ -22,19 +23,20 @@ def result(tmp_path_factory):
 
 
 def as_python(duration="100ms"):
-    """Return the scenario two_link, written in Python."""
-    recorded = stepbus.load("two_link")
-    scenario = stepbus.Scenario(name="two_link", step="5ms", duration=duration, folder=TWO_LINK)
-    for spec in recorded.participants:
-        scenario.add(
-            spec.name,
-            spec.participant,
-            publishes=spec.publishes,
-            inputs={port: f"{item.source}.{item.port}" for port, item in spec.inputs.items()},
-            outputs={port: getattr(stepbus, item.type[:-2]) for port, item in spec.outputs.items()},
-            params=spec.params,
-        )
-    return scenario
+    """Return the scenario two_link, as a map."""
+    rows = {
+        spec.name: {
+            "participant": spec.participant,
+            "publishes": spec.publishes,
+            "inputs": {port: f"{item.source}.{item.port}" for port, item in spec.inputs.items()},
+            "outputs": {
+                port: getattr(messages, item.type[:-2]) for port, item in spec.outputs.items()
+            },
+            "params": spec.params,
+        }
+        for spec in stepbus.load("two_link").participants
+    }
+    return {"name": "two_link", "step": "5ms", "duration": duration, "participants": rows}
 
 
 def test_a_run_returns_its_result(result):
@@ -43,18 +45,31 @@ def test_a_run_returns_its_result(result):
 
 def test_a_scenario_in_python_is_the_one_of_the_file():
     from_file = stepbus.load("two_link", set=SHORT)
-    assert dataclasses.replace(as_python().check(), window=64) == from_file
+    assert dataclasses.replace(stepbus.load(as_python(), folder=TWO_LINK), window=64) == from_file
+
+
+def run_map(scenario, out):
+    return stepbus.run(stepbus.load(scenario, set=SHORT, folder=TWO_LINK), out=out)
 
 
 def test_a_scenario_in_python_gives_the_same_recording(result, tmp_path):
-    assert stepbus.run(as_python("10s"), set=SHORT, out=tmp_path / "run").sha256 == result.sha256
+    assert run_map(as_python("10s"), tmp_path / "run").sha256 == result.sha256
+
+
+def test_a_scenario_is_loaded_once_and_prints_in_a_line():
+    loaded = stepbus.load("two_link", set=SHORT)
+    assert isinstance(loaded, stepbus.Scenario)
+    assert stepbus.load(loaded) is loaded
+    assert repr(loaded) == "<Scenario two_link: 20 steps of 5 ms, plant, controller, mission>"
+    with pytest.raises(stepbus.WiringError, match="folder: only a scenario that is a map"):
+        stepbus.load("two_link", folder=TWO_LINK)
 
 
 def test_all_mistakes_of_a_scenario_in_python_are_listed():
-    scenario = stepbus.Scenario(name="arm", step="5", folder=TWO_LINK, options={"windw": 3})
-    scenario.add("plant", "stepbus_plant:Plant", inputs={"command": "controler.x"})
+    plant = {"participant": "stepbus_plant:Plant", "inputs": {"command": "controler.x"}}
+    scenario = {"name": "arm", "step": "5", "windw": 3, "participants": {"plant": plant}}
     with pytest.raises(stepbus.ScenarioError) as caught:
-        scenario.check()
+        stepbus.load(scenario, folder=TWO_LINK)
     text = str(caught.value)
     assert "scenario: windw: unknown key 'windw'; did you mean 'window'?" in text
     assert "scenario: participants.plant.inputs.command: no participant 'controler'" in text
@@ -68,9 +83,10 @@ def test_values_of_python_reach_the_scenario():
         "controller.params.path": Path("a/b"),
     }
     scenario = as_python()
-    del scenario.participants["controller"]["participant"]
-    scenario.participants["controller"].update(exec=["python", "-c", "pass"])
-    params = scenario.check(set=values).participant("controller").params
+    del scenario["participants"]["controller"]["participant"]
+    scenario["participants"]["controller"].update(exec=["python", "-c", "pass"])
+    loaded = stepbus.load(scenario, set=values, folder=TWO_LINK)
+    params = loaded.participant("controller").params
     assert params["kp"] == [80.0, 1e-9]
     assert params["limits"] == {"a b": [1, -2.5e20], "inf": float("inf"), "text": "yes: #1"}
     assert params["path"] == "a/b"

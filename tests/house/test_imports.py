@@ -18,6 +18,7 @@ EXPORTING = {
         for name in ("cli", "errors", "recording", "scenario", "toolkit")
     ),
     "stepbus_orchestrator.recording.layout",
+    *(f"stepbus.{name}" for name in ("errors", "messages", "params", "results", "wiring")),
 }
 """Sub-packages that other packages may import from, beside the packages themselves."""
 ONE = {"stepbus_gym": "stepbus", "stepbus_pytest": "stepbus"}

@@ -41,7 +41,7 @@ def test_a_type_of_ones_own_goes_through_python_and_c_and_is_recorded(result):
         assert thruster.thrust.shape == (50, 2)
         assert (list(thruster.names), set(thruster.mode)) == (["left", "right"], {"on"})
         assert depth.depth[-1] > 0.5
-        assert recording.types == stepbus.load_types(EXAMPLE / "types.yaml")
+        assert recording.types == stepbus.messages.load_types(EXAMPLE / "types.yaml")
 
 
 @pytest.mark.parametrize("participant", ["vehicle", "controller"])

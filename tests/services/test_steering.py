@@ -91,14 +91,14 @@ def test_what_is_steered_is_repeated_and_branched(tmp_path):
     ]
     recording = steered(tmp_path / "out", *calls)
     assert Preparation(recording, tmp_path / "again").run().equal
-    assert branch(recording, AT + 20, tmp_path / "branch", in_process=True).equal
+    assert branch(recording, tmp_path / "branch", at=AT + 20, in_process=True).equal
     for participant in ("controller", "mission"):
         assert replay(recording, participant, recorded=True).equal
 
 
 def test_a_branch_steers(plain, tmp_path):
     call = "controller set kp 400"
-    found = branch(plain, AT, tmp_path / "b", calls=[call], in_process=True)
+    found = branch(plain, tmp_path / "b", at=AT, calls=[call], in_process=True)
     steered_run = steered(tmp_path / "out", ("controller", "set", "kp", 400))
     assert found.result.recording.read_bytes() == steered_run.read_bytes()
 

@@ -8,6 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .figures import Comparison, FieldError, Metrics
+    from .figures import compare as compare_recordings
     from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
     from .sweep import sweep as sweep_scenario
     from .viewing.exports import Exported, damage_line
@@ -15,10 +17,14 @@ if TYPE_CHECKING:
     from .viewing.page import report as report_recordings
 
 _HOMES = {
+    "Comparison": "figures",
     "Exported": "viewing.exports",
+    "FieldError": "figures",
+    "Metrics": "figures",
     "SweepProgress": "sweep",
     "SweepResult": "sweep",
     "Terms": "sweep",
+    "compare_recordings": "figures:compare",
     "damage_line": "viewing.exports",
     "default_name": "sweep",
     "export_recording": "viewing.exports:export",
@@ -29,10 +35,14 @@ _HOMES = {
 """Name → its module, and what it is called there if that is another name."""
 
 __all__ = [
+    "Comparison",
     "Exported",
+    "FieldError",
+    "Metrics",
     "SweepProgress",
     "SweepResult",
     "Terms",
+    "compare_recordings",
     "damage_line",
     "default_name",
     "export_recording",

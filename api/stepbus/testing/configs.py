@@ -11,8 +11,8 @@ from stepbus_participant import Config, PortType, parse_duration
 from stepbus_schemas import InputConfig, Message, OutputConfig, Types, type_name
 
 if TYPE_CHECKING:
-    from stepbus.overrides import Overrides
     from stepbus.runs import AnyScenario
+    from stepbus_orchestrator import Overrides
 
 
 def make_config(

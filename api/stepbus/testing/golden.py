@@ -2,51 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stepbus_schemas import StepbusError
 
 if TYPE_CHECKING:
-    from stepbus.overrides import Overrides
-    from stepbus.recordings import AnyTolerance, Source
-    from stepbus_orchestrator import ReplayResult
-    from stepbus_schemas import BridgeFormat
+    from stepbus_orchestrator import ReplayResult, Source
 
 
-def assert_replays(
-    recording: Source,
-    participant: str,
-    *,
-    program: Sequence[str] | None = None,
-    bridge: BridgeFormat | None = None,
-    recorded: bool = False,
-    source: str | PathLike[str] | None = None,
-    set: Overrides = (),  # noqa: A002  as --set on the command line
-    tolerance: AnyTolerance = None,
-    update: str | PathLike[str] | None = None,
-) -> ReplayResult:
-    """Replay a participant and return the result; all arguments as of `stepbus.replay`.
+def assert_replays(recording: Source, participant: str, **options: Any) -> ReplayResult:
+    """Replay a participant and return the result; options: as of `stepbus.replay`.
 
     Raises AssertionError, with the first difference or what went wrong, when it is not equal.
     """
-    from stepbus.recordings import path_of, replay  # noqa: PLC0415  they load the orchestrator
+    from stepbus import replay  # noqa: PLC0415  it loads the orchestrator
+    from stepbus_orchestrator import recording_file  # noqa: PLC0415
 
     __tracebackhide__ = True
-    path = path_of(recording)
+    path = recording_file(recording)
     try:
-        result = replay(
-            path,
-            participant,
-            program=program,
-            bridge=bridge,
-            recorded=recorded,
-            source=source,
-            set=set,
-            tolerance=tolerance,
-            update=update,
-        )
+        result = replay(path, participant, **options)
     except StepbusError as exc:
         # Its sentence is complete; where it was raised is no line of the user's program.
         raise AssertionError(f"{path}: {exc}") from None

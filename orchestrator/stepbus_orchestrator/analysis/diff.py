@@ -1,16 +1,17 @@
 """Compares two recordings, port by port."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from os import fspath
 from typing import TypeVar
 
 import msgspec
 
 from stepbus_orchestrator.recording import Entry, Recording
-from stepbus_orchestrator.recording.layout import CHAIN_TOPIC
+from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, Source
 from stepbus_schemas import SHIPPED
 
 from .comparison import (
+    AnyTolerance,
     Divergence,
     PortComparison,
     PortResult,
@@ -18,6 +19,7 @@ from .comparison import (
     fields_of,
     in_order,
     port_lines,
+    tolerance_of,
 )
 
 T = TypeVar("T")
@@ -64,18 +66,19 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def diff(
-    first: Path, second: Path, tolerance: Tolerance | None = None, *, is_part: bool = False
+    first: Source, second: Source, tolerance: AnyTolerance = None, *, is_part: bool = False
 ) -> Diff:
     """Compare the messages of two recordings, which may be of different length or cut off.
 
-    is_part: the first is known to lack messages: what lies behind its end, or in its holes, is no
-    difference.
+    first: a recording, or the folder of its run. second: another one. tolerance: how far messages
+    may differ, of ports such as `controller/command`; default: equal to the byte. is_part: the
+    first is known to lack messages: what lies behind its end, or in its holes, is no difference.
 
     Raises RecordingFailed when one cannot be read, WiringError when the tolerance names a port or
     field that neither has.
     """
     one, other = Recording(first), Recording(second)
-    tolerance = tolerance or Tolerance()
+    tolerance = tolerance_of(tolerance)
     known = {
         topic: fields_of(port.type, r.types)
         for r in (one, other)
@@ -91,8 +94,8 @@ def diff(
         only_second = []
     divergence = ports[0].divergence if ports else None
     return Diff(
-        first=str(first),
-        second=str(second),
+        first=fspath(first),
+        second=fspath(second),
         equal=not (divergence or only_first or only_second),
         divergence=divergence,
         ports=ports,

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
         port,
         seconds,
     )
-    from .signals import settle
-    from .terminal.interrupt import interruptible
+    from .signals import interruptible, settle
     from .terminal.live import displayed
     from .terminal.output import print_error, say, say_json, visible
 
@@ -32,7 +31,7 @@ _HOMES = {
     "add_recording": "command",
     "add_scenario_arguments": "command",
     "displayed": "terminal.live",
-    "interruptible": "terminal.interrupt",
+    "interruptible": "signals",
     "number": "command",
     "port": "command",
     "print_error": "terminal.output",

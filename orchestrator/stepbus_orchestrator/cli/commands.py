@@ -34,11 +34,13 @@ _MODULES = {
     "rerun": "recordings.rerun",
     "branch": "recordings.branch",
     "recover": "recordings.recover",
-    "bridge": "participants.bridge",
-    "join": "participants.join",
+    "bridge": "attach:BRIDGE",
+    "join": "attach:JOIN",
 }
-"""Command of the core → its module here. Only the one that is typed is loaded: all take half a
-second. The others are entry points, which take a while to find."""
+"""Command of the core → its module here, and its name there if that is not `COMMAND`.
+
+Only the one that is typed is loaded: all take half a second. The others are entry points, which
+take a while to find."""
 
 
 def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
@@ -64,7 +66,9 @@ def _all_names() -> tuple[str, ...]:
 
 def _load(name: str) -> Command:
     if name in _MODULES:
-        command: Command = import_module(f"{__package__}.{_MODULES[name]}").COMMAND
+        module, _, attribute = _MODULES[name].partition(":")
+        loaded = import_module(f"{__package__}.{module}")
+        command: Command = getattr(loaded, attribute or "COMMAND")
         return command
     point = named_points(COMMANDS)[name]
     try:

@@ -1,8 +1,10 @@
 """The signals that end a command, and when they no longer do."""
 
+import contextlib
 import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import Any
 
@@ -57,3 +59,36 @@ def retry_swallowed() -> None:
 def forget_swallowed() -> None:
     """Raise no interrupt again: what it should have ended has ended."""
     signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[threading.Event]:
+    """Yield an event that such a signal sets; for `run`, which then ends cleanly."""
+    interrupt = threading.Event()
+    before = on_signals(lambda _number, _frame: interrupt.set())
+    try:
+        yield interrupt
+    finally:
+        _restore(before)
+
+
+@contextlib.contextmanager
+def abortable() -> Iterator[None]:
+    """Let the first such signal raise KeyboardInterrupt; the others do what they did before."""
+    before: dict[int, Any] = {}
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        _restore(before)
+        raise KeyboardInterrupt
+
+    before |= on_signals(on_signal)
+    try:
+        yield
+    finally:
+        forget_swallowed()
+        _restore(before)
+
+
+def _restore(handlers: Mapping[int, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

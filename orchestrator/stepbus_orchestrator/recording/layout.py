@@ -1,6 +1,7 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
 from collections.abc import Callable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
@@ -47,8 +48,13 @@ ENVIRONMENT_METADATA = _VERSIONS + ORCHESTRATOR
 """What the orchestrator runs on; that of a participant is under its name."""
 
 
-def recording_file(path: Path) -> Path:
+Source = str | PathLike[str]
+"""A recording: its path, the folder of its run, or the `Result` of the run."""
+
+
+def recording_file(source: Source) -> Path:
     """Return the recording that a path means: itself, or run.mcap in the folder of a run."""
+    path = Path(source)
     return path / RUN_FILE if path.is_dir() else path
 
 

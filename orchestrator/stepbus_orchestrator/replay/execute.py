@@ -5,10 +5,11 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.comparison import Tolerance, fields_of, in_order
+from stepbus_orchestrator.analysis.comparison import AnyTolerance, fields_of, in_order, tolerance_of
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.limits import check_limits
@@ -19,6 +20,7 @@ from stepbus_orchestrator.processes.links.endpoints import (
     private_folder,
 )
 from stepbus_orchestrator.recording import Descriptions, Recorder, Recording, TimingRecorder, layout
+from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.outputs.check import Check, new_reference
 from stepbus_orchestrator.replay.outputs.recorded import Recorded, recorded_descriptions
 from stepbus_orchestrator.replay.peers import Peer, Peers
@@ -34,9 +36,11 @@ from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import (
+    Overrides,
     ParticipantSpec,
     Scenario,
     Schedule,
+    override_texts,
     replaced_program,
     start_command,
 )
@@ -96,55 +100,59 @@ WINDOW = 256
 
 
 def replay(
-    recording: Path,
+    recording: Source,
     participant: str,
     *,
-    program: Sequence[str] | None = None,
-    bridge: BridgeFormat | None = None,
-    recorded: bool = False,
-    source: Path | None = None,
-    overrides: Sequence[str] = (),
-    tolerance: Tolerance | None = None,
-    update: Path | None = None,
+    tolerance: AnyTolerance = None,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    update: str | PathLike[str] | None = None,
     window: int = WINDOW,
+    recorded: bool = False,
+    source: str | PathLike[str] | None = None,
+    bridge: BridgeFormat | None = None,
+    program: Sequence[str] | None = None,
     trusted: str | None = None,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> ReplayResult:
-    """Start one participant of a recording, feed it what its peers sent, and compare.
+    """Run one participant against its recording, and compare what it publishes.
 
-    The program, its files and its parameters are those of the work tree, where that has the
-    scenario (`find_work_tree`), else the copy in the recording. recorded: take the copy. source:
-    the scenario in the work tree, if it should not be searched.
+    Its program, files and parameters are those of the work tree, where that has the scenario
+    (`find_work_tree`), else the copy in the recording.
 
-    program: another program, started in the current folder with the recorded parameters. bridge:
-    the format of the bridge to it. overrides: settings such as `controller.params.kp=101`. update:
-    where to write a new reference recording. window: how far the peers are ahead [steps]. trusted:
-    fingerprint of the programs that may be started (`known_programs`); None: any. observer,
-    interrupt: as of `run`.
+    recording: the run.mcap of a run, or its folder. participant: participant to start. tolerance:
+    how far outputs may differ; default: equal to the byte. set: override one value of the recorded
+    scenario, e.g. controller.params.kp=101. update: write a new reference recording. window: how
+    many steps its peers are played ahead of it. recorded: start the copy in the recording, not the
+    program in the work tree. source: folder or file of the scenario in the work tree (default: it
+    is searched). bridge: start the program through `stepbus bridge`. program: start this program
+    instead of the recorded one, in the current folder; everything after it is its command line.
+    trusted: fingerprint of the programs that may be started (`known_programs`); None: any.
+    observer, interrupt: as of `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
     RunFailure when the participant fails; it quotes its log.
     """
-    opened, tolerance = Recording(recording), tolerance or Tolerance()
+    opened, tolerance = Recording(recording), tolerance_of(tolerance, participant)
+    target, tree_path = (None if path is None else Path(path) for path in (update, source))
     tolerance.check(
         {topic: fields_of(port.type, opened.types) for topic, port in opened.ports.items()}
     )
     check_limits(1)
     is_copy = recorded or program is not None
-    tree = None if is_copy else find_work_tree(opened, participant, source)
+    tree = None if is_copy else find_work_tree(opened, participant, tree_path)
     with scratch_folder("replay") as folder:
         prepared = prepare(
             opened,
             participant,
             folder / "source",
-            overrides,
+            override_texts(set),
             own_program=program is not None,
             tree=tree,
             trusted=trusted,
         )
         scenario = shorten(prepared.scenario, opened, participant, window)
-        with new_reference(update, opened, prepared) as reference:
+        with new_reference(target, opened, prepared) as reference:
             check = Check(
                 opened,
                 scenario.participant(participant),
@@ -165,7 +173,7 @@ def replay(
         inputs=inputs_of(opened, scenario, participant, found.step) if found else {},
         ports=in_order(check.results()),
         wall_s=wall_s,
-        updated=None if update is None else str(update),
+        updated=None if target is None else str(target),
         source="" if tree is None else tree.shown(),
         changes=prepared.notes,
         notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *check.notes, *copied],

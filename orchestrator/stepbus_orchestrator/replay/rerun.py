@@ -5,18 +5,26 @@ import re
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.known_programs import fingerprint
-from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
+from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, Source, recording_file
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import Scenario, command, load, resolved
+from stepbus_orchestrator.scenario import (
+    Overrides,
+    Scenario,
+    command,
+    load,
+    override_texts,
+    resolved,
+)
 from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
 from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord
@@ -186,8 +194,8 @@ class Rerun:
     """A run made from a recording.
 
     recorded_sha256: of the recording it was made from. recorded_steps: how many steps that has.
-    is_part: whether it is cut off, has a hole, or ended before its scenario does. notes: what may
-    make it different, one sentence each.
+    is_part: whether it is cut off, has a hole, or ended before its scenario does. flaws: its damage
+    and holes. notes: what may make it different, one sentence each, its flaws among them.
     """
 
     recording: Path
@@ -195,6 +203,7 @@ class Rerun:
     result: Result
     recorded_steps: int = 0
     is_part: bool = False
+    flaws: Sequence[str] = ()
     notes: Sequence[str] = field(default=())
 
     @property
@@ -266,6 +275,7 @@ class Preparation:
             result=result,
             recorded_steps=self._origin.end,
             is_part=self._is_part(result),
+            flaws=self._origin.flaws,
             notes=[*self.notes, *later],
         )
 
@@ -284,6 +294,26 @@ class Preparation:
         planned = self.scenario.steps
         is_short = planned is not None and self._origin.end < planned
         return is_short and not self._is_changed and self._origin.end < result.steps
+
+
+def rerun(
+    recording: Source,
+    out: str | PathLike[str],
+    *,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> Rerun:
+    """Run the scenario of a recording again, from nothing but the recording.
+
+    recording: the run.mcap of a run, or its folder. out: folder of the new run. set: override one
+    value, e.g. window=1; may be repeated. observer, interrupt: as of `run`.
+
+    Raises RecordingFailed when the recording holds no scenario, OutputExists when `out` holds a
+    run.
+    """
+    preparation = Preparation(recording_file(recording), Path(out), override_texts(set))
+    return preparation.run(observer, interrupt)
 
 
 def _damage(origin: Origin) -> list[str]:

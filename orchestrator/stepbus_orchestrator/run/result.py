@@ -79,6 +79,16 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         """Return the simulated time [s]."""
         return self.steps * self.step_ns * 1e-9
 
+    @property
+    def metrics(self) -> dict[str, float]:
+        """Return what a sweep measures of a run, by name: `rmse`, `rmse.joint1`, `energy`, ….
+
+        `metrics.units` has their units. What the run has nothing to measure by is left out. It
+        reads the recording; raises RecordingFailed when it cannot.
+        """
+        measured: dict[str, float] = view("metrics")(self)
+        return measured
+
     def check(self) -> Self:
         """Return the result of a run that has finished; raises RunFailure for one that failed."""
         if self.exit_code:

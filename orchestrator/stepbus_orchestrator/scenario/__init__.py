@@ -21,6 +21,7 @@ from .model import (
     low_latency,
 )
 from .program import command, python_target, replaced_program, start_command, written_program
+from .python_values import Overrides, override_texts, plain_value, yaml_text
 from .reading.earlier import upgraded
 from .reading.locate import builtin_folders, builtin_names
 from .resolve import files, left_out, resolved
@@ -39,6 +40,7 @@ __all__ = [
     "HoldSpec",
     "InputSpec",
     "OutputSpec",
+    "Overrides",
     "ParticipantSpec",
     "Problem",
     "Scenario",
@@ -57,6 +59,8 @@ __all__ = [
     "load",
     "low_latency",
     "missing",
+    "override_texts",
+    "plain_value",
     "python_target",
     "read_data",
     "replaced_program",
@@ -64,4 +68,5 @@ __all__ = [
     "start_command",
     "upgraded",
     "written_program",
+    "yaml_text",
 ]

@@ -146,7 +146,7 @@ class ParticipantSpec:
         return self.start == "external"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Scenario:
     """A complete scenario, checked.
 
@@ -178,6 +178,12 @@ class Scenario:
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""
         return {spec.name: spec for spec in self.participants}[name]
+
+    def __repr__(self) -> str:
+        """Return its name, its steps and its participants, in a line."""
+        count = "" if self.steps is None else f"{self.steps} "
+        who = ", ".join(spec.name for spec in self.participants)
+        return f"<Scenario {self.name}: {count}steps of {self.step_ns * 1e-6:g} ms, {who}>"
 
 
 def low_latency(scenario: Scenario) -> bool:

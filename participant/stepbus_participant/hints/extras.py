@@ -11,7 +11,7 @@ from stepbus_schemas import WiringError
 _EXTRAS = {
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "report": ("matplotlib", "uplot"),
-    "export": ("PIL", "av", "foxglove", "pyarrow", "rosbags", "websockets"),
+    "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags", "websockets"),
     "sweep": ("optuna", "plotly", "ray", "scipy"),
     "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),

@@ -14,7 +14,8 @@ from stepbus_schemas import Decoder, Plan
 pytestmark = pytest.mark.slow
 
 PROGRAM = """
-from stepbus import Description, Participant, PlanRequest, Poses
+from stepbus import Description, Participant
+from stepbus.messages import PlanRequest, Poses
 
 
 class Plant(Participant):

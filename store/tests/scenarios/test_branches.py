@@ -47,6 +47,6 @@ class TestStore:
         assert unequal(sale, tmp_path, 2, "store", PATIENT) == []
 
     def test_a_sale_goes_on_from_the_middle_of_the_grasp(self, sale, grasp, tmp_path):
-        found = branch(sale, grasp, tmp_path / "b", PATIENT, in_process=True)
+        found = branch(sale, tmp_path / "b", at=grasp, set=PATIENT, in_process=True)
         assert found.equal
         assert moves(Recording(found.result.recording)) == moves(Recording(sale))

@@ -6,15 +6,14 @@ import pytest
 
 from stepbus import (
     Description,
-    InputAbsent,
     JointCommand,
     JointReference,
     JointState,
     Method,
-    OutputError,
     Participant,
     WiringError,
 )
+from stepbus.errors import InputAbsent, OutputError
 from stepbus.testing import Bench, feed, make_config, scenario_config
 from stepbus_controller.participant import Controller
 

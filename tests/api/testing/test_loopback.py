@@ -6,8 +6,9 @@ from queue import SimpleQueue
 
 import pytest
 
-from stepbus import Bus, BusError, Endpoint
+from stepbus.errors import BusError
 from stepbus.testing import LoopbackBus
+from stepbus.wiring import Bus, Endpoint
 from stepbus_participant import ZenohBus
 
 

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("left_as_found")
 
 def failure_of(recording, *overrides, **options):
     with pytest.raises(RunFailure) as caught:
-        replay(recording, "controller", overrides=overrides, **options)
+        replay(recording, "controller", set=overrides, **options)
     return caught.value
 
 
@@ -112,6 +112,6 @@ def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_p
         replay(
             recording,
             "reader",
-            overrides=["reader.step_timeout=1s", "reader.params={frozen: true}"],
+            set=["reader.step_timeout=1s", "reader.params={frozen: true}"],
         )
     assert replay(recording, "reader").equal

@@ -74,6 +74,9 @@ def test_a_cut_recording_runs_again_and_the_damage_is_noted(tmp_path):
     cut.write_bytes(recorded.read_bytes()[:-20])
     again = Preparation(cut, tmp_path / "again").run()
     assert again.notes[0].startswith("the recording is damaged: the footer")
+    assert (
+        again.notes[: len(again.flaws)] == [f"the recording {flaw}" for flaw in again.flaws] != []
+    )
     assert again.result.recording.read_bytes() == recorded.read_bytes()
 
 

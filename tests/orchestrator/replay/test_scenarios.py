@@ -98,7 +98,7 @@ def test_a_run_that_its_controller_ended_is_equal(tmp_path):
 
 
 def test_ending_the_run_too_early_is_a_divergence(joints):
-    result = replay(joints, "controller", overrides=[fault("controller", "end", 9)])
+    result = replay(joints, "controller", set=[fault("controller", "end", 9)])
     found = result.divergence
     assert (found.step, found.topic, found.type) == (10, "controller/command", "missing")
     assert result.ports[0].missing == 12
@@ -146,11 +146,11 @@ def test_the_command_takes_another_program_at_its_end(joints, tmp_path, monkeypa
 
 def test_programs_of_the_peers_need_not_be_there(joints):
     missing = ["plant.exec=[no-such-program]"]
-    assert replay(joints, "controller", overrides=missing).equal
+    assert replay(joints, "controller", set=missing).equal
     with pytest.raises(ScenarioError, match="no program 'no-such-program'"):
-        replay(joints, "plant", overrides=missing)
+        replay(joints, "plant", set=missing)
 
 
 def test_an_end_asked_for_too_early_is_noted(joints):
-    result = replay(joints, "controller", overrides=[fault("controller", "end", 9)])
+    result = replay(joints, "controller", set=[fault("controller", "end", 9)])
     assert result.notes == ["controller ended the run after step 9: the goal is reached"]

@@ -35,7 +35,7 @@ def test_the_window_changes_no_result(two_link_recording, window):
 
 @pytest.fixture(scope="module")
 def other_gain(two_link_recording):
-    return replay(two_link_recording, "controller", overrides=OTHER_GAIN)
+    return replay(two_link_recording, "controller", set=OTHER_GAIN)
 
 
 def test_another_gain_is_found_at_the_first_step_it_changes(other_gain, two_link_recording):
@@ -66,7 +66,7 @@ def test_every_field_has_its_count_and_largest_difference(other_gain):
 
 def test_a_tolerance_lets_another_gain_pass(two_link_recording):
     tolerance = Tolerance({("controller/command", "values"): FieldTolerance(abs=10.0)})
-    result = replay(two_link_recording, "controller", overrides=OTHER_GAIN, tolerance=tolerance)
+    result = replay(two_link_recording, "controller", set=OTHER_GAIN, tolerance=tolerance)
     assert (result.equal, result.ports[0].within) == (True, 59)
 
 
@@ -89,7 +89,7 @@ def test_an_update_is_a_recording_that_differs_in_this_participant_only(
     two_link_recording, tmp_path
 ):
     target = tmp_path / "new.mcap"
-    replay(two_link_recording, "controller", overrides=OTHER_GAIN, update=target)
+    replay(two_link_recording, "controller", set=OTHER_GAIN, update=target)
     found = diff(two_link_recording, target)
     assert [port.topic for port in found.ports if port.divergence] == ["controller/command"]
     assert found.notes == ["attachment scenario.yaml differs"]

@@ -78,7 +78,7 @@ def test_what_is_as_recorded_is_equal_and_says_what_was_tested(log):
 
 
 def test_a_setting_of_the_replay_is_a_change(log):
-    result = replay(log, "controller", overrides=["controller.params.kp=250"])
+    result = replay(log, "controller", set=["controller.params.kp=250"])
     assert (result.equal, list(result.changes)) == (False, ['set=["controller.params.kp=250"]'])
 
 

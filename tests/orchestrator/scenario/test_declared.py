@@ -24,7 +24,8 @@ participants:
 OWN = "from stepbus import Participant\nclass Own(Participant): pass\n"
 PARAMS = """\
 from typing import Literal
-from stepbus import Finite, Positive, Settings
+from stepbus import Settings
+from stepbus.params import Finite, Positive
 
 class Params(Settings):
     gain: Positive

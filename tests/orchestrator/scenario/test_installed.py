@@ -34,7 +34,7 @@ def start(*arguments):
 def test_from_python_it_is_an_error_of_its_own(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(
-        stepbus.ExtraMissing, match=r"participants\.plant: stepbus_plant needs pybullet"
+        stepbus.errors.ExtraMissing, match=r"participants\.plant: stepbus_plant needs pybullet"
     ):
         stepbus.run("two_link", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stepbus import (
-    Config,
+from stepbus import Config, Settings
+from stepbus.errors import SettingsError
+from stepbus.params import (
     Count,
     Duration,
     File,
@@ -22,8 +23,6 @@ from stepbus import (
     PerJoint,
     Plugin,
     Positive,
-    Settings,
-    SettingsError,
     Text,
     Vector3,
     Whole,

@@ -6,15 +6,8 @@ from typing import ClassVar
 import pytest
 from support.runs.joints import run_joints
 
-from stepbus import (
-    InvalidInput,
-    JointCommand,
-    JointState,
-    Message,
-    Participant,
-    SensedJoints,
-    WiringError,
-)
+from stepbus import JointCommand, JointState, Message, Participant, SensedJoints, WiringError
+from stepbus.errors import InvalidInput
 from stepbus.testing import Bench, make_config
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_schemas import Types, encode, type_name

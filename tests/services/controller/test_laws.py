@@ -113,7 +113,7 @@ def test_a_users_law_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
         "import stepbus\n"
         "class Constant:\n"
         "    class Params(stepbus.Settings):\n"
-        "        torques: stepbus.PerJoint\n"
+        "        torques: stepbus.params.PerJoint\n"
         "    def __init__(self, robot, params):\n"
         "        self.torques = np.array(params.torques.of(robot.joints))\n"
         "    def torque(self, q, v, reference, dt):\n"

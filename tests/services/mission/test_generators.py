@@ -79,7 +79,7 @@ def test_a_quintic_joins_two_states_of_motion() -> None:
 
 def test_a_users_generator_is_loaded_from_the_scenarios_folder(tmp_path) -> None:
     (tmp_path / "my_generator.py").write_text(
-        "from stepbus import JointReference, PerJoint, Settings\n"
+        "from stepbus import JointReference, Settings\nfrom stepbus.params import PerJoint\n"
         "class Ramp:\n"
         "    class Params(Settings):\n"
         "        rate: PerJoint\n"

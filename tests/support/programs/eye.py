@@ -12,8 +12,8 @@ class Camera(stepbus.Participant):
     """Publishes 100 kB at every other step, and the step's number at each."""
 
     def update(self, step):
-        frame = stepbus.BytesMessage(data=bytes([step.index % 251]) * 100_000)
-        number = {"number": stepbus.Scalars(values=[float(step.index)])}
+        frame = stepbus.messages.BytesMessage(data=bytes([step.index % 251]) * 100_000)
+        number = {"number": stepbus.messages.Scalars(values=[float(step.index)])}
         return {**number, "frame": frame} if step.index % 2 == 0 else number
 
 
@@ -23,9 +23,11 @@ class Eye(stepbus.Participant):
     def update(self, step):
         frame, number = step.get("frame"), step.get("number")
         first = frame.data[0] if frame is not None else -1.0
-        found = {"first": stepbus.Scalars(values=[first, number.values[0] if number else -1.0])}
+        found = {
+            "first": stepbus.messages.Scalars(values=[first, number.values[0] if number else -1.0])
+        }
         if frame is not None and step.is_new("frame"):
-            found["copy"] = stepbus.BytesMessage(data=frame.data[::-1] + b"end")
+            found["copy"] = stepbus.messages.BytesMessage(data=frame.data[::-1] + b"end")
         return found
 
 

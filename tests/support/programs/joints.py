@@ -99,7 +99,7 @@ class Plant(Faulty):
 
     def put(self, joint, position):
         if abs(position) > 3:
-            raise stepbus.CallError(f"{position} is beyond the stop")
+            raise stepbus.errors.CallError(f"{position} is beyond the stop")
         self.position[joint] = position
 
     def output(self, step):

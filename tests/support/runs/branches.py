@@ -14,6 +14,6 @@ def unequal(recording, folder, count, key, overrides=()):
         (step, found.result.reason)
         for step in steps
         if not (
-            found := branch(recording, step, folder / str(step), overrides, in_process=True)
+            found := branch(recording, folder / str(step), at=step, set=overrides, in_process=True)
         ).equal
     ]

@@ -9,15 +9,18 @@ from stepbus_orchestrator.analysis.comparison.divergence import (
     port_lines,
 )
 from stepbus_orchestrator.analysis.comparison.tolerance import (
+    AnyTolerance,
     FieldTolerance,
     Tolerance,
     differences,
     parse_tolerance,
     read_tolerance,
     short,
+    tolerance_of,
 )
 
 __all__ = [
+    "AnyTolerance",
     "Divergence",
     "FieldTolerance",
     "PortComparison",
@@ -30,4 +33,5 @@ __all__ = [
     "port_lines",
     "read_tolerance",
     "short",
+    "tolerance_of",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
@@ -158,6 +159,26 @@ class _Field(Settings):
 
 _FieldRow = Literal["ignore"] | _Field
 _TopicRow = Literal["ignore"] | dict[str, _FieldRow]
+
+
+AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None
+"""An absolute tolerance for all, or by `PORT[.FIELD]`; a YAML file; None: equal to the byte."""
+
+
+def tolerance_of(given: AnyTolerance, participant: str = "") -> Tolerance:
+    """Return a tolerance; raises WiringError when it is none. participant: of bare port names."""
+    match given:
+        case None:
+            return Tolerance()
+        case Tolerance():
+            return given
+        case float() | int():
+            return parse_tolerance([str(given)], (), (), participant)
+        case Mapping():
+            rows = [f"{field}={value}" for field, value in given.items()]
+            return parse_tolerance(rows, (), (), participant)
+        case _:
+            return read_tolerance(Path(given))
 
 
 def read_tolerance(path: Path) -> Tolerance:

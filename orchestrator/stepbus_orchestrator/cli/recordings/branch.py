@@ -7,14 +7,15 @@ from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.after_run import after_run_lines
-from stepbus_orchestrator.cli.command import Command, add_overrides, add_recording
-from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
+from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.parameters import add_parameters
+from stepbus_orchestrator.cli.signals import abortable, interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
-from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, variants
+from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, branch, variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 
@@ -24,20 +25,18 @@ _PICTURE = "variants.png"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_recording(parser)
-    parser.add_argument(
-        "--at", required=True, metavar="STEP", help="the first live step, or its time, e.g. 6s"
-    )
-    add_overrides(
+    add_parameters(
         parser,
-        "change a parameter from that step on, e.g. controller.params.kp=90; may be repeated",
-    )
-    parser.add_argument(
-        "--call",
-        action="append",
-        default=[],
-        metavar="CALL",
-        help="call a participant before that step, e.g. 'controller set kp 90'; may be repeated",
+        branch,
+        out={"flag": "--out", "type": Path, "help": "folder of the new run (default: in runs/)"},
+        at={"required": True, "metavar": "STEP"},
+        calls={"flag": "--call", "metavar": "CALL"},
+        faults={"flag": "--fault", "metavar": "FAULT"},
+        checkpoints={
+            "flag": "--no-checkpoints",
+            "action": "store_false",
+            "help": "repeat all from step 0, whatever the run has saved",
+        },
     )
     parser.add_argument(
         "--vary",
@@ -54,29 +53,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what the picture shows, as of `stepbus plot`; default: the errors of the joints",
     )
     parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="FAULT",
-        help="inject a fault at that step or later, e.g. 'freeze plant at 1300 for 200ms'",
-    )
-    parser.add_argument(
         "--debug",
         action="append",
         default=[],
         metavar="PARTICIPANT",
         help="give a participant this terminal and no deadlines, for a debugger",
-    )
-    parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
-    parser.add_argument(
-        "--in-process",
-        action="store_true",
-        help="host all participants in one process: quicker, the same recording",
-    )
-    parser.add_argument(
-        "--no-checkpoints",
-        action="store_true",
-        help="repeat all from step 0, whatever the run has saved",
     )
     parser.add_argument(
         "--no-report", action="store_true", help="make no report.html and no report.png"
@@ -107,10 +88,10 @@ def _make(
         args.at,
         out,
         overrides,
-        faults=args.fault,
-        calls=args.call,
+        faults=args.faults,
+        calls=args.calls,
         trusted=trusted,
-        checkpoints=not args.no_checkpoints,
+        checkpoints=args.checkpoints,
     )
     if not args.json:
         for note in plan.notes:
@@ -148,7 +129,7 @@ def _code(branch: Branch, found: Diff | None, args: argparse.Namespace) -> int:
     """Return the exit code: a branch without a change has to have the same messages."""
     if branch.result.exit_code:
         return branch.result.exit_code
-    is_changed = args.set or args.call or args.fault or args.vary
+    is_changed = args.set or args.calls or args.faults or args.vary
     is_equal = found is None or found.equal
     return ExitCode.FINISHED if is_changed or is_equal else ExitCode.DIFFERENT
 

@@ -1,25 +1,49 @@
-"""`stepbus diff`: compare two recordings."""
+"""`stepbus diff`: compare two recordings; and the options of every command that compares."""
 
 import argparse
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.comparison import Tolerance, parse_tolerance, read_tolerance
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.parameters import add_parameters, parameters_of
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
 
-from .tolerance_arguments import add_tolerance_arguments, tolerance_of
+
+def add_tolerance_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a comparison."""
+    number, field = "[PORT[.FIELD]=]NUMBER", "PORT[.FIELD]"
+    parser.add_argument(
+        "--abs", action="append", default=[], metavar=number, help="absolute tolerance, e.g. 1e-9"
+    )
+    parser.add_argument(
+        "--rel", action="append", default=[], metavar=number, help="relative tolerance"
+    )
+    parser.add_argument(
+        "--ignore", action="append", default=[], metavar=field, help="leave out a port or field"
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=Path,
+        metavar="FILE",
+        help="YAML file of tolerances (docs/guide/testing/replay.md)",
+    )
+
+
+def tolerance_of(args: argparse.Namespace, participant: str = "") -> Tolerance:
+    """Return the tolerance of the options; the command line takes precedence over the file."""
+    from_file = Tolerance() if args.tolerance is None else read_tolerance(args.tolerance)
+    return from_file | parse_tolerance(args.abs, args.rel, args.ignore, participant)
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("first", type=Path, help="a recording, or the folder of its run")
-    parser.add_argument("second", type=Path, help="another one")
-    add_tolerance_arguments(parser)
+    add_parameters(parser, diff, tolerance=add_tolerance_arguments, is_part=None)
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
 
 
 def _execute(args: argparse.Namespace) -> int:
-    found = diff(args.first, args.second, tolerance_of(args))
+    found = diff(**parameters_of(args, diff) | {"tolerance": tolerance_of(args)})
     if args.json:
         say_json(found)
     else:

@@ -1,68 +1,43 @@
 """`stepbus replay`: one participant against its recording."""
 
 import argparse
-from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.cli.command import Command, add_overrides, add_recording, number
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.command import Command, number
+from stepbus_orchestrator.cli.parameters import add_parameters, parameters_of
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay import WINDOW, ReplayResult, replay
+from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
-from stepbus_schemas import BRIDGE_FORMATS, WiringError
+from stepbus_schemas import WiringError
 
-from .tolerance_arguments import add_tolerance_arguments, tolerance_of
+from .diff import add_tolerance_arguments, tolerance_of
 from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_recording(parser)
-    parser.add_argument("--participant", required=True, metavar="NAME", help="participant to start")
-    add_tolerance_arguments(parser)
-    add_overrides(
-        parser, "override one value of the recorded scenario, e.g. controller.params.kp=101"
-    )
-    parser.add_argument(
-        "--update", type=Path, metavar="OUT.mcap", help="write a new reference recording"
-    )
-    parser.add_argument(
-        "--window",
-        type=number("a number of steps, at least 1", 1),
-        default=WINDOW,
-        help=f"how many steps its peers are played ahead of it (default: {WINDOW})",
+    add_parameters(
+        parser,
+        replay,
+        exclusive=("recorded", "source"),
+        participant={"flag": "--participant", "required": True, "metavar": "NAME"},
+        tolerance=add_tolerance_arguments,
+        update={"metavar": "OUT.mcap"},
+        window={"type": number("a number of steps, at least 1", 1)},
+        source={"metavar": "FOLDER"},
+        program={"flag": "--exec", "nargs": argparse.REMAINDER, "metavar": "PROGRAM"},
+        trusted=None,
     )
     parser.add_argument("--json", action="store_true", help="print JSON for programs")
     add_trust(parser)
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--recorded",
-        action="store_true",
-        help="start the copy in the recording, not the program in the work tree",
-    )
-    where.add_argument(
-        "--source",
-        type=Path,
-        metavar="FOLDER",
-        help="folder or file of the scenario in the work tree (default: it is searched)",
-    )
-    parser.add_argument(
-        "--bridge", choices=BRIDGE_FORMATS, help="start the program through `stepbus bridge`"
-    )
-    parser.add_argument(
-        "--exec",
-        nargs=argparse.REMAINDER,
-        metavar="PROGRAM",
-        help="start this program instead of the recorded one, in the current folder; everything "
-        "after it is its command line",
-    )
 
 
 def _execute(args: argparse.Namespace) -> int:
-    if args.exec == []:
+    if args.program == []:
         raise WiringError("--exec: the program is missing; write it last, with its arguments")
     result = _replay(args)
     if args.json:
@@ -73,33 +48,20 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _replay(args: argparse.Namespace) -> ReplayResult:
-    tolerance = tolerance_of(args, args.participant)
-    is_copy = args.recorded or args.exec is not None
-    if args.exec is not None and args.source is not None:
+    given = parameters_of(args, replay) | {"tolerance": tolerance_of(args, args.participant)}
+    is_own = args.program is not None
+    if is_own and args.source is not None:
         raise WiringError("--source: a program of --exec starts in the current folder")
     tree = (
         None
-        if is_copy
+        if args.recorded or is_own
         else find_work_tree(Recording(args.recording), args.participant, args.source)
     )
-    trusted = trusted_programs(args, args.participant, own_program=args.exec is not None, tree=tree)
+    trusted = trusted_programs(args, args.participant, own_program=is_own, tree=tree)
+    given |= {"recorded": tree is None, "source": None if tree is None else tree.file}
     title = f"replay of {args.participant}"
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
-        return replay(
-            args.recording,
-            args.participant,
-            program=args.exec,
-            bridge=args.bridge,
-            recorded=tree is None,
-            source=None if tree is None else tree.file,
-            overrides=args.set,
-            tolerance=tolerance,
-            update=args.update,
-            window=args.window,
-            trusted=trusted,
-            observer=display,
-            interrupt=interrupt,
-        )
+        return replay(**given, trusted=trusted, observer=display, interrupt=interrupt)
 
 
 def _conclude(result: ReplayResult) -> None:

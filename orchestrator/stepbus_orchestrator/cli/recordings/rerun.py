@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
-from stepbus_orchestrator.cli.command import Command, add_overrides, number
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.command import Command, number
+from stepbus_orchestrator.cli.parameters import add_parameters
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import RERUNS, points
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
-from stepbus_orchestrator.replay.rerun import Preparation, Rerun
+from stepbus_orchestrator.replay.rerun import Preparation, Rerun, rerun
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import WiringError
 
@@ -21,14 +22,15 @@ from .trust import add_trust, trusted_programs
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "recording", type=Path, help="the run.mcap of a run, its folder, or that of a sweep"
+    add_parameters(
+        parser,
+        rerun,
+        recording={"help": "the run.mcap of a run, its folder, or that of a sweep"},
+        out={"flag": "--out", "help": "folder of the new run (default: in runs/)"},
     )
     parser.add_argument(
         "row", type=number("the number of a run", 0), nargs="?", help="which run of a sweep"
     )
-    add_overrides(parser, "override one value, e.g. window=1; may be repeated")
-    parser.add_argument("--out", type=Path, help="folder of the new run (default: in runs/)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     add_trust(parser)
 
@@ -45,16 +47,16 @@ def _execute(args: argparse.Namespace) -> int:
         _warn(preparation.notes)
     title = preparation.scenario.name
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
-        rerun = preparation.run(display, interrupt)
-    found = None if rerun.equal or not rerun.compares else rerun.diff()
+        done = preparation.run(display, interrupt)
+    found = None if done.equal or not done.compares else done.diff()
     if args.json:
-        say_json(_fields(rerun, found))
+        say_json(_fields(done, found))
     else:
-        _warn(rerun.notes[len(preparation.notes) :])
-        _conclude(rerun, found)
-    if rerun.result.exit_code:
-        return rerun.result.exit_code
-    if not rerun.compares:
+        _warn(done.notes[len(preparation.notes) :])
+        _conclude(done, found)
+    if done.result.exit_code:
+        return done.result.exit_code
+    if not done.compares:
         return ExitCode.RECORDING
     return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
 
@@ -123,8 +125,7 @@ def _conclude(rerun: Rerun, found: Diff | None) -> None:
 
 def _ending(rerun: Rerun) -> str:
     """Return how a recording ends that is a part of the run."""
-    damaged = any(note.startswith("the recording ") for note in rerun.notes)
-    return "is cut off or incomplete" if damaged else "ends early"
+    return "is cut off or incomplete" if rerun.flaws else "ends early"
 
 
 def _fields(rerun: Rerun, found: Diff | None) -> dict[str, object]:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.output import say, say_json
 from stepbus_orchestrator.run.describe import (
     JointRow,

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.after_run import after_run_lines, load_after_run
 from stepbus_orchestrator.cli.command import Command, add_foxglove, add_scenario_arguments, number
-from stepbus_orchestrator.cli.signals import settle
-from stepbus_orchestrator.cli.terminal.interrupt import abortable, interruptible
+from stepbus_orchestrator.cli.signals import abortable, interruptible, settle
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json

@@ -10,7 +10,7 @@ from pathlib import Path
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
 from stepbus_orchestrator.cli.command import Command, add_scenario_arguments, number
-from stepbus_orchestrator.cli.terminal.interrupt import interruptible
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.output import print_error, say, say_json
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.processes.launcher import is_set

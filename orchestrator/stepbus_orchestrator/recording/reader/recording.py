@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import Plot, view
@@ -143,6 +143,16 @@ class Recording:
         """
         picture: Plot = view("plot")(self, signals)
         return picture
+
+    def frame(self, *signals: str) -> Any:
+        """Return signals, such as `plant.joint_state.position`, as a pandas DataFrame.
+
+        signals: of a port, a field or one value of it; none: all. Its index is the simulation time
+        `t` [s], a column is called `plant.joint_state.position.joint1`; what a port has no message
+        for is NaN. `frame.attrs["units"]` has the units. Raises UnknownPort or WiringError for a
+        signal that is not there, ExtraMissing without pandas.
+        """
+        return view("frame")(self, signals)
 
     def _repr_html_(self) -> str:
         """Return a table of its ports, for a notebook."""

@@ -6,10 +6,12 @@ import re
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
+from stepbus_orchestrator.recording.layout import Source, recording_file
 from stepbus_orchestrator.replay.branch.plan import Change, Plan, choose, plan, to_be_made
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.run.extensions.calls import Calls
@@ -17,7 +19,7 @@ from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario import Overrides, Scenario, override_texts
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -103,11 +105,8 @@ class Branch:
 class BranchPlan:
     """A branch that is about to start; the recording's files are unpacked in `out/source`.
 
-    at: the first live step, or its time, such as `6s`. overrides: settings such as
-    `controller.params.kp=90`. faults: such as `kill plant at 1300`. calls: such as
-    `controller set kp 90`, made before step `at`. checkpoints: whether participants start from the
-    newest state that the run has saved. trusted: fingerprint of the programs that may be
-    started; None: any. scenario: what runs. notes: what may make it different from the recording.
+    Arguments as of `branch`; trusted: fingerprint of the programs that may be started, None: any.
+    scenario: what runs. notes: what may make it different from the recording.
 
     Raises RecordingFailed when the recording does not go so far, or `out` holds a run already;
     ScenarioError when the scenario cannot run here; WiringError for a change that no branch can
@@ -181,24 +180,43 @@ class BranchPlan:
 
 
 def branch(
-    recording: Path,
-    at: int | str,
-    out: Path,
-    overrides: Sequence[str] = (),
+    recording: Source,
+    out: str | PathLike[str],
     *,
-    faults: Sequence[str] = (),
+    at: int | str,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
     calls: Sequence[str] = (),
-    checkpoints: bool = True,
+    faults: Sequence[str] = (),
     in_process: bool = False,
+    checkpoints: bool = True,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> Branch:
-    """Run a recording again up to a step, and from there with a change; see `BranchPlan`.
+    """Take a recording up to a step, and go on from there live, with a change.
 
-    Up to `at`, each participant gets its recorded inputs and has to publish what is recorded;
-    `result` has the first that does not. in_process: as of `run`.
+    Below `at`, each participant gets its recorded inputs; the first that does not publish what is
+    recorded is named in `result`.
+
+    recording: the run.mcap of a run, or its folder. out: folder of the new run. at: the first live
+    step, or its time, e.g. 6s. set: change a parameter from that step on, e.g.
+    controller.params.kp=90; may be repeated. A changed participant's own outputs count from `at`
+    on. calls: call a participant before that step, e.g. 'controller set kp 90'; may be repeated.
+    faults: inject a fault at that step or later, e.g. 'freeze plant at 1300 for 200ms'. in_process:
+    host all participants in one process: quicker, the same recording. checkpoints: whether
+    participants start from the newest state that the run has saved, instead of step 0. observer,
+    interrupt: as of `run`.
+
+    Raises RecordingFailed when the recording does not go so far, or `out` holds a run already;
+    ScenarioError when the scenario cannot run here; WiringError for a change that no branch can
+    make.
     """
     prepared = BranchPlan(
-        recording, at, out, overrides, faults=faults, calls=calls, checkpoints=checkpoints
+        recording_file(recording),
+        at,
+        Path(out),
+        override_texts(set),
+        faults=faults,
+        calls=calls,
+        checkpoints=checkpoints,
     )
     return prepared.run(observer, interrupt, in_process=in_process)

@@ -63,24 +63,24 @@ def below(recording, step):
 
 @pytest.mark.parametrize("at", sorted({0, 1, STEPS, *random.Random(15).sample(range(STEPS), 5)}))
 def test_without_a_change_the_recording_is_the_same(recorded, tmp_path, at):
-    found = branch(recorded, at, tmp_path / "b", in_process=True)
+    found = branch(recorded, tmp_path / "b", at=at, in_process=True)
     assert found.result.exit_code == 0
     assert found.result.recording.read_bytes() == recorded.read_bytes()
 
 
 def test_processes_of_their_own_make_the_same(recorded, tmp_path):
-    found = branch(recorded, 43, tmp_path / "b")
+    found = branch(recorded, tmp_path / "b", at=43)
     assert found.equal
     assert found.way_s > 0
 
 
 def test_it_works_over_tcp_where_each_may_publish_on_its_own_keys_only(recorded, tmp_path):
-    assert branch(recorded, 43, tmp_path / "b", ["bus.transport=tcp"]).equal
+    assert branch(recorded, tmp_path / "b", at=43, set=["bus.transport=tcp"]).equal
 
 
 def test_a_changed_participant_counts_from_the_step_on(recorded, tmp_path):
     other = "controller.params={fault: gain, at: 0}"
-    found = branch(recorded, 43, tmp_path / "b", [other], in_process=True)
+    found = branch(recorded, tmp_path / "b", at=43, set=[other], in_process=True)
     assert found.result.exit_code == 0
     assert found.changed == ["controller"]
     assert below(found.result.recording, 43) == below(recorded, 43)
@@ -99,7 +99,9 @@ def gained(tmp_path):
 
 
 def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
-    found = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    found = branch(
+        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
+    )
     now, before = Recording(found.result.recording), Recording(gained)
     assert below(found.result.recording, 43) == below(gained, 43)
     values = [part["controller.command"].values[43] for part in (now, before)]
@@ -108,27 +110,33 @@ def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
 
 
 def test_a_branch_is_run_again_from_its_recording_alone(gained, tmp_path):
-    found = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    found = branch(
+        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
+    )
     assert Preparation(found.result.recording, tmp_path / "c").run().equal
 
 
 def test_a_branch_is_branched_again_but_not_before_its_own_step(gained, tmp_path):
-    first = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
-    again = branch(first.result.recording, 70, tmp_path / "c", in_process=True)
+    first = branch(
+        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
+    )
+    again = branch(first.result.recording, tmp_path / "c", at=70, in_process=True)
     assert again.equal
     with pytest.raises(RecordingFailed, match="is a branch from step 43: branch it there or later"):
-        branch(first.result.recording, 42, tmp_path / "d", in_process=True)
+        branch(first.result.recording, tmp_path / "d", at=42, in_process=True)
 
 
 def test_a_replay_compares_a_changed_participant_from_there_on(gained, tmp_path):
-    found = branch(gained, 43, tmp_path / "b", ["controller.params={gain: 5}"], in_process=True)
+    found = branch(
+        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
+    )
     replayed = replay(found.result.recording, "controller", recorded=True)
     assert replayed.equal
     assert sum(port.equal for port in replayed.ports) == STEPS - 43
 
 
 def test_a_call_is_made_before_the_step(recorded, tmp_path):
-    found = branch(recorded, 43, tmp_path / "b", calls=["plant put 1 2.5"], in_process=True)
+    found = branch(recorded, tmp_path / "b", at=43, calls=["plant put 1 2.5"], in_process=True)
     assert below(found.result.recording, 43) == below(recorded, 43)
     assert Recording(found.result.recording)["plant.joint_state"].position[43][1] == 2.5
     assert Preparation(found.result.recording, tmp_path / "c").run().equal
@@ -143,7 +151,7 @@ def test_a_call_is_made_before_the_step(recorded, tmp_path):
     ],
 )
 def test_a_call_that_fails_ends_the_branch(recorded, tmp_path, call, why):
-    found = branch(recorded, 43, tmp_path / "b", calls=[call], in_process=True)
+    found = branch(recorded, tmp_path / "b", at=43, calls=[call], in_process=True)
     assert found.result.exit_code == ExitCode.SCENARIO
     assert why in found.result.reason
 
@@ -162,7 +170,7 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
         "controller.inputs={joint_state: plant.joint_state}",
     ]
     first = run(load(path, overrides), Options(out=tmp_path / "a", host=InProcess()))
-    found = branch(first.recording, 90, tmp_path / "b", in_process=True)
+    found = branch(first.recording, tmp_path / "b", at=90, in_process=True)
     assert found.result.exit_code == ExitCode.DIFFERENT
     assert found.result.participant == "controller"
     assert 30 < found.result.at_step < 90
@@ -174,7 +182,7 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
 
 def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
     crash = fault("controller", "raise", 10)
-    found = branch(recorded, 43, tmp_path / "b", [crash], in_process=True)
+    found = branch(recorded, tmp_path / "b", at=43, set=[crash], in_process=True)
     assert found.result.exit_code == ExitCode.FAULT
     assert found.result.participant == "controller"
 
@@ -183,67 +191,67 @@ def test_an_end_that_a_changed_participant_asks_for_on_the_way_is_not_its_to_ask
     recorded, tmp_path
 ):
     early = fault("controller", "end", 10)
-    found = branch(recorded, 43, tmp_path / "b", [early], in_process=True)
+    found = branch(recorded, tmp_path / "b", at=43, set=[early], in_process=True)
     assert (found.result.exit_code, found.result.steps) == (0, STEPS)
 
 
 def test_it_ends_where_a_changed_participant_asks_for_it(recorded, tmp_path):
     end = fault("controller", "end", 70)
-    assert branch(recorded, 43, tmp_path / "b", [end], in_process=True).result.steps == 71
+    assert branch(recorded, tmp_path / "b", at=43, set=[end], in_process=True).result.steps == 71
 
 
 def test_a_fault_hits_behind_the_step(recorded, tmp_path):
-    found = branch(recorded, 43, tmp_path / "b", faults=["kill plant at 50"])
+    found = branch(recorded, tmp_path / "b", at=43, faults=["kill plant at 50"])
     assert found.result.exit_code == ExitCode.DIED
     assert (found.result.participant, found.result.at_step) == ("plant", 50)
 
 
 def test_a_fault_on_messages_reaches_who_reads_them(recorded, tmp_path):
-    changes = {"overrides": ["controller.step_timeout=500ms"], "faults": ["corrupt plant at 50"]}
-    found = branch(recorded, 43, tmp_path / "b", **changes, in_process=True)
+    changes = {"set": ["controller.step_timeout=500ms"], "faults": ["corrupt plant at 50"]}
+    found = branch(recorded, tmp_path / "b", at=43, **changes, in_process=True)
     assert found.result.exit_code == ExitCode.STEP_TIMEOUT or found.result.drops["controller"] == 1
 
 
 def test_a_fault_before_the_step_is_refused(recorded, tmp_path):
     with pytest.raises(WiringError, match="'kill plant at 10' is before step 43"):
-        branch(recorded, 43, tmp_path / "b", faults=["kill plant at 10"])
+        branch(recorded, tmp_path / "b", at=43, faults=["kill plant at 10"])
 
 
 def test_a_longer_run_continues_where_the_recording_ends(recorded, tmp_path):
-    found = branch(recorded, STEPS, tmp_path / "b", ["duration=1s"], in_process=True)
+    found = branch(recorded, tmp_path / "b", at=STEPS, set=["duration=1s"], in_process=True)
     assert found.result.steps == 200
     assert below(found.result.recording, STEPS) == below(recorded, STEPS)
 
 
 def test_a_duration_that_ends_before_the_step_is_refused(recorded, tmp_path):
     with pytest.raises(WiringError, match="would end at step 20, before 43"):
-        branch(recorded, 43, tmp_path / "b", ["duration=100ms"])
+        branch(recorded, tmp_path / "b", at=43, set=["duration=100ms"])
 
 
 def test_a_step_behind_the_recording_is_refused(recorded, tmp_path):
     with pytest.raises(RecordingFailed, match="has 100 complete steps; none is step 101"):
-        branch(recorded, 101, tmp_path / "b")
+        branch(recorded, tmp_path / "b", at=101)
 
 
 @pytest.mark.parametrize("change", ["step=1ms", "seed=3", "mission.every=2"])
 def test_what_decides_who_reads_what_is_kept(recorded, tmp_path, change):
     with pytest.raises(WiringError, match="a branch keeps step, seed, ports and rates"):
-        branch(recorded, 43, tmp_path / "b", [change])
+        branch(recorded, tmp_path / "b", at=43, set=[change])
 
 
 def test_a_time_stands_for_its_step(recorded, tmp_path):
-    assert branch(recorded, "215ms", tmp_path / "b", in_process=True).at == 43
+    assert branch(recorded, tmp_path / "b", at="215ms", in_process=True).at == 43
 
 
 def test_a_time_between_two_steps_is_refused(recorded, tmp_path):
     with pytest.raises(WiringError, match=r"at: 216ms is 43\.2 steps of 5ms, .* 215ms or 220ms"):
-        branch(recorded, "216ms", tmp_path / "b")
+        branch(recorded, tmp_path / "b", at="216ms")
 
 
 def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
     failed = run_joints(tmp_path, fault("plant", "raise", 70), in_process=True)
     repaired = "plant.params={}"
-    found = branch(failed.recording, 60, tmp_path / "b", [repaired], in_process=True)
+    found = branch(failed.recording, tmp_path / "b", at=60, set=[repaired], in_process=True)
     assert (found.result.exit_code, found.result.steps) == (0, STEPS)
     assert below(found.result.recording, 60) == below(failed.recording, 60)
 
@@ -259,7 +267,7 @@ def test_a_debugged_participant_has_no_deadline(recorded, tmp_path):
 
 def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):
     held = ["controller.on_fault=hold"]
-    found = branch(recorded, 43, tmp_path / "b", held, faults=["kill controller at 60"])
+    found = branch(recorded, tmp_path / "b", at=43, set=held, faults=["kill controller at 60"])
     assert found.result.exit_code == ExitCode.DIED
     assert "its commands were held from step 60" in found.result.reason
     assert found.result.steps > 60
@@ -267,15 +275,15 @@ def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):
 
 def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
     changes = ["controller.on_fault=hold", fault("controller", "kill", 10)]
-    found = branch(recorded, 43, tmp_path / "b", changes)
+    found = branch(recorded, tmp_path / "b", at=43, set=changes)
     assert found.result.exit_code == ExitCode.DIED
     assert "held" not in found.result.reason
 
 
 def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
     held = run_joints(tmp_path, "controller.on_fault=hold", fault("controller", "raise", 60))
-    assert branch(held.recording, 50, tmp_path / "b").result.exit_code == ExitCode.FAULT
+    assert branch(held.recording, tmp_path / "b", at=50).result.exit_code == ExitCode.FAULT
     with pytest.raises(
         RecordingFailed, match="controller had failed and was replaced from step 60"
     ):
-        branch(held.recording, 62, tmp_path / "c")
+        branch(held.recording, tmp_path / "c", at=62)

@@ -68,14 +68,14 @@ def test_the_recording_is_that_of_a_run_without(saved, plain):
     "at", sorted({101, 120, 121, 151, 201, STEPS, *random.Random(15).sample(range(STEPS), 5)})
 )
 def test_a_branch_from_checkpoints_is_the_recording(saved, tmp_path, at):
-    found = branch(saved, at, tmp_path / "b", in_process=True)
+    found = branch(saved, tmp_path / "b", at=at, in_process=True)
     start = (at - 1) // EVERY * EVERY
     assert found.equal, found.result.reason
     assert found.restored == ({} if not start else dict.fromkeys(NAMES, start))
 
 
 def test_without_checkpoints_it_is_the_same(saved, tmp_path):
-    found = branch(saved, 250, tmp_path / "b", checkpoints=False, in_process=True)
+    found = branch(saved, tmp_path / "b", at=250, checkpoints=False, in_process=True)
     assert found.equal
     assert found.restored == {}
 
@@ -89,15 +89,15 @@ def test_processes_of_their_own_save_and_start_from_checkpoints_too(
     options = Options(out=tmp_path / "a", extensions=[Calls(CALLS)])
     result = run(load("two_link/pid", overrides), options)
     assert result.sha256 == plain
-    found = branch(result.recording, 250, tmp_path / "b", overrides[2:])
+    found = branch(result.recording, tmp_path / "b", at=250, set=overrides[2:])
     assert found.equal, found.result.reason
     assert found.restored == dict.fromkeys(NAMES, 200)
 
 
 def test_a_change_makes_the_same_with_and_without(saved, tmp_path):
-    change = {"overrides": ["controller.params.kd=10"], "in_process": True}
-    a = branch(saved, 250, tmp_path / "a", **change)
-    b = branch(saved, 250, tmp_path / "b", checkpoints=False, **change)
+    change = {"set": ["controller.params.kd=10"], "in_process": True}
+    a = branch(saved, tmp_path / "a", at=250, **change)
+    b = branch(saved, tmp_path / "b", at=250, checkpoints=False, **change)
     assert a.result.sha256 == b.result.sha256
     assert a.restored == {"plant": 200, "mission": 200}
 
@@ -105,7 +105,7 @@ def test_a_change_makes_the_same_with_and_without(saved, tmp_path):
 def test_a_damaged_state_is_named_and_an_earlier_one_used(copy, tmp_path):
     path = copy.parent / "checkpoints" / "plant.200"
     path.write_bytes(path.read_bytes()[:-1] + b"\0")
-    found = branch(copy, 250, tmp_path / "b", in_process=True)
+    found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.equal
     assert found.restored == {"plant": 100, "controller": 200, "mission": 200}
     assert [note for note in found.notes if "plant.200 is damaged" in note]
@@ -114,7 +114,7 @@ def test_a_damaged_state_is_named_and_an_earlier_one_used(copy, tmp_path):
 def test_without_any_sound_state_all_start_at_0(copy, tmp_path):
     for path in (copy.parent / "checkpoints").glob("*.*00"):
         path.unlink()
-    found = branch(copy, 250, tmp_path / "b", in_process=True)
+    found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.equal
     assert found.restored == {}
 
@@ -122,7 +122,7 @@ def test_without_any_sound_state_all_start_at_0(copy, tmp_path):
 @pytest.mark.parametrize("index", [b"", b"{}", b'{"recording": "00", "states": {}}'])
 def test_states_of_no_or_another_recording_are_not_used(copy, tmp_path, index):
     (copy.parent / "checkpoints" / "index.json").write_bytes(index)
-    found = branch(copy, 250, tmp_path / "b", in_process=True)
+    found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.equal
     assert "no checkpoints: " in found.notes[0]
 
@@ -136,7 +136,7 @@ def test_a_state_that_leads_elsewhere_is_named(copy, tmp_path):
         return msgspec.msgpack.encode(whole)
 
     rewrite(copy, "controller", 200, spoil)
-    found = branch(copy, 250, tmp_path / "b", in_process=True)
+    found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.result.exit_code == ExitCode.DIFFERENT
     assert "controller does not repeat the recording" in found.result.reason
     assert "its checkpoint before step 200" in found.result.reason
@@ -153,7 +153,7 @@ def test_a_state_that_leads_elsewhere_is_named(copy, tmp_path):
 )
 def test_a_state_that_nobody_can_take_is_one_sentence(copy, tmp_path, change, why):
     rewrite(copy, "controller", 200, change)
-    found = branch(copy, 250, tmp_path / "b", in_process=True)
+    found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.result.exit_code == ExitCode.FAULT
     assert "the checkpoint of controller before step 200" in found.result.reason
     assert why in found.result.reason
@@ -161,8 +161,8 @@ def test_a_state_that_nobody_can_take_is_one_sentence(copy, tmp_path, change, wh
 
 def test_a_branch_of_a_branch_has_checkpoints_of_its_own(saved, tmp_path):
     changed = ["controller.params.kd=10", "checkpoint=250ms"]
-    first = branch(saved, 130, tmp_path / "a", changed, in_process=True)
-    again = branch(first.result.recording, 280, tmp_path / "b", in_process=True)
+    first = branch(saved, tmp_path / "a", at=130, set=changed, in_process=True)
+    again = branch(first.result.recording, tmp_path / "b", at=280, in_process=True)
     assert again.equal, again.result.reason
     assert set(again.restored.values()) == {250}
 
@@ -176,7 +176,7 @@ def test_shipped_scenarios_start_from_checkpoints(name, tmp_path):
     overrides = ["duration=3s", "checkpoint=700ms"]
     recording = run(load(name, overrides), options).recording
     for at in random.Random(name).sample(range(141, 600), 4):
-        found = branch(recording, at, tmp_path / str(at), in_process=True)
+        found = branch(recording, tmp_path / str(at), at=at, in_process=True)
         assert found.equal, found.result.reason
         assert "plant" in found.restored
 
@@ -194,6 +194,6 @@ def test_filters_of_the_controller_are_saved(filters, tmp_path):
     overrides = [*noise, *(f"controller.params.{text}" for text in filters)]
     scenario = load("two_link/pid", ["duration=500ms", "checkpoint=200ms", *overrides])
     recording = run(scenario, Options(out=tmp_path / "a", host=InProcess())).recording
-    found = branch(recording, 70, tmp_path / "b", in_process=True)
+    found = branch(recording, tmp_path / "b", at=70, in_process=True)
     assert found.equal, found.result.reason
     assert set(found.restored.values()) == {40}

@@ -99,7 +99,7 @@ def test_in_real_time_it_gives_the_same_bytes_and_a_branch_starts_it_itself(
     )
     assert (result.exit_code, result.sha256) == (0, as_child.sha256)
     assert result.real_time.steps == 100
-    assert branch(result.recording, 60, tmp_path / "branch", in_process=True).equal
+    assert branch(result.recording, tmp_path / "branch", at=60, in_process=True).equal
 
 
 def test_who_never_comes_is_named(tmp_path, elsewhere):

@@ -1,4 +1,4 @@
-"""`stepbus join`: start a participant of a run that somebody else has started."""
+"""`stepbus join` and `bridge`: this process becomes a participant, or the bridge to one."""
 
 import argparse
 import json
@@ -13,10 +13,10 @@ from stepbus_orchestrator.processes.launcher import participant_environment
 from stepbus_orchestrator.processes.links.shared_ticket import JoinTicket, await_ticket
 from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import parse_duration
-from stepbus_schemas import WiringError
+from stepbus_schemas import BRIDGE_FORMATS, WiringError
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_join_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("ticket", type=Path, help="the ticket, as the run prints it")
     parser.add_argument(
         "--wait",
@@ -43,7 +43,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.parse_known_args = parse  # type: ignore[method-assign]
 
 
-def _execute(args: argparse.Namespace) -> int:
+def _execute_join(args: argparse.Namespace) -> int:
     """Become the participant: this process is replaced by its program, and keeps its pid."""
     ticket = await_ticket(args.ticket, parse_duration(args.wait) * 1e-9, _notify)
     folder = Path.cwd() if args.program else Path(ticket.folder)
@@ -71,7 +71,7 @@ def _notify(sentence: str) -> None:
     sys.stderr.flush()
 
 
-COMMAND = Command(
+JOIN = Command(
     name="join",
     summary="start a participant of a run from another terminal, container or debugger",
     description="Waits for the run of a ticket, then becomes the program: in its own place, with "
@@ -83,6 +83,43 @@ COMMAND = Command(
         "stepbus join /tmp/c.ticket -- python my_controller.py",
         "stepbus join --wait 10min /tmp/c.ticket -- python -m pdb my_controller.py",
     ),
-    add_arguments=_add_arguments,
-    execute=_execute,
+    add_arguments=_add_join_arguments,
+    execute=_execute_join,
+)
+
+
+def _add_bridge_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--format", choices=BRIDGE_FORMATS, default="json", help="format of the messages"
+    )
+    parser.add_argument(
+        "--describe",
+        default="{}",
+        metavar="JSON",
+        help='descriptions of the outputs, e.g. {"command": {"like": "joint_state"}}',
+    )
+    parser.add_argument("program", nargs="+", help="command line of the program, after `--`")
+
+
+def _execute_bridge(args: argparse.Namespace) -> int:
+    """Become the bridge, a service of its own: this process is replaced."""
+    options = ("--format", args.format, "--describe", args.describe)
+    argv = command(("stepbus", "bridge", *options, "--", *args.program), Path.cwd())
+    sys.stdout.flush()
+    os.execv(argv[0], argv)  # noqa: S606  (no shell between us and the bridge, which keeps our pid)
+
+
+BRIDGE = Command(
+    name="bridge",
+    summary="take part in a run on behalf of a program",
+    description="Joins a run with the ticket of STEPBUS_TICKET, starts a program, and exchanges "
+    "each step with it over descriptors 3 and 4 (docs/guide/writing/bridge.md). A scenario starts "
+    "it with the key `bridge`; by hand: `exec: [stepbus, bridge, --format, json, --, node, "
+    "controller.mjs]`.",
+    examples=(
+        "stepbus bridge --format json -- node controller.mjs",
+        "stepbus bridge --format raw -- octave-cli --quiet controller.m",
+    ),
+    add_arguments=_add_bridge_arguments,
+    execute=_execute_bridge,
 )

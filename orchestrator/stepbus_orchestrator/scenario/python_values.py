@@ -1,4 +1,4 @@
-"""Overrides of a scenario, as Python writes them: `{"controller.params.kp": 80}`."""
+"""Values of a scenario as Python writes them: overrides `{"controller.params.kp": 80}`, maps."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Overrides = Mapping[str, Any] | Sequence[str]
 """Path → value, or texts such as `controller.params.kp=80`."""
 
 
-def overrides(given: Overrides) -> list[str]:
+def override_texts(given: Overrides) -> list[str]:
     """Return overrides as the command line writes them: `path=YAML`."""
     if isinstance(given, Mapping):
         return [f"{path}={yaml_text(value)}" for path, value in given.items()]
     return list(given)
 
 
-def plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """Return a value as YAML has it: message classes by name, NumPy values and paths as plain ones.
 
     Anything else is returned as it is.
@@ -33,15 +33,15 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain_value(item) for item in value]
     return value
 
 
 def yaml_text(value: Any) -> str:
     """Return a value as one line of YAML that reads back as the same value."""
-    value = plain(value)
+    value = plain_value(value)
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
     if isinstance(value, list):

@@ -1,0 +1,30 @@
+"""Public names that are imported when they are first used (PEP 562)."""
+
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any
+
+
+def imported_on_use(
+    module: str, names: Sequence[str], homes: Sequence[str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return `__getattr__` and `__dir__` of a module.
+
+    names: that it offers. homes: modules, of which the first that has a name is where it comes
+    from; those behind it are not loaded.
+    """
+
+    def find(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        loaded = (import_module(home, "stepbus") for home in homes)
+        value = next(getattr(home, name) for home in loaded if hasattr(home, name))
+        setattr(sys.modules[module], name, value)
+        return value
+
+    def list_names() -> list[str]:
+        own = (name for name in vars(sys.modules[module]) if name.startswith("__"))
+        return [*names, *own]
+
+    return find, list_names

@@ -1,0 +1,302 @@
+"""Recordings as numbers: a table for pandas, a comparison aligned by time, the metrics of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.toolkit import Array, Result
+from stepbus_participant import need, suggest
+from stepbus_schemas import StepbusError, WiringError
+
+from .sweep.work.metrics import builtin_metrics
+from .viewing.exports.columns import CLOCK, Column, Table
+
+_OWN = "stepbus/"
+_NUMBERS = ("double", "int64", "bool")
+_UNITS = {"duration": "s", "settling": "s", "energy": "J"}
+
+
+class Metrics(dict[str, float]):
+    """The metrics of a run by name, as a sweep has them. units: of those that have one."""
+
+    def __init__(self, values: Mapping[str, float], units: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.units = dict(units)
+
+    def __repr__(self) -> str:
+        """Return every metric with its unit, in a line."""
+        rows = (f"{name} {value:.4g} {self.units.get(name, '')}" for name, value in self.items())
+        return f"<Metrics {', '.join(map(str.rstrip, rows))}>"
+
+
+def result_metrics(result: Result) -> Metrics:
+    """Return what a sweep measures of a run, without what this run has nothing to measure by.
+
+    Raises RecordingFailed when its recording cannot be read.
+    """
+    with Recording(result) as recording:
+        measured = builtin_metrics(result, recording)
+        kinds = {
+            joint: kind
+            for port in recording.of_type("JointState/1")
+            for joint, kind in zip(port.names, port.description.details.get("type", ()))  # noqa: B905  (none where the plant gives none)
+        }
+    values = {name: value for name, value in measured.items() if isinstance(value, int | float)}
+    joints = [name for name in values if name.startswith("rmse.")]
+    units = {name: "m" if kinds.get(name[5:]) == "prismatic" else "rad" for name in joints}
+    if joints:
+        units["rmse"] = ", ".join(sorted(set(units.values()), reverse=True))
+    return Metrics(values, {name: unit for name, unit in _UNITS.items() if name in values} | units)
+
+
+def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
+    """Return signals as a pandas DataFrame; see `Recording.frame`."""
+    (pandas,) = need("a DataFrame", "pandas")
+    tables = list(_tables(recording))
+    chosen = {table.port.topic: _chosen(table, signals) for table in tables}
+    _check_signals(recording, signals, chosen)
+    parts, units = [], dict[str, str]()
+    for table in tables:
+        columns = chosen[table.port.topic]
+        if not columns:
+            continue
+        t_ns, values = _read(recording, table, columns)
+        names = {column.name: f"{_dotted(table.port)}.{column.name}" for column in columns}
+        rows = {names[name]: cells for name, cells in values.items()}
+        parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
+        units |= {names[column.name]: column.unit for column in columns if column.unit}
+    if not parts:
+        raise RecordingFailed(f"{recording.path} has no values for a DataFrame")
+    frame = pandas.concat(parts, axis=1).sort_index()
+    frame.attrs["units"] = units
+    return frame
+
+
+def _dotted(port: Port) -> str:
+    return f"{port.participant}.{port.name}"
+
+
+def _tables(recording: Recording) -> Iterator[Table]:
+    """Yield the ports with messages of a type that is known."""
+    for port in recording.ports.values():
+        if not port.topic.startswith(_OWN) and port.last_step >= 0:
+            try:
+                yield Table(port, recording.types)
+            except StepbusError:
+                continue
+
+
+def _chosen(table: Table, signals: Sequence[str]) -> list[Column]:
+    """Return the columns that signals name, all without one; never bytes, such as of pictures."""
+    port = _dotted(table.port)
+    wanted = tuple(f"{signal.replace('/', '.', 1)}." for signal in signals)
+    return [
+        column
+        for column in table.columns[len(CLOCK) :]
+        if column.type != "binary" and (not wanted or f"{port}.{column.name}.".startswith(wanted))
+    ]
+
+
+def _check_signals(
+    recording: Recording, signals: Sequence[str], chosen: Mapping[str, Sequence[Column]]
+) -> None:
+    """Raise WiringError for a signal that the recording does not have."""
+    for signal in signals:
+        parts = signal.replace("/", ".", 1).split(".", 2)
+        port = recording[".".join(parts[:2])]
+        if len(parts) > 2 and not any(
+            f"{column.name}.".startswith(f"{parts[2]}.") for column in chosen.get(port.topic, ())
+        ):
+            known = [column.name for column in Table(port, recording.types).columns[len(CLOCK) :]]
+            raise WiringError(f"{port.topic} has no values {parts[2]!r}{suggest(parts[2], known)}")
+
+
+def _read(
+    recording: Recording, table: Table, columns: Sequence[Column]
+) -> tuple[NDArray[np.int64], dict[str, Any]]:
+    """Return the times of all messages [ns], and column → its values, NaN or None where absent."""
+    wanted = {column.name: column.type for column in columns}
+    fields = [field for field in table.fields if any(one.name in wanted for one in field.columns)]
+    names = [column.name for field in fields for column in field.columns]
+    times: list[NDArray[np.int64]] = []
+    cells: dict[str, list[Any]] = {name: [] for name in wanted}
+    for batch in recording.batches([table.port]):
+        _, t_ns, _, *rows = table.values(batch[table.port.topic], [field.name for field in fields])
+        times.append(np.asarray(t_ns))
+        for name, row in zip(names, rows, strict=True):
+            if name in wanted:
+                is_number = wanted[name] in _NUMBERS
+                cells[name].append(np.asarray(row, float) if is_number else _objects(row))
+    return np.concatenate(times), {name: np.concatenate(rows) for name, rows in cells.items()}
+
+
+def _objects(row: Any) -> NDArray[Any]:
+    found = np.empty(len(row), dtype=object)
+    found[:] = list(row)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldError:
+    """How far one number of a port is apart in two recordings: second minus first.
+
+    port, field: such as `plant.joint_state`, `position.joint1`. unit: of all numbers here. count:
+    messages that were compared. rmse: root of the mean square. share: of the first's own root mean
+    square. mean: with its sign. max: largest size; at_s: when it was [s].
+    """
+
+    port: str
+    field: str
+    unit: str
+    count: int
+    rmse: float
+    share: float
+    mean: float
+    max: float
+    at_s: float
+
+    def __str__(self) -> str:
+        """Return its name and its RMSE."""
+        return f"{self.port}.{self.field}: RMSE {self.rmse:.3g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison:
+    """Two recordings beside each other, aligned by time.
+
+    errors: of every number that both have, in recorded order; `pandas.DataFrame(errors)` works.
+    only_first, only_second: ports that only one of them has. span_s: from when to when both have
+    messages [s].
+    """
+
+    first: str
+    second: str
+    errors: Sequence[FieldError]
+    only_first: Sequence[str]
+    only_second: Sequence[str]
+    span_s: tuple[float, float]
+
+    @property
+    def worst(self) -> FieldError | None:
+        """Return the number whose RMSE is the largest share of its size; None where all agree."""
+        apart = [error for error in self.errors if error.rmse > 0]
+        return max(apart, key=lambda error: error.share, default=None)
+
+    def __getitem__(self, name: str) -> FieldError:
+        """Return one by `participant.port.field`; raises WiringError when there is none."""
+        by_name = {f"{error.port}.{error.field}": error for error in self.errors}
+        if name not in by_name:
+            raise WiringError(f"nothing compared is called {name!r}{suggest(name, by_name)}")
+        return by_name[name]
+
+    def frame(self) -> Any:
+        """Return a pandas DataFrame, a row for each number; raises ExtraMissing without pandas."""
+        (pandas,) = need("a DataFrame", "pandas")
+        return pandas.DataFrame(self.errors).set_index(["port", "field"])
+
+    def __repr__(self) -> str:
+        """Return how many numbers differ, and which most, in a line."""
+        apart, worst = sum(error.max > 0 for error in self.errors), self.worst
+        most = f", most {worst}" if worst is not None else ""
+        return (
+            f"<Comparison {self.first} and {self.second}: {apart} of {len(self.errors)} numbers "
+            f"differ{most}>"
+        )
+
+
+def compare(first: Path, second: Path) -> Comparison:
+    """Compare the numbers of two recordings, port by port; see `stepbus.compare`."""
+    with Recording(first) as one, Recording(second) as other:
+        tables = [{table.port.topic: table for table in _tables(r)} for r in (one, other)]
+        found = [
+            _times_and_errors(one, other, table, tables[1][topic])
+            for topic, table in tables[0].items()
+            if topic in tables[1]
+        ]
+    spans = [t_ns for t_ns, _ in found if len(t_ns)]
+    ports = [[_dotted(table.port) for table in known.values()] for known in tables]
+    return Comparison(
+        first=str(first),
+        second=str(second),
+        errors=[error for _, errors in found for error in errors],
+        only_first=[port for port in ports[0] if port not in ports[1]],
+        only_second=[port for port in ports[1] if port not in ports[0]],
+        span_s=(
+            float(min(t_ns[0] for t_ns in spans) * 1e-9) if spans else 0.0,
+            float(max(t_ns[-1] for t_ns in spans) * 1e-9) if spans else 0.0,
+        ),
+    )
+
+
+def _times_and_errors(
+    one: Recording, other: Recording, first: Table, second: Table
+) -> tuple[NDArray[np.int64], list[FieldError]]:
+    """Return when a port is compared [ns], and the errors of its numbers."""
+    columns = _common(first, second)
+    if not columns:
+        return np.empty(0, dtype=np.int64), []
+    times, values = _read(one, first, columns)
+    other_times, other_values = _read(other, second, columns)
+    t_ns, rows, other_rows = _aligned(times, other_times)
+    errors = (
+        _error(first.port, c, t_ns, values[c.name][rows], other_values[c.name][other_rows])
+        for c in columns
+    )
+    return t_ns, [error for error in errors if error is not None]
+
+
+def _common(one: Table, other: Table) -> list[Column]:
+    """Return the columns that are numbers of the same unit in both."""
+    units = {c.name: c.unit for c in other.columns[len(CLOCK) :] if c.type in _NUMBERS}
+    known = (c for c in one.columns[len(CLOCK) :] if c.type in _NUMBERS)
+    return [column for column in known if units.get(column.name) == column.unit]
+
+
+def _aligned(
+    first: NDArray[np.int64], second: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return times [ns], and for each of both the index of the message that it holds then.
+
+    The times are those of the one with fewer messages, while both have some: what the other then
+    holds is its newest, as an input would read it (P6.1).
+    """
+    start, end = max(first[0], second[0]), min(first[-1], second[-1])
+    t_ns = min((t[(t >= start) & (t <= end)] for t in (first, second)), key=len)
+    held, other_held = (np.searchsorted(t, t_ns, side="right") - 1 for t in (first, second))
+    return t_ns, held, other_held
+
+
+def _error(
+    port: Port, column: Column, t_ns: NDArray[np.int64], first: Array, second: Array
+) -> FieldError | None:
+    """Return how far the values of a column are apart; None where no time has one in both."""
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        apart = np.where(first == second, 0.0, second - first)
+        known = ~np.isnan(apart)
+        if not known.any():
+            return None
+        apart, sizes = apart[known], np.abs(apart[known])
+        rmse, worst = _rms(apart), int(np.argmax(sizes))
+        return FieldError(
+            port=_dotted(port),
+            field=column.name,
+            unit=column.unit,
+            count=len(apart),
+            rmse=float(rmse),
+            share=float(rmse / _rms(first[known])) if rmse else 0.0,
+            mean=float(np.mean(apart)),
+            max=float(sizes[worst]),
+            at_s=float(t_ns[known][worst] * 1e-9),
+        )
+
+
+def _rms(values: Array) -> np.float64:
+    return np.float64(np.sqrt(np.mean(values**2)))
