@@ -18,10 +18,8 @@ from .bus.ticket import (
     load_ticket,
     scratch_folder,
 )
-from .calls.methods import CallError, Method
-from .calls.steering import Steering
-from .config import Config, Ports
-from .config.plugins import load_class, make_plugin
+from .calls import CallError, Method, Steering
+from .config import Config, Ports, load_class, make_plugin
 from .files import (
     append_to,
     find_file,
@@ -37,34 +35,43 @@ from .files import (
     read_text,
     write_file,
 )
-from .hints.extras import ExtraMissing, extra_hint, import_error_hint, install_command, need
-from .hints.installed import installed_version
-from .hints.suggestions import suggest
-from .lazy import imported_later
-from .parameters.durations import LONGEST_NS, format_duration, parse_duration, whole_steps
+from .hints import (
+    ExtraMissing,
+    extra_hint,
+    import_error_hint,
+    imported_later,
+    install_command,
+    installed_version,
+    need,
+    suggest,
+)
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
-from .participant import Participant, PortType
-from .process.classes import (
+from .parameters.settings import LONGEST_NS, format_duration, parse_duration, whole_steps
+from .participant import InputAbsent, InvalidInput, Participant, PortType, Step, StepsOver
+from .process import (
+    HOST,
     PARTICIPANTS,
+    Host,
     declared_parameters,
     import_participant,
     is_installed,
     is_ours,
+    main,
+    take_part,
 )
-from .process.hosting import HOST, Host
-from .process.main import main, take_part
 from .session import Input, OutputError, read_stamp, stamp
-from .step import InputAbsent, InvalidInput, Step, StepsOver
 
 if TYPE_CHECKING:
     from .bus.loopback import LoopbackBus
-    from .files import Mimic, mimics, parse_urdf, read_urdf_text, urdf_warnings
     from .parameters.types_file import load_types
+    from .urdf import read_urdf_text, urdf_warnings
+    from .urdf_check import Mimic, mimics, parse_urdf
 
 _MODULES = {
     "bus.loopback": ("LoopbackBus",),
-    "files": ("Mimic", "mimics", "parse_urdf", "read_urdf_text", "urdf_warnings"),
+    "urdf": ("read_urdf_text", "urdf_warnings"),
+    "urdf_check": ("Mimic", "mimics", "parse_urdf"),
     "parameters.types_file": ("load_types",),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

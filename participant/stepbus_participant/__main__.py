@@ -15,8 +15,7 @@ from stepbus_schemas import WiringError, error_text
 
 from .parameters.problems import Keys
 from .parameters.read import find_problems
-from .process.classes import declared_parameters, import_participant, is_installed
-from .process.main import main
+from .process import declared_parameters, import_participant, is_installed, main
 
 
 def _take_part(name: str, folder: Path) -> int:

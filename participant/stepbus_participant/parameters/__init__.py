@@ -6,7 +6,7 @@ it is first used: a participant does not need it.
 
 from typing import TYPE_CHECKING, Any
 
-from .nodes import conditions, default, is_own, listed, mark, options_of, plain
+from .fields import conditions, default, is_own, listed, mark, options_of, plain
 from .problems import Keys, Place, Problem, dotted, show
 from .read import find_problems, read, read_value
 from .settings import Pause

@@ -1,25 +1,133 @@
-"""The fields of a map: which keys it may have, which it must have, and what they may be."""
+"""The nodes of a declaration of parameters, and how each field of a mapping is read."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import msgspec
 from msgspec import inspect
 
-from stepbus_participant.hints.suggestions import suggest
+from stepbus_participant.hints import suggest
 
-from .nodes import (
-    conditions,
-    default,
-    empty,
-    is_ignored,
-    is_own,
-    is_plugin,
-    listed,
-    options_of,
-    words_of,
-)
 from .problems import Keys, Problems, show
 from .settings import PerName, Settings
+
+_PLAIN: Mapping[type, tuple[Any, str, Any]] = {
+    inspect.StrType: (str, "text", ""),
+    inspect.IntType: (int, "an integer", 0),
+    inspect.FloatType: (int | float, "a number", 0.0),
+    inspect.BoolType: (bool, "true or false", False),
+    inspect.DictType: (Mapping, "a map", {}),
+    inspect.StructType: (Mapping, "a map", None),
+    inspect.VarTupleType: (list | tuple, "a list", ()),
+    inspect.TupleType: (list | tuple, "a list", None),
+}
+"""Type → data that it takes, what that is called in a sentence, and an empty value."""
+_OTHER = (object, "something else", None)
+
+
+def empty(node: inspect.Type) -> Any:
+    """Return something of a type that stands for a value that is missing or wrong."""
+    match node:
+        case inspect.Metadata():
+            found = empty(node.type)
+        case inspect.StructType():
+            rows = [field for field in node.fields if field.required]
+            found = node.cls(**{field.name: empty(field.type) for field in rows})
+        case inspect.TupleType():
+            found = tuple(empty(item) for item in node.item_types)
+        case inspect.LiteralType():
+            found = node.values[0]
+        case inspect.UnionType():
+            found = None if inspect.NoneType() in node.types else empty(node.types[0])
+        case inspect.CustomType():
+            found = PerName(0.0) if node.cls is PerName else Path()
+        case _:
+            found = _PLAIN.get(type(node), _OTHER)[2]
+    return found
+
+
+def default(field: inspect.Field) -> Any:
+    """Return the default of a field that has one."""
+    if field.default is not msgspec.NODEFAULT:
+        return field.default
+    return field.default_factory()
+
+
+def _extra(node: inspect.Type) -> Mapping[str, Any]:
+    return (node.extra if isinstance(node, inspect.Metadata) else None) or {}
+
+
+def conditions(field: inspect.Field) -> Mapping[str, tuple[Any, ...]]:
+    """Return which values of other keys a field belongs to; see `settings.when`."""
+    found: Mapping[str, tuple[Any, ...]] = _extra(field.type).get("when", {})
+    return found
+
+
+def is_ignored(field: inspect.Field) -> bool:
+    """Return whether a field may stay where it means nothing; see `settings.needed_when`."""
+    return bool(_extra(field.type).get("ignored"))
+
+
+def mark(node: inspect.Type) -> str:
+    """Return the mark of a type of `settings.py`, such as `duration`, or nothing."""
+    return str(_extra(node).get("read", ""))
+
+
+def is_own(field: inspect.Field) -> bool:
+    """Return whether a field collects the parameters of a class of the user's own."""
+    return mark(field.type) == "own"
+
+
+def is_plugin(node: inspect.Type) -> bool:
+    """Return whether a type may be the name of a class of the user's own."""
+    if isinstance(node, inspect.UnionType):
+        return any(is_plugin(item) for item in node.types)
+    return mark(node) == "plugin"
+
+
+def plain(node: inspect.Type) -> inspect.Type:
+    """Return a type without its marks."""
+    return plain(node.type) if isinstance(node, inspect.Metadata) else node
+
+
+def options_of(node: inspect.Type) -> list[inspect.Type]:
+    """Return the types that a value may have, besides being absent."""
+    bare = plain(node)
+    types = bare.types if isinstance(bare, inspect.UnionType) else (bare,)
+    return [item for item in types if not isinstance(item, inspect.NoneType)]
+
+
+def takes(node: inspect.Type, data: Any) -> bool:
+    """Return whether data of this type belongs to an option of a union."""
+    if is_plugin(node):
+        return isinstance(data, str) and ":" in data
+    bare = plain(node)
+    if isinstance(bare, inspect.LiteralType):
+        return isinstance(data, str) and data in bare.values
+    if isinstance(data, bool):
+        return isinstance(bare, inspect.BoolType)
+    return isinstance(data, _PLAIN.get(type(bare), _OTHER)[0])
+
+
+def noun(node: inspect.Type) -> str:
+    """Return what a value of a type is called in a sentence."""
+    bare = plain(node)
+    if isinstance(bare, inspect.LiteralType):
+        return listed(bare.values)
+    return _PLAIN.get(type(bare), _OTHER)[1]
+
+
+def words_of(options: Sequence[inspect.Type]) -> list[Any]:
+    """Return the words that a choice is between."""
+    plains = (plain(item) for item in options)
+    return [w for item in plains if isinstance(item, inspect.LiteralType) for w in item.values]
+
+
+def listed(words: Sequence[object]) -> str:
+    """Return `a, b or c`, as YAML has them."""
+    *most, last = (str(word).lower() if isinstance(word, bool) else str(word) for word in words)
+    return f"{', '.join(most)} or {last}" if most else last
 
 
 class Fields:

@@ -14,15 +14,25 @@ from typing import Any, TypeVar
 
 from msgspec import inspect
 
-from stepbus_participant import files
 from stepbus_participant.files import find_file
-from stepbus_participant.hints.suggestions import suggest
+from stepbus_participant.hints import suggest
 
-from .durations import parse_duration
-from .fields import Fields, not_text, without
-from .nodes import empty, is_plugin, listed, mark, noun, options_of, plain, takes, words_of
+from .fields import (
+    Fields,
+    empty,
+    is_plugin,
+    listed,
+    mark,
+    not_text,
+    noun,
+    options_of,
+    plain,
+    takes,
+    without,
+    words_of,
+)
 from .problems import Keys, Problems, TooManyProblems, show
-from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings
+from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings, parse_duration
 
 S = TypeVar("S", bound=Settings)
 T = TypeVar("T")
@@ -229,7 +239,9 @@ class _Reader:
     def _model(self, node: Any, data: Any, keys: Keys) -> Path:
         found = self._file(node, data, keys)
         if self.folder is not None and found != Path():
-            self.problems.attempt(keys, lambda: files.read_urdf_text(found))
+            from stepbus_participant.urdf import read_urdf_text  # noqa: PLC0415  few need it
+
+            self.problems.attempt(keys, lambda: read_urdf_text(found))
         return found
 
     def _names(self, node: Any, data: Any, keys: Keys) -> tuple[str, ...]:

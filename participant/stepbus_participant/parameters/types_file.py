@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.hints.extras import extra_hint
+from stepbus_participant.hints import extra_hint
 from stepbus_schemas import (
     Message,
     Types,

@@ -1,12 +1,10 @@
 """One participant's part in a run: admission, handshakes, steps, and the end."""
 
 from .admission import join
-from .bulk import read_stamp, stamp
 from .control import Control
-from .inputs import Input, PeerFault, make_inputs
-from .outbox import OutputError
+from .inputs import Input, PeerFault, carries_token, make_inputs, make_sources
+from .outbox import OutputError, read_stamp, stamp
 from .session import Session, Terminated
-from .sources import carries_token, make_sources
 
 __all__ = [
     "Control",

@@ -11,9 +11,8 @@ from stepbus_participant.bus.ticket import CheckpointOrder
 from stepbus_participant.participant import Participant
 from stepbus_schemas import UNDECODABLE, RunError, Welcome, error_text, explained
 
-from .bulk import stamp
-from .inputs import Input
-from .sources import Source
+from .inputs import Input, Source
+from .outbox import stamp
 
 _log = logging.getLogger("stepbus_participant")
 

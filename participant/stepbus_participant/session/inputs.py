@@ -1,15 +1,22 @@
-"""The inputs of a participant: which message is due at a step, and which one is held."""
+"""What a participant receives: its inputs, and the messages of others that feed them."""
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from queue import SimpleQueue
 from typing import Any
 
+import msgspec
+
+from stepbus_participant.bus import Queue
 from stepbus_schemas import (
+    HANDSHAKE_STEP,
     SHIPPED,
     UNDECODABLE,
+    Batch,
     Decoder,
     InputConfig,
     Message,
+    Outputs,
     RunError,
     Types,
     WiringError,
@@ -108,3 +115,152 @@ def make_inputs(configs: Mapping[str, InputConfig], types: Types = SHIPPED) -> d
     Raises WiringError for an unknown message type.
     """
     return {name: Input(name, config, types) for name, config in configs.items()}
+
+
+_decode_outputs = Decoder(Outputs)
+_decode_batch = Decoder(Batch)
+
+
+class _Signed(msgspec.Struct):
+    """The one field that distinguishes a broken message of a peer from noise."""
+
+    token: str
+
+
+_decode_signed = msgspec.msgpack.Decoder(_Signed).decode
+
+
+def carries_token(data: bytes | msgspec.Raw, token: str) -> bool:
+    """Return whether malformed bytes are at least a map with the run's token (P8.1)."""
+    try:
+        return _decode_signed(data).token == token
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return False
+
+
+class Source:
+    """One participant to read from: its `Outputs` in the order of their steps.
+
+    queue: where the bus puts the content of its samples. early: one of them that was taken before
+    its step. entries: the rest of a `Batch`, which comes before all in the queue. step: the newest
+    step accepted.
+    connected: whether a handshake has arrived. drops: cause → number of dropped messages.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        inputs: list[Input],
+        token: str,
+        make_queue: Callable[[], Queue] = SimpleQueue,
+    ) -> None:
+        self.name = name
+        self.queue = make_queue()
+        self.early: bytes | None = None
+        self.entries: deque[msgspec.Raw] = deque()
+        self.bulk_queues: dict[str, Queue] = {
+            item.config.port: make_queue() for item in inputs if item.config.bulk
+        }
+        self.connected = False
+        self.every = inputs[0].config.every
+        self.step = -self.every
+        self.drops: dict[str, int] = {}
+        self._inputs = inputs
+        self._pending = [(item.config.port, item.pending) for item in inputs]
+        self._token = token
+        self._newest: bytes | msgspec.Raw = b""
+        self._restored = self.step
+        self._delay = min(item.config.delay for item in inputs)
+
+    def due(self, step: int) -> int:
+        """Return the newest step of this source that any input needs at `step`."""
+        return due_step(step, self._delay, self.every)
+
+    def accept(self, data: bytes | msgspec.Raw) -> Outputs | None:
+        """Check one message against P8.1; return it when it is the next one.
+
+        None: it was dropped, or a `Batch`, whose entries are now to be accepted one by one.
+        Raises PeerFault when it is malformed, contradicts an earlier one or skips a step.
+        """
+        try:
+            outputs = _decode_outputs.plain(data)
+        except UNDECODABLE as exc:
+            if isinstance(data, bytes) and self._open(data):
+                return None
+            if not carries_token(data, self._token):
+                self.drop("malformed")
+                return None
+            error = _decode_outputs.error(exc)
+            raise PeerFault(
+                self.name, f"after step {self.step}: {self.name} sent {error}"
+            ) from error
+        if outputs.token != self._token:
+            self.drop("unauthenticated")
+            return None
+        if outputs.step == HANDSHAKE_STEP:
+            self.connected = True
+            return None
+        if outputs.step != self.step + self.every:
+            self._drop_or_blame(outputs, data)
+            return None
+        self.step = outputs.step
+        self._newest = data
+        ports = outputs.ports
+        for port, pending in self._pending:
+            if port in ports:
+                pending.append((self.step, ports[port]))
+        return outputs
+
+    def _open(self, data: bytes) -> bool:
+        """Take the entries of a message that is a `Batch` (P7.6); return whether it is one."""
+        try:
+            batch = _decode_batch.plain(data)
+        except UNDECODABLE:
+            return False
+        if batch.token == self._token:
+            self.entries.extend(batch.outputs)
+        else:
+            self.drop("unauthenticated")
+        return True
+
+    def offer_bulk(self, outputs: Outputs, port: str, content: bytes) -> None:
+        """Offer the content of a bulk port to the inputs that read it."""
+        for item in self._inputs:
+            if item.config.port == port:
+                item.pending.append((outputs.step, content))
+
+    def continue_after(self, step: int) -> None:
+        """Skip all up to a step: a checkpoint has what is needed of it (P16.3)."""
+        self.step = self._restored = step
+
+    def _drop_or_blame(self, outputs: Outputs, data: bytes | msgspec.Raw) -> None:
+        if outputs.step <= self._restored:
+            return
+        if outputs.step > self.step:
+            raise PeerFault(
+                self.name,
+                f"{self.name} skipped from step {self.step} to {outputs.step} "
+                f"(expected {self.step + self.every}); was a message lost or reordered?",
+            )
+        if outputs.step == self.step and bytes(data) != bytes(self._newest):
+            raise PeerFault(
+                self.name, f"{self.name} published step {self.step} twice with different content"
+            )
+        self.drop("duplicate" if outputs.step == self.step else "stale")
+
+    def drop(self, cause: str) -> None:
+        """Count a dropped message."""
+        self.drops[cause] = self.drops.get(cause, 0) + 1
+
+
+def make_sources(
+    inputs: Mapping[str, Input], token: str, make_queue: Callable[[], Queue] = SimpleQueue
+) -> list[Source]:
+    """Return one source per participant that the inputs read from, in the order of the inputs.
+
+    make_queue: of their samples, as the bus needs it.
+    """
+    by_source: dict[str, list[Input]] = {}
+    for item in inputs.values():
+        by_source.setdefault(item.config.source, []).append(item)
+    return [Source(name, items, token, make_queue) for name, items in by_source.items()]

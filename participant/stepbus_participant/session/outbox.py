@@ -23,8 +23,20 @@ from stepbus_schemas import (
     message_class,
 )
 
-from .bulk import stamp
 from .faulty import FaultyPublisher
+
+
+def stamp(step: int, token: str) -> bytes:
+    """Return the attachment: the step as int64 little-endian, then the token."""
+    return step.to_bytes(8, "little", signed=True) + token.encode()
+
+
+def read_stamp(attachment: bytes, token: str) -> int | None:
+    """Return the step of a bulk sample, or None where it is not of this run."""
+    if attachment[8:] != token.encode():
+        return None
+    return int.from_bytes(attachment[:8], "little", signed=True)
+
 
 BATCH_BYTES = 30_000
 """Most bytes of a batch (P9.2.3): the low-latency transport silently loses what exceeds 64 KiB."""

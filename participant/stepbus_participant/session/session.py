@@ -14,8 +14,7 @@ from stepbus_participant.bus.ticket import (
     ProfileOrder,
 )
 from stepbus_participant.config import Config
-from stepbus_participant.participant import Participant
-from stepbus_participant.step import InvalidInput
+from stepbus_participant.participant import InvalidInput, Participant
 from stepbus_schemas import (
     SHIPPED,
     Fault,
@@ -31,15 +30,12 @@ from stepbus_schemas import (
     valid_unicode,
 )
 
-from .admission import await_delivery
-from .answers import Answers
+from .admission import await_delivery, await_start
 from .checkpoints import Checkpoints
-from .control import Control, OrchestratorLost, Stopped
-from .handshake import await_start
-from .inputs import PeerFault, make_inputs
+from .control import Answers, Control, OrchestratorLost, Stopped
+from .inputs import PeerFault, make_inputs, make_sources
 from .outbox import Outbox, OutputError
 from .profile import Profiler
-from .sources import make_sources
 from .step_loop import StepLoop
 
 _STOP_WAIT_S = 1.0

@@ -9,17 +9,13 @@ from typing import Any
 import msgspec
 
 from stepbus_participant.bus import Bus
-from stepbus_participant.participant import Participant
-from stepbus_participant.step import Step, StepsOver
+from stepbus_participant.participant import Participant, Step, StepsOver
 from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome
 
-from .answers import Answers
-from .bulk import read_stamp
 from .checkpoints import Checkpoints
-from .control import Control, Stopped
-from .inputs import Input, PeerFault
-from .outbox import Outbox, OutputError
-from .sources import Source
+from .control import Answers, Control, Stopped
+from .inputs import Input, PeerFault, Source
+from .outbox import Outbox, OutputError, read_stamp
 
 FLUSH_AFTER_S = 0.02
 """A wait longer than this sends the log batch (P9.2.4) [s]."""

@@ -6,7 +6,7 @@ import pytest
 from stepbus_kinematics import RobotModel
 from stepbus_orchestrator.scenario.files.names import names_in
 from stepbus_participant import read_urdf_text
-from stepbus_participant.files.urdf_check import Mimic, mimics, parse_urdf
+from stepbus_participant.urdf_check import Mimic, mimics, parse_urdf
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.world.file import load_world

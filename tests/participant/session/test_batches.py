@@ -5,9 +5,8 @@ from collections import defaultdict
 import msgspec
 import pytest
 
-from stepbus_participant.session.inputs import PeerFault, make_inputs
+from stepbus_participant.session.inputs import PeerFault, make_inputs, make_sources
 from stepbus_participant.session.outbox import BATCH_BYTES, HOLD_NS, Outbox
-from stepbus_participant.session.sources import make_sources
 from stepbus_schemas import (
     Batch,
     Decoder,

@@ -9,8 +9,7 @@ import msgspec
 import pytest
 from support.messages.scripted_bus import TOKEN, command, run_plant, stop
 
-from stepbus_participant import Participant, Ticket
-from stepbus_participant.process import main as process
+from stepbus_participant import Participant, Ticket, process
 from stepbus_participant.session import Terminated, session
 from stepbus_schemas import JointCommand, JointState, RunError, Trigger
 

@@ -1,15 +1,40 @@
-"""Parameters that may change while a run goes on, by calls between two steps."""
+"""What a participant offers to be called between two steps."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from stepbus_participant.config import Config
-from stepbus_participant.hints.suggestions import suggest
-from stepbus_participant.parameters.problems import SettingsError
-from stepbus_participant.parameters.settings import Settings
+from stepbus_schemas import CallDescription, StepbusError
 
-from .methods import CallError, Method
+from .config import Config
+from .hints import suggest
+from .parameters.problems import SettingsError
+from .parameters.settings import Settings
+
+
+class CallError(StepbusError, ValueError):
+    """A call cannot be answered; nothing was done."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method of a participant that `stepbus call` can call.
+
+    function: takes the arguments as given (numbers, strings, lists, maps) and returns anything
+    MessagePack has; raises CallError, before it changes anything, when it cannot. help: arguments
+    and answer in one line. changes: whether a later step may depend on it.
+    """
+
+    function: Callable[..., Any]
+    help: str
+    changes: bool = False
+
+    @property
+    def description(self) -> CallDescription:
+        """Return what `Ready` publishes about it."""
+        return CallDescription(help=self.help, changes=self.changes)
+
 
 S = TypeVar("S", bound=Settings)
 

@@ -13,7 +13,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
-from stepbus_participant.hints.suggestions import suggest
+from .hints import suggest
 
 MOVING = ("revolute", "continuous", "prismatic")
 _TYPES = (*MOVING, "fixed", "floating", "planar", "spherical")

@@ -4,11 +4,10 @@ from pathlib import Path
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
-from stepbus_participant.hints.extras import need
 from stepbus_schemas import WiringError
 
-from .paths import package_path
-from .reading import read_file, read_text
+from .files import package_path, read_file, read_text
+from .hints import need
 from .sdf import sdf_to_urdf
 from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
 

@@ -1,1 +1,0 @@
-"""What a participant offers to be called between two steps."""

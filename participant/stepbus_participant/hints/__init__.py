@@ -1,1 +1,0 @@
-"""What an error sentence suggests: the nearest name, the extra to install."""

@@ -1,1 +1,0 @@
-"""The process of a participant, or its thread in a run in one process."""
