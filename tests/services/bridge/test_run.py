@@ -12,6 +12,7 @@ import pytest
 from support.runs.bridge import run_bridged, write_bridged
 from support.surroundings import comes_true, has_ended
 
+from stepbus_orchestrator import host_of
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 
@@ -32,7 +33,7 @@ LOGGED = {
 def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log(tmp_path):
     recorded = []
     for form, line in LOGGED.items():
-        result = run_bridged(tmp_path / form, form, in_process=form != "json")
+        result = run_bridged(tmp_path / form, form, host=host_of(in_process=form != "json"))
         assert (result.exit_code, result.steps) == (0, 100), result.reason
         assert line in (tmp_path / form / "out/logs/controller.log").read_text()
         recorded.append(commands(result))
