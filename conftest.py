@@ -127,15 +127,6 @@ def pytest_runtest_call():
         raise
 
 
-@pytest.fixture(scope="session", autouse=True)
-def own_state(tmp_path_factory):
-    """Keep what runs of tests remember out of the user's home; return the folder."""
-    with pytest.MonkeyPatch.context() as patch:
-        folder = tmp_path_factory.mktemp("state")
-        patch.setenv("XDG_STATE_HOME", str(folder))
-        yield folder
-
-
 @pytest.fixture(scope="session")
 def two_link_recording(tmp_path_factory):
     """Return run.mcap of 0.3 s of two_link, with its run's folder around it; do not change it."""

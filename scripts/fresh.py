@@ -50,8 +50,6 @@ PASSED_ON = re.compile(
 SHARED = ("/tmp", "/var/tmp", "/dev/shm", "/run")
 KEPT_AT_HOME = (".cache", ".config/matplotlib")
 """What pip and matplotlib keep on every machine."""
-KEPT_BY_RUNS = (*KEPT_AT_HOME, ".local/state/stepbus")
-"""What a user's own runs keep as well: the programs that replays may start. No test adds to it."""
 CHANGES = (".venv", "runs", "__pycache__", ".pytest_cache", ".hypothesis")
 """What the two commands make in the checkout, by the name of the topmost new entry."""
 OWN_USER = 61_000
@@ -258,9 +256,9 @@ def processes_left() -> list[str]:
     return named
 
 
-def files_left(machine: Machine, before: set[tuple[Path, int]], kept: tuple[str, ...]) -> list[str]:
+def files_left(machine: Machine, before: set[tuple[Path, int]]) -> list[str]:
     """Return the files that are new or changed, apart from what is there to stay."""
-    own = [machine.home / name for name in kept]
+    own = [machine.home / name for name in KEPT_AT_HOME]
     own.append(machine.temporary / f"pytest-of-{user_name(machine.uid)}")
     left = {path for path, _ in files(machine) - before}
     left -= {path for path in left if any(path.is_relative_to(folder) for folder in own)}
@@ -297,13 +295,12 @@ def try_out(machine: Machine, order: int) -> list[str]:
     """Run the commands and return what is wrong."""
     for command in commands_of_the_readme():
         before = files(machine)
-        kept = KEPT_AT_HOME if "test" in command else KEPT_BY_RUNS
         began = time.monotonic()
         options = f"--random-order-seed={order} --passed-to={machine.passed}"
         code = machine.run(command, PYTEST_ADDOPTS=options)
         say(f"fresh: {command}: exit code {code} after {time.monotonic() - began:.0f} s")
         wrong = [] if code == 0 else [f"exit code {code}"]
-        wrong += processes_left() + files_left(machine, before, kept)
+        wrong += processes_left() + files_left(machine, before)
         if wrong:
             more = [f"and {len(wrong) - MOST_LINES} more"] if len(wrong) > MOST_LINES else []
             return [f"after {command}: {text}" for text in wrong[:MOST_LINES] + more]

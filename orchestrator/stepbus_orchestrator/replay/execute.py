@@ -127,7 +127,7 @@ def replay(
     program in the work tree. source: folder or file of the scenario in the work tree (default: it
     is searched). bridge: start the program through `stepbus bridge`. program: start this program
     instead of the recorded one, in the current folder; everything after it is its command line.
-    trusted: fingerprint of the programs that may be started (`known_programs`); None: any.
+    trusted: fingerprint of the programs that may be started (`rerun.fingerprint`); None: any.
     observer, interrupt: as of `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,

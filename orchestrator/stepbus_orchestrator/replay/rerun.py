@@ -1,5 +1,6 @@
 """Runs a recording's scenario again from nothing but the recording."""
 
+import hashlib
 import os
 import re
 import threading
@@ -11,7 +12,6 @@ from pathlib import Path, PurePosixPath
 from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.recording.known_programs import fingerprint
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, Source, recording_file
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports import Observer
@@ -91,6 +91,16 @@ def origin_of(recording: Recording) -> Origin:
         calls=recorded_calls(recording),
         counts_from=counts_from_of(recording),
     )
+
+
+def fingerprint(scenario: bytes, files: Mapping[str, bytes]) -> str:
+    """Return the SHA-256 of all that a recording can start: its scenario, and files by name."""
+    digest = hashlib.sha256()
+    for name, content in [("", scenario), *sorted(files.items())]:
+        for part in (name.encode(errors="surrogateescape"), content):
+            digest.update(len(part).to_bytes(8, "little"))
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def attached(recording: Recording) -> tuple[bytes, Mapping[str, bytes]]:

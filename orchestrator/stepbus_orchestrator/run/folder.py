@@ -12,7 +12,6 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.recording import McapFile, layout
-from stepbus_orchestrator.recording.known_programs import fingerprint, folder_mark, remember
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
 from stepbus_participant import make_folder, make_new_folder, read_file
@@ -64,23 +63,20 @@ def claim(out: Path) -> None:
         raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
 
 
-def attach(file: McapFile, scenario: Scenario) -> list[str]:
-    """Attach all that is needed to run again from the recording alone, and remember it as ours.
+def attach(file: McapFile, scenario: Scenario) -> None:
+    """Attach all that is needed to run again from the recording alone.
 
-    Returns the names of the scenario's files. Raises RecordingFailed when one of them cannot be
+    Raises RecordingFailed when one of them cannot be
     read.
     """
     text, contents = resolved(scenario).encode(), read_files(files(scenario))
     file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
     for name, content in contents.items():
         file.attach(layout.file_attachment(name), "application/octet-stream", content)
-    remember(fingerprint(text, contents))
-    remember(folder_mark(scenario.folder))
     file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
     if scenario.faults:
         rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(scenario.faults)}
         file.add_metadata(layout.FAULTS_METADATA, rows)
-    return list(contents)
 
 
 def read_files(found: Mapping[str, Path]) -> dict[str, bytes]:

@@ -85,17 +85,6 @@ def test_a_file_that_a_participant_reads_ends_the_run_at_its_start(folder, tmp_p
 
 
 @pytest.mark.parametrize("odd", ODD)
-def test_the_list_of_known_programs_is_passed_over(folder, tmp_path, monkeypatch, odd):
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    put(odd, tmp_path / "state" / "stepbus" / "programs")
-    out = tmp_path / "out"
-    options = Options(out=out, host=InProcess())
-    scenario = load(folder / "scenario.yaml", ["duration=50ms"])
-    assert run_scenario(scenario, options).exit_code == 0
-    assert main(["replay", str(out), "--participant", "mission", "--trust"]) == 0
-
-
-@pytest.mark.parametrize("odd", ODD)
 @pytest.mark.parametrize(
     ("file", "words", "code"),
     [

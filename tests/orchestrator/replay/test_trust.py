@@ -2,6 +2,7 @@
 
 import os
 import pty
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ from support.runs.joints import run_joints
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording import Recording, known_programs
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.programs.trust import programs_of
 from stepbus_orchestrator.replay.rerun import Preparation
@@ -21,15 +22,16 @@ REPLAY = ("--participant", "controller", "--recorded")
 
 
 @pytest.fixture
-def recorded(tmp_path):
-    """Return a recording whose programs this user has run here."""
+def recorded(tmp_path, monkeypatch):
+    """Return a recording whose programs stand in the work tree, which is the current folder."""
+    monkeypatch.chdir(tmp_path)
     return run_joints(tmp_path, "duration=50ms", in_process=True).recording
 
 
 @pytest.fixture
-def stranger(recorded, tmp_path, monkeypatch):
-    """Return the same recording where nobody has run its programs: at another user's, say."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+def stranger(recorded, tmp_path):
+    """Return the same recording where its programs stand nowhere: at another user's, say."""
+    shutil.rmtree(tmp_path / "source")
     return recorded
 
 
@@ -47,12 +49,13 @@ def unstarted(stranger, monkeypatch):
 
 @pytest.mark.parametrize("words", [("rerun",), ("replay", *REPLAY)])
 def test_a_strangers_recording_names_its_programs_and_starts_none(
-    unstarted, tmp_path, capsys, monkeypatch, words
+    unstarted, tmp_path, capsys, words
 ):
-    monkeypatch.chdir(tmp_path)
     assert cli.main([words[0], str(unstarted), *words[1:]]) == ExitCode.UNTRUSTED == 12
     said = capsys.readouterr().err
-    assert f"{unstarted} was not made by you on this machine. It starts, with your rights:" in said
+    assert (
+        f"{unstarted} has other programs than your work tree. It starts, with your rights:" in said
+    )
     assert "\n  controller  joints.py:Controller\n" in said
     assert "\n  its files: joints.py\n" in said
     assert ("mission" in said) == (words[0] == "rerun")
@@ -61,32 +64,43 @@ def test_a_strangers_recording_names_its_programs_and_starts_none(
 
 
 @pytest.mark.parametrize("words", [("rerun", "--out", "again"), ("replay", *REPLAY)])
-def test_trust_is_asked_for_once(stranger, tmp_path, monkeypatch, words):
-    monkeypatch.chdir(tmp_path)
+def test_with_trust_it_is_started_and_nothing_is_remembered(stranger, words):
     command, *options = words
     assert cli.main([command, str(stranger), *options, "--trust"]) == 0
-    assert programs_of(Recording(stranger)).is_known
-    assert cli.main(["replay", str(stranger), *REPLAY]) == 0
+    assert cli.main(["replay", str(stranger), *REPLAY]) == ExitCode.UNTRUSTED
 
 
-def test_a_recording_of_ones_own_is_trusted_wherever_it_lies(recorded, tmp_path):
-    moved = recorded.rename(tmp_path / "moved.mcap")
-    assert cli.main(["replay", str(moved), *REPLAY]) == 0
+@pytest.mark.parametrize("command", [("rerun", "--out", "again"), ("replay", *REPLAY)])
+def test_what_stands_in_the_work_tree_is_started_wherever_the_recording_lies(
+    recorded, tmp_path, command
+):
+    (tmp_path / "elsewhere").mkdir()
+    moved = recorded.rename(tmp_path / "elsewhere" / "moved.mcap")
+    assert cli.main([command[0], str(moved), *command[1:]]) == 0
 
 
-def test_a_new_reference_is_trusted_like_the_run_it_comes_from(recorded, tmp_path):
-    new, other = tmp_path / "new.mcap", "controller.params={fault: end, at: 4}"
-    update = ["--update", str(new), "--set", other]
-    assert cli.main(["replay", str(recorded), *REPLAY, *update]) in {0, 10}
-    assert programs_of(Recording(new)).is_known
+@pytest.mark.parametrize("change", ["code", "program", "others may write", "owner"])
+def test_what_differs_from_the_work_tree_is_asked_for(recorded, tmp_path, change):
+    program, scenario = (tmp_path / "source" / name for name in ("joints.py", "scenario.yaml"))
+    if change == "code":
+        program.write_text(program.read_text() + "\n")
+    elif change == "program":
+        text = scenario.read_text()
+        scenario.write_text(text.replace("joints.py:Mission", "joints.py:Plant"))
+    elif change == "others may write":
+        program.chmod(0o666)
+    elif os.getuid() != 0:
+        pytest.skip("only root can give a file to somebody else")
+    else:
+        os.chown(program, 12345, 12345)
+    assert not programs_of(Recording(recorded)).is_harmless
+    assert cli.main(["replay", str(recorded), *REPLAY]) == ExitCode.UNTRUSTED
 
 
-def test_the_same_programs_with_another_file_are_strangers(recorded):
-    scenario, files = b"x", {"joints.py": b"pass"}
-    known_programs.remember(known_programs.fingerprint(scenario, files))
-    assert known_programs.is_known(known_programs.fingerprint(scenario, files))
-    for other in ({"joints.py": b"pass "}, {"joint.py": b"pass"}, {}):
-        assert not known_programs.is_known(known_programs.fingerprint(scenario, other))
+def test_installed_classes_need_no_trust(two_link_recording, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert programs_of(Recording(two_link_recording)).is_harmless
+    assert cli.main(["rerun", str(two_link_recording), "--out", "again"]) == 0
 
 
 def test_a_program_of_ones_own_needs_trust_only_where_it_could_run_a_file(stranger):
@@ -95,8 +109,7 @@ def test_a_program_of_ones_own_needs_trust_only_where_it_could_run_a_file(strang
     assert not with_code.is_harmless
 
 
-def test_a_program_of_ones_own_needs_no_trust_for_data(two_link_recording, monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+def test_a_program_of_ones_own_needs_no_trust_for_data(two_link_recording):
     program = ["--exec", sys.executable, "-m", "stepbus_participant"]
     program.append("stepbus_controller:Controller")
     assert cli.main(["replay", str(two_link_recording), *REPLAY, *program]) == 0
@@ -131,48 +144,13 @@ def test_on_a_terminal_it_asks(stranger, answer, code):
     assert b"controller  joints.py:Controller\r\n" in said
 
 
-@pytest.mark.parametrize("spoil", ["a link", "others may write", "a folder", "no home"])
-def test_a_list_that_others_could_have_written_is_not_believed(tmp_path, monkeypatch, spoil):
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    known_programs.remember("f" * 64)
-    assert known_programs.is_known("f" * 64)
-    path = tmp_path / "stepbus" / "programs"
-    assert path.stat().st_mode & 0o777 == 0o600
-    if spoil == "a link":
-        path.rename(tmp_path / "elsewhere")
-        path.symlink_to(tmp_path / "elsewhere")
-    elif spoil == "others may write":
-        path.chmod(0o666)
-    elif spoil == "a folder":
-        path.unlink()
-        path.mkdir()
-    else:
-        monkeypatch.setenv("XDG_STATE_HOME", "relative")
-        monkeypatch.setenv("HOME", "/dev/null")
-    assert not known_programs.is_known("f" * 64)
-    known_programs.remember("e" * 64)
-    assert not known_programs.is_known("e" * 64)
-
-
-def test_the_list_does_not_grow_for_ever(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    monkeypatch.setattr(known_programs, "_LARGEST", 650)
-    for number in range(40):
-        known_programs.remember(f"{number:064}")
-    path = tmp_path / "stepbus" / "programs"
-    assert path.stat().st_size <= 715
-    assert known_programs.is_known(f"{39:064}")
-    assert not known_programs.is_known(f"{0:064}")
-    assert path.stat().st_mode & 0o777 == 0o600
-
-
 def test_a_terminal_takes_no_orders_from_a_recording(stranger):
     programs = programs_of(Recording(stranger))
     spoof = type(programs)(
         fingerprint="",
         commands={"a": ("sh", "-c", "\x1b[2Jrm\r\n")},
         files=["x\x07.py"],
-        is_known=False,
+        is_yours=False,
     )
     assert all(line.isprintable() for line in spoof.lines())
 

@@ -9,7 +9,7 @@ from support.tools import needs
 from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.cli.setup.starters.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording import Recording, known_programs
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.programs.trust import programs_of
 from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
@@ -85,7 +85,8 @@ def test_a_setting_of_the_replay_is_a_change(log):
 def test_the_copy_is_tested_where_it_is_asked_for(project, log, capsys):
     edit(project / "arm/controller.py", "kp * error", "2 * kp * error")
     assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.DIFFERENT
-    assert cli.main(["replay", str(log), *REPLAY, "--recorded"]) == 0
+    assert cli.main(["replay", str(log), *REPLAY, "--recorded"]) == ExitCode.UNTRUSTED
+    assert cli.main(["replay", str(log), *REPLAY, "--recorded", "--trust"]) == 0
     assert "tested" not in capsys.readouterr().out.splitlines()[-1]
 
 
@@ -148,16 +149,13 @@ def test_a_program_of_ones_own_may_be_bridged(project, capsys):
     assert cli.main([*words, "--exec", *program]) == 0
 
 
-def test_a_work_tree_that_you_have_not_run_is_shown_first(project, log, monkeypatch, capsys):
-    monkeypatch.setenv("XDG_STATE_HOME", str(project / "state"))
+def test_a_work_tree_that_others_may_write_is_shown_first(project, log, capsys):
+    (project / "arm/scenario.yaml").chmod(0o666)
     assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.UNTRUSTED
     said = capsys.readouterr().err
-    assert (
-        "You have not run arm/scenario.yaml on this machine. It starts, with your rights:" in said
-    )
+    assert "arm/scenario.yaml is not yours alone. It starts, with your rights:" in said
     assert "\n  controller  controller.py:Controller\n" in said
     assert cli.main(["replay", str(log), *REPLAY, "--trust"]) == 0
-    assert cli.main(["replay", str(log), *REPLAY]) == 0
 
 
 def test_files_of_another_user_are_no_work_tree_of_a_recording(project, log, monkeypatch):
@@ -189,8 +187,7 @@ def test_a_file_beside_a_recording_sets_parameters_and_starts_nothing_else(proje
         "plant.step_timeout=9s",
         "participants.controller.params.kp=150",
     ]
-    # The fingerprint of the recording is known here, that of a stranger's would be asked for.
-    assert programs_of(Recording(strong), "controller", tree=tree).is_known
+    assert programs_of(Recording(strong), "controller", tree=tree).is_yours
 
 
 @pytest.mark.parametrize(
@@ -226,28 +223,15 @@ def test_an_override_of_a_participant_that_is_gone_is_left_out(project):
     assert replay(recording, "controller").steps == 10
 
 
-def test_where_everybody_may_add_a_scenario_only_yours_are_known(project, log, monkeypatch):
+def test_a_scenario_that_others_may_write_is_not_yours(project, log, monkeypatch):
     tree = find_work_tree(Recording(log), "controller")
-    tree.folder.chmod(0o1777)
-    assert tree.is_known
+    assert tree.is_yours
+    tree.file.chmod(0o666)
+    assert not tree.is_yours
+    tree.file.chmod(0o644)
     owner = tree.file.stat().st_uid
     monkeypatch.setattr("os.geteuid", lambda: owner + 1)
-    monkeypatch.setattr(
-        "stepbus_orchestrator.replay.programs.work_tree.is_known_folder", lambda _: True
-    )
-    assert not tree.is_known
-    tree.folder.chmod(0o755)
-    assert tree.is_known
-
-
-def test_overrides_beside_a_strangers_recording_are_asked_for(project, strong, monkeypatch):
-    monkeypatch.setenv("XDG_STATE_HOME", str(project / "state"))
-    known_programs.remember(known_programs.folder_mark(project / "arm"))
-    tree = find_work_tree(Recording(strong), "controller")
-    assert not programs_of(Recording(strong), "controller", tree=tree).is_known
-    strong.with_name("result.json").unlink()
-    tree = find_work_tree(Recording(strong), "controller")
-    assert programs_of(Recording(strong), "controller", tree=tree).is_known
+    assert not tree.is_yours
 
 
 @pytest.mark.parametrize("types", ["evil", "[types.yaml, evil]"])

@@ -12,7 +12,6 @@ from stepbus_orchestrator.analysis.comparison import (
 )
 from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
 from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, Recording, layout
-from stepbus_orchestrator.recording.known_programs import fingerprint, remember
 from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.replay.outputs.recorded import (
@@ -65,8 +64,6 @@ def new_reference(
         order = [scenario.participant(name) for name in Schedule.of(scenario).order]
         yield Recorder(file, order, scenario.step_ns, types=scenario.types)
         part.replace(target)
-        # It holds what has just been started here.
-        remember(fingerprint(text, contents))
     finally:
         file.close()
         part.unlink(missing_ok=True)

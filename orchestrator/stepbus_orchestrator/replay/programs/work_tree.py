@@ -17,7 +17,6 @@ import msgspec
 
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.recording.known_programs import is_known_folder
 from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
@@ -56,13 +55,17 @@ class WorkTree:
         return self.file.parent
 
     @property
-    def is_known(self) -> bool:
-        """Return whether you have run a scenario of this folder on this machine.
+    def is_yours(self) -> bool:
+        """Return whether nobody but you can have written this scenario."""
+        return _is_yours(self.file)
 
-        Where everybody may add one to the folder, as in /tmp, it must also be yours.
-        """
-        is_yours = _owner(self.file) == os.geteuid()
-        return is_known_folder(self.folder) and (is_yours or not _is_open(self.folder))
+    def has(self, name: str, content: bytes) -> bool:
+        """Return whether a file of the folder is yours, and equal to a recorded one."""
+        path = self.folder / name
+        try:
+            return _is_yours(path) and read_file(path) == content
+        except OSError:
+            return False
 
     def participants(self) -> dict[str, Any]:
         """Return the rows of the participants, as the file has them."""
@@ -202,12 +205,13 @@ def _agrees(recorded: Any, value: Any) -> bool:
     return bool(recorded == value)
 
 
-def _is_open(folder: Path) -> bool:
-    """Return whether everybody may write to a folder."""
+def _is_yours(path: Path) -> bool:
+    """Return whether a file belongs to you, and not everybody may write it."""
     try:
-        return bool(folder.stat().st_mode & stat.S_IWOTH)
+        status = path.stat()
     except OSError:
-        return True
+        return False
+    return status.st_uid == os.geteuid() and not status.st_mode & stat.S_IWOTH
 
 
 def _given(given: Path, recorded: Mapping[str, Any], participant: str) -> Path:

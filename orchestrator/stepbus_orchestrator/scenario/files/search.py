@@ -8,16 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant import is_installed, package_path
+from stepbus_participant import is_installed, open_regular, package_path, read_text
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
 from ..model import ParticipantSpec, Scenario
 from ..program import python_target
-from .languages import declared_files, is_virtual, language, loaded_files
 from .names import FileUnreadable, modules_in, names_in
-from .paths import is_file, is_folder
+from .paths import all_below, declared_files, is_file, is_folder, is_virtual, own_below
 
+IGNORE_FILE = ".stepbusignore"
+"""Beside the scenario: patterns of files that are not recorded with a script, a line each."""
+_MOST = 500
+_MOST_BYTES = 16 << 20
+_PYTHON = re.compile(r"(python|pypy)[-.\d]*$")
 _CLASS = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
 
 
@@ -161,7 +165,7 @@ def search_files(scenario: Scenario) -> FileSearch:
         elif source:
             search.module((*row, "participant"), source, [scenario.folder])
         for words in filter(None, (spec.exec, _bridged(spec.exec))):
-            if language(words, scenario.folder) == "python":
+            if _PYTHON.match(Path(words[0]).name):
                 launch, name = python_target(words[1:])
                 if launch == "module":
                     search.module((*row, "exec"), name, [scenario.folder])
@@ -173,15 +177,60 @@ def search_files(scenario: Scenario) -> FileSearch:
 
 
 def _take_loaded(search: FileSearch, spec: ParticipantSpec) -> None:
-    """Take what a program loads and nothing names: by its language, and as it is declared."""
+    """Take what a program may load and nothing names, and what is declared."""
     for words in filter(None, (spec.exec, _bridged(spec.exec))):
-        search.take(loaded_files(words, search.folder))
+        _take_beside(search, spec, words)
     for index, pattern in enumerate(spec.files):
         paths = declared_files(pattern, search.folder)
         if not paths:
             keys: Keys = ("participants", spec.name, "files", index)
             search.mistakes.append((keys, f"no file matches {pattern!r} in {search.folder}"))
         search.take(paths)
+
+
+def _take_beside(search: FileSearch, spec: ParticipantSpec, words: tuple[str, ...]) -> None:
+    """Take what lies beside a script, and below the folders that its command line names.
+
+    What Python imports is known better. A class path has several folders, with `:` between them.
+    """
+    folder = search.folder
+    for word in words:
+        entries = word.removeprefix("-I").split(os.pathsep)
+        for path in (folder / entry.removesuffix("*") for entry in entries if entry):
+            if is_folder(path) and path != folder and path.is_relative_to(folder):
+                search.take(all_below(path))
+            elif len(entries) > 1 and is_file(path) and path.is_relative_to(folder):
+                search.take([path])
+    script = next((folder / word for word in words if is_file(folder / word)), None)
+    if script is None or _PYTHON.match(Path(words[0]).name) or not _is_text(script):
+        return
+    ignored = _lines(folder / IGNORE_FILE)
+    files = list(own_below(script.parent, ignored))
+    if len(files) > _MOST or sum(path.stat().st_size for path in files) > _MOST_BYTES:
+        search.left_out.append(
+            f"what lies beside {script.relative_to(folder)}: more than {_MOST} files, or "
+            f"{_MOST_BYTES >> 20} MiB; declare those of participants.{spec.name} in `files`, or "
+            f"name others in {IGNORE_FILE}"
+        )
+        return
+    search.take(files)
+
+
+def _is_text(script: Path) -> bool:
+    """Return whether an interpreter reads a program; a compiled one loads nothing beside it."""
+    try:
+        with os.fdopen(open_regular(script), "rb") as file:
+            return b"\0" not in file.read(1024)
+    except OSError:
+        return False
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        lines = read_text(path).splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []
+    return [line.strip().removesuffix("/") for line in lines if line.strip() and line[0] != "#"]
 
 
 def _bridged(words: tuple[str, ...]) -> tuple[str, ...]:

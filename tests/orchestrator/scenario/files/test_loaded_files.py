@@ -1,4 +1,4 @@
-"""What a program loads and nothing names is recorded, by its language or as it is declared."""
+"""What a program loads and nothing names is recorded: what lies beside it, or is declared."""
 
 import os
 
@@ -25,42 +25,72 @@ def program(folder, name, text="", mode=0o644):
     return path
 
 
-@pytest.mark.parametrize(
-    ("exec_", "script", "loaded"),
-    [
-        ("[perl, c.pl]", "c.pl", ["lib/Gain/PD.pm", "Old.pm"]),
-        ("[perl, -Ilib, c.pl]", "c.pl", ["lib/Gain/PD.pm"]),
-        ("[sh, c.sh]", "c.sh", []),
-    ],
-)
-def test_modules_of_a_language_are_recorded(tmp_path, monkeypatch, exec_, script, loaded):
+@pytest.mark.parametrize("exec_", ["[perl, own/c.pl]", "[perl, -w, own/c.pl]", "[./own/c.pl]"])
+def test_what_lies_below_the_folder_of_a_script_is_recorded(tmp_path, monkeypatch, exec_):
     monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
-    for name in (script, *loaded, "notes.txt", ".hidden/x.pm", "runs/y.pm"):
+    for name in (
+        "own/lib/PD.pm",
+        "own/gains.csv",
+        "own/.hidden/x.pm",
+        "own/runs/y.pm",
+        "beside.pm",
+    ):
         program(tmp_path, name)
-    assert names(tmp_path, exec_) == sorted([script, *loaded])
+    program(tmp_path, "own/c.pl", "#!/usr/bin/env perl\n", 0o755)
+    assert names(tmp_path, exec_) == ["own/c.pl", "own/gains.csv", "own/lib/PD.pm"]
 
 
-def test_function_files_of_octave_are_recorded(tmp_path, monkeypatch):
-    for name in ("c.m", "gain.m", "+own/law.m", "data.csv"):
+def test_folders_that_a_command_line_names_are_recorded(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
+    for name in ("lib/Gain/PD.pm", "own/c.pl", "other/x.pm"):
         program(tmp_path, name)
+    assert names(tmp_path, "[perl, -Ilib, own/c.pl]") == ["lib/Gain/PD.pm", "own/c.pl"]
+
+
+def test_what_runs_have_left_and_other_scenarios_are_not_recorded(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "octave-cli")), prepend=os.pathsep)
-    assert names(tmp_path, "[octave-cli, --quiet, c.m]") == [
-        "+own/law.m", "c.m", "gain.m",
-    ]  # fmt: skip
+    for name in ("c.m", "+own/law.m", "data.csv", "old.mcap", "out/timing.mcap", "out/result.json"):
+        program(tmp_path, name)
+    program(tmp_path, "other.yaml", "participants: {}\n")
+    assert names(tmp_path, "[octave-cli, --quiet, c.m]") == ["+own/law.m", "c.m", "data.csv"]
 
 
-def test_a_script_says_its_language_itself(tmp_path):
-    program(tmp_path, "control", "#!/usr/bin/env perl\n", 0o755)
-    program(tmp_path, "PD.pm")
-    assert names(tmp_path, "[./control]") == ["PD.pm", "control"]
+def test_a_compiled_program_takes_nothing_beside_it(tmp_path):
+    path = tmp_path / "control"
+    path.write_bytes(b"\x7fELF\0\0")
+    path.chmod(0o755)
+    program(tmp_path, "control.c")
+    assert names(tmp_path, "[./control]") == ["control"]
+
+
+def test_what_is_to_be_ignored_is_not_recorded(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
+    for name in ("c.pl", "PD.pm", "video/a.mp4", "b.mp4"):
+        program(tmp_path, name)
+    program(tmp_path, ".stepbusignore", "# large\n*.mp4\n")
+    assert names(tmp_path, "[perl, c.pl]") == ["PD.pm", "c.pl"]
+
+
+def test_a_folder_with_too_much_in_it_is_told_and_not_recorded(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
+    program(tmp_path, "c.pl")
+    with (tmp_path / "large.bin").open("wb") as file:
+        file.truncate((16 << 20) + 1)
+    scenario = load_text(tmp_path, started("[perl, c.pl]"))
+    assert list(files(scenario)) == ["c.pl"]
+    (sentence,) = left_out(scenario)
+    assert sentence.startswith(
+        "what lies beside c.pl: more than 500 files, or 16 MiB; declare those"
+    )
 
 
 def test_a_class_path_of_java_is_recorded(tmp_path):
     for name in ("build/own/Controller.class", "lib/a.jar", "lib/notes.txt", "x.jar", "other.jar"):
         program(tmp_path, name)
     program(tmp_path, "java", "", 0o755)
+    (tmp_path / "java").write_bytes(b"\x7fELF\0")
     assert names(tmp_path, "[./java, -cp, 'build:lib/*:x.jar', own.Controller]") == [
-        "build/own/Controller.class", "java", "lib/a.jar", "x.jar",
+        "build/own/Controller.class", "java", "lib/a.jar", "lib/notes.txt", "x.jar",
     ]  # fmt: skip
 
 
