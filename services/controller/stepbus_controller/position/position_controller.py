@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from stepbus_controller.position import Params
 from stepbus_kinematics import Vector, joint_orders
 from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (
@@ -15,8 +16,6 @@ from stepbus_schemas import (
     Message,
     due_step,
 )
-
-from .params import Params
 
 
 class PositionController(Participant):

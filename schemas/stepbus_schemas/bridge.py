@@ -1,10 +1,10 @@
-"""The numbers of a message in format `raw` of the bridge (docs/guide/writing/bridge.md, B3)."""
+"""What the bridge speaks to a program: text, lines, bytes."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from stepbus_schemas.derived.schema import json_schema, not_null
 from stepbus_schemas.messages import JointCommand, JointMode, JointState, Message
@@ -195,3 +195,34 @@ def _nested(values: list[Any], field: RawField) -> Any:
         count = int(size)
         found = [tuple(found[i : i + count]) for i in range(0, len(found), count)]
     return tuple(found) if field.sizes[0].isdigit() else found
+
+
+BridgeFormat = Literal["json", "msgpack", "raw"]
+
+BRIDGE_FORMATS: tuple[str, ...] = get_args(BridgeFormat)
+
+
+def raw_problem(
+    publishes: str,
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, str],
+    types: Types = SHIPPED,
+) -> str:
+    """Return why format `raw` cannot carry a participant; empty where it can.
+
+    inputs, outputs: port → message type. types: of the scenario.
+    """
+    if publishes == "first":
+        return "raw cannot publish first; use json or msgpack"
+    ports = [*inputs.items(), *outputs.items()]
+    others = [
+        f"{name} ({type_name})"
+        for name, type_name in ports
+        if type_name in types and not raw_fields(type_name, types)
+    ]
+    if others:
+        return (
+            f"raw carries types of numbers alone, not {', '.join(others)}; leave it out, or use "
+            "json or msgpack"
+        )
+    return "" if outputs else "raw needs an output: it is the program's answer"

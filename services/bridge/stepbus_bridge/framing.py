@@ -7,9 +7,8 @@ OutputError (of stepbus)
 from pathlib import Path
 from typing import Protocol
 
+from stepbus_bridge.program import Program
 from stepbus_participant import HOST, OutputError, last_error
-
-from .program import Program
 
 MOST_BYTES = 16 << 20
 """Longest message of a program."""

@@ -5,10 +5,9 @@ Run as `stepbus_mission.goals:GoalSequence`.
 
 from collections.abc import Mapping
 
+from stepbus_mission.goals import Params
 from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import Description, Event, GoalStatus, Message, RunError
-
-from .params import Params
 
 
 class GoalSequence(Participant):

@@ -7,6 +7,10 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
+from stepbus_controller import Params
+from stepbus_controller.laws import LAWS, Reference, Steered, check_gains, gains_of, make_law
+from stepbus_controller.robot import make_robot
+from stepbus_controller.velocity import Sample, VelocityEstimator, make_estimator
 from stepbus_kinematics import Smoother, Vector, delay_warning, joint_orders, make_smoother
 from stepbus_participant import (
     Config,
@@ -27,11 +31,6 @@ from stepbus_schemas import (
     RunError,
     due_step,
 )
-
-from .laws import LAWS, Reference, Steered, check_gains, gains_of, make_law
-from .params import Params
-from .robot import make_robot
-from .velocity import Sample, VelocityEstimator, make_estimator
 
 TORQUE_UNITS = {
     "kp": "N·m/rad",

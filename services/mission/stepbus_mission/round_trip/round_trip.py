@@ -1,17 +1,18 @@
-"""Sends the arms to random poses and measures how accurately they reach them.
+"""Random poses that a robot can reach."""
 
-Run as `stepbus_mission.round_trip:RoundTrip`. It verifies the whole chain: the target comes from
-the model, the measurement from the plant, and between them lie inverse kinematics, the bus, the
-motors and gravity.
-"""
-
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from stepbus_kinematics import RobotModel
+from stepbus_mission.round_trip import Params
 from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
 from stepbus_schemas import (
     Description,
@@ -24,9 +25,94 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .params import Params
-from .reachable import ReachablePoses
-from .report import Trip, summary
+
+class ReachablePoses:
+    """Draws reachable poses of a robot from joint positions within its limits.
+
+    path: URDF. frame: that the poses are given in. seed: of the draw.
+    Raises WiringError for a file that is not a URDF, or an unknown frame.
+    """
+
+    def __init__(self, path: Path, frame: str, seed: int) -> None:
+        self._robot = RobotModel(path)
+        self._frame = frame
+        self._random = np.random.Generator(np.random.PCG64(seed))
+        self.check([frame])
+
+    def check(self, tips: Sequence[str]) -> None:
+        """Raise WiringError for unknown frames."""
+        try:
+            for tip in tips:
+                self._robot.frame_id(tip)
+        except RunError as exc:
+            raise WiringError(str(exc)) from exc
+
+    def draw(self, tip: str) -> Any:
+        """Return a pose of a frame, as `pinocchio.SE3`; joints that do not move it are neutral."""
+        robot = self._robot
+        q = np.zeros(len(robot.joints))
+        for index in robot.chain(tip):
+            q[index] = self._random.uniform(robot.lower[index], robot.upper[index])
+        return robot.frame_pose(q, self._frame).actInv(robot.frame_pose(q, tip))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trip:
+    """The result of one pose.
+
+    position_error [m], orientation_error [rad]: of the tip, measured by the plant. named: the
+    controller's warning that the motors cannot hold the pose; empty: none. settled: whether it came
+    to rest at the target.
+    """
+
+    position_error: float
+    orientation_error: float
+    named: str = ""
+    settled: bool = True
+
+    def is_good(self, position: float, orientation: float) -> bool:
+        """Return whether it is within a tolerance [m, rad]."""
+        return self.position_error <= position and self.orientation_error <= orientation
+
+    def __str__(self) -> str:
+        text = f"{self.position_error * 1e3:.3f} mm, {math.degrees(self.orientation_error):.4f}°"
+        return text + ("" if self.settled else ", not settled")
+
+
+def summary(
+    arm: str, trips: Sequence[Trip], refused: Counter[str], position: float, orientation: float
+) -> tuple[bool, str]:
+    """Return whether exactly the named poses missed, and a sentence with the numbers.
+
+    refused: cause → number of rejected poses. position [m], orientation [rad]: tolerance.
+    """
+    good = [trip for trip in trips if trip.is_good(position, orientation)]
+    bad = [trip for trip in trips if not trip.is_good(position, orientation)]
+    named = [trip for trip in trips if trip.named]
+    unnamed_bad = sum(not trip.named for trip in bad)
+    named_good = sum(trip.is_good(position, orientation) for trip in named)
+    tolerance = f"{position * 1e3:g} mm and {math.degrees(orientation):.1f}°"
+    parts = [f"{arm}: {len(good)} of {len(trips)} poses within {tolerance}"]
+    if good:
+        parts.append(_spread(good))
+    parts.append(
+        f"{len(named)} named not holdable beforehand, {len(named) - named_good} of them missed; "
+        f"{unnamed_bad} missed without being named"
+    )
+    if refused:
+        rows = ", ".join(f"{count} {cause}" for cause, count in sorted(refused.items()))
+        parts.append(f"drawn and not gone to: {rows}")
+    return not unnamed_bad and not named_good, "; ".join(parts)
+
+
+def _spread(trips: Sequence[Trip]) -> str:
+    positions = [trip.position_error * 1e3 for trip in trips]
+    angles = [math.degrees(trip.orientation_error) for trip in trips]
+    return (
+        f"of these median {median(positions):.3f} mm and {median(angles):.4f}°, "
+        f"worst {max(positions):.3f} mm and {max(angles):.4f}°"
+    )
+
 
 LogEntry = tuple[bool, str]
 """Whether all is well, and a sentence."""

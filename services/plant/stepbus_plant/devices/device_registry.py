@@ -1,25 +1,48 @@
-"""The devices of a world, and the port of each."""
+"""The planogram: where things belong, as far as the shop knows that without looking."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
 
 from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
+from stepbus_plant.devices.base import Base, BaseDriver
+from stepbus_plant.devices.contacts import ContactSensor, name_links
+from stepbus_plant.devices.gripper import Gripper, GripperDriver
+from stepbus_plant.devices.poses import LinkIndex, link_indices
+from stepbus_plant.devices.readings import Noise
 from stepbus_plant.joints.commander import Commander
-from stepbus_plant.joints.warnings import Warnings
+from stepbus_plant.joints.sensing import Warnings
 from stepbus_plant.params import Params
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 from stepbus_plant.world.declaration import BaseSettings, GripperSettings
 from stepbus_plant.world.file import World
-from stepbus_schemas import Description, Message, WiringError
+from stepbus_plant.world.stock import Item
+from stepbus_schemas import Description, Message, Point, Poses, Quaternion, WiringError
 
-from .base import Base, BaseDriver
-from .contacts import ContactSensor, name_links
-from .gripper import Gripper, GripperDriver
-from .poses import LinkIndex, link_indices
-from .sensors.noise import Noise
+PORT = "planogram"
+"""Name of an output of type Poses/1 that carries it, instead of the true poses."""
+
+_CENTIMETRE = 0.01
+
+
+def planogram(names: list[str], poses: Poses, items: Mapping[str, Item]) -> Poses:
+    """Return where links belong: items in their slots, to the centimetre; all else as surveyed.
+
+    names: of the links. poses: the true ones before the run. items: by the name of their link.
+    """
+    rows = zip(names, poses.position, poses.orientation, strict=True)
+    found = [_slot(items[name]) if name in items else (at, turn) for name, at, turn in rows]
+    return Poses(position=[at for at, _ in found], orientation=[turn for _, turn in found])
+
+
+def _slot(item: Item) -> tuple[Point, Quaternion]:
+    x, y = (round(value / _CENTIMETRE) * _CENTIMETRE for value in item.slot[:2])
+    half = item.slot_yaw / 2
+    return (x, y, item.slot[2]), (0.0, 0.0, math.sin(half), math.cos(half))
+
 
 INPUTS = ("BaseCommand/1", "GripperCommand/1")
 OUTPUTS = ("BaseState/1", "Contacts/1", "GripperState/1")
