@@ -1,12 +1,40 @@
-"""What an export wrote, and what it could not."""
+"""The files that an export writes, and how far it is."""
 
-from collections.abc import Collection, Sequence
+import sys
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_schemas import ENVELOPE_TYPES, StepbusError
+
+Reached = Callable[[int], None]
+"""Takes the step that was reached."""
+
+
+@contextmanager
+def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
+    """Show how far an export has come, where the standard error is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _step: None
+        return
+    # It takes a tenth of a second to load.
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as bar:
+        task = bar.add_task(what, total=max(1, last_step))
+        yield lambda step: bar.update(task, completed=step)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,9 +6,9 @@ from typing import Any
 
 from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
-from stepbus_tools.sweep.work import Row, Value
-
-from .journal import Journal
+from stepbus_tools.sweep.journal import Journal
+from stepbus_tools.sweep.sweep_metrics import Value
+from stepbus_tools.sweep.trial import Row
 
 TABLE_FILE = "results.parquet"
 TIMES_FILE = "times.parquet"

@@ -16,7 +16,7 @@ import msgspec
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import append_to
 from stepbus_schemas import UNDECODABLE, explained
-from stepbus_tools.sweep.work import Row
+from stepbus_tools.sweep.trial import Row
 
 ROWS_FILE = "rows.jsonl"
 _decode = msgspec.json.Decoder(Row).decode

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from stepbus_orchestrator.errors import argument
 from stepbus_participant import need
 from stepbus_schemas import WiringError
-
-from .axes import Axis
+from stepbus_tools.sweep.axes import Axis
 
 SAMPLINGS = ("random", "latin", "sobol", "halton")
 SEED = "seed"

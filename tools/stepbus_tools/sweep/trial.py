@@ -18,10 +18,10 @@ from stepbus_orchestrator.toolkit import Options, Result, check_scenario, host_o
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.report import write_report
-from stepbus_tools.sweep.space import FAULTS, Point
-
-from .content import Content
-from .metrics import Metrics, Value, builtin_metrics
+from stepbus_tools.sweep.axes import FAULTS
+from stepbus_tools.sweep.content import Content
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
 
 KEEP = ("all", "failed", "none")
 NO_FAULT = "none"

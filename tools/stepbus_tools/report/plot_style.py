@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from stepbus_tools.report.curves.curve import Line
+from stepbus_tools.report.curves import Line
 
 _COLOURS = ("#1f77b4", "#d95f02", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#17becf")
 _MOST_ROWS = 12

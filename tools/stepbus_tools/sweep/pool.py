@@ -22,10 +22,9 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.toolkit import PYTHON
 from stepbus_participant import need, write_file
-from stepbus_tools.sweep.space import Point
-
-from .content import Content
-from .trial import Row, Trials, failed_row
+from stepbus_tools.sweep.content import Content
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.trial import Row, Trials, failed_row
 
 _MARK = ".reach"
 _TEMPORARY = "stepbus-ray-"

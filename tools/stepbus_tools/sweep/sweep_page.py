@@ -12,10 +12,9 @@ from typing import Any
 
 from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
+from stepbus_tools.sweep.journal import Journal
 from stepbus_tools.sweep.spec import Spec
-from stepbus_tools.sweep.work import Row
-
-from .journal import Journal
+from stepbus_tools.sweep.trial import Row
 
 PAGE_FILE = "report.html"
 MOST_ROWS = 20_000
