@@ -7,27 +7,49 @@ participant is a process, and loads this at every start.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .codec import UNDECODABLE, Decoder, encode, encoding_of, message_class, type_name
+from stepbus_schemas.codec import (
+    UNDECODABLE,
+    Decoder,
+    Shape,
+    encode,
+    encoding_of,
+    message_class,
+    parse_shapes,
+    type_name,
+)
+from stepbus_schemas.messages import *
+
 from .errors import MessageError, RunError, StepbusError, WiringError
-from .messages import *
 from .protocol import *
 from .schedule import due_step
-from .shapes import Shape, parse_shapes
 from .types import SHIPPED, Types, class_declaration, declaration_of, type_problems
 from .types.decode_errors import explained
 from .words import error_text, text_of, valid_unicode
 
 if TYPE_CHECKING:
-    from .bridge.formats import BRIDGE_FORMATS, BridgeFormat, raw_problem
-    from .bridge.raw_layout import RawField, RawLayout, raw_fields
-    from .derived.schema import json_schema, not_null
+    from stepbus_schemas.bridge import (
+        BRIDGE_FORMATS,
+        BridgeFormat,
+        RawField,
+        RawLayout,
+        raw_fields,
+        raw_problem,
+    )
+    from stepbus_schemas.derived.schema import json_schema, not_null
+
     from .derived.tables import raw_table, types_page
     from .derived.vectors import types_vectors
     from .types.units import unit_problem
 
 _MODULES = {
-    "bridge.formats": ("BRIDGE_FORMATS", "BridgeFormat", "raw_problem"),
-    "bridge.raw_layout": ("RawField", "RawLayout", "raw_fields"),
+    "bridge": (
+        "BRIDGE_FORMATS",
+        "BridgeFormat",
+        "RawField",
+        "RawLayout",
+        "raw_fields",
+        "raw_problem",
+    ),
     "derived.schema": ("json_schema", "not_null"),
     "derived.tables": ("raw_table", "types_page"),
     "derived.vectors": ("types_vectors",),

@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_schemas.derived.schema import json_schema
+from stepbus_schemas.messages import MESSAGE_TYPES
+
 from .derived.published import Published, broken, published
-from .derived.schema import json_schema
 from .derived.tables import messages_page
 from .derived.vectors import from_notation, line_by_line, vectors
-from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES, PROTOCOL_VERSION
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ import pytest
 import stepbus
 import stepbus_scenarios
 from stepbus import messages
-from stepbus_tools.report.lateness import read_lateness
+from stepbus_tools.report.summary import read_lateness
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 SHORT = {"duration": "100ms"}

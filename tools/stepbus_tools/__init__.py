@@ -8,13 +8,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stepbus_tools.sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
+    from stepbus_tools.sweep import sweep as sweep_scenario
+    from stepbus_tools.viewing.exports import Exported, damage_line
+    from stepbus_tools.viewing.exports import export as export_recording
+    from stepbus_tools.viewing.page import report as report_recordings
+
     from .figures import Comparison, FieldError, Metrics
     from .figures import compare as compare_recordings
-    from .sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
-    from .sweep import sweep as sweep_scenario
-    from .viewing.exports import Exported, damage_line
-    from .viewing.exports import export as export_recording
-    from .viewing.page import report as report_recordings
 
 _HOMES = {
     "Comparison": "figures",

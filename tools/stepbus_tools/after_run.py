@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .report import write_report
+from stepbus_tools.report import write_report
 
 
 def after_run(recording: Path, *, has_plots: bool) -> list[str]:
@@ -13,6 +13,6 @@ def after_run(recording: Path, *, has_plots: bool) -> list[str]:
     lines = write_report(recording, has_plots=has_plots)
     if not has_plots:
         return lines
-    from .viewing.page import page_line  # noqa: PLC0415  (loads NumPy)
+    from stepbus_tools.viewing.page import page_line  # noqa: PLC0415  (loads NumPy)
 
     return [*lines, page_line(recording, lines)]

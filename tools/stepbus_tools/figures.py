@@ -15,8 +15,8 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.toolkit import Array, Result
 from stepbus_participant import need, suggest
 from stepbus_schemas import StepbusError, WiringError
+from stepbus_tools.sweep.sweep_metrics import builtin_metrics
 
-from .sweep.work.metrics import builtin_metrics
 from .viewing.exports.columns import CLOCK, Column, Table
 
 _OWN = "stepbus/"

@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from stepbus_schemas.bridge.raw_layout import raw_fields
+from stepbus_schemas.bridge import raw_fields
+from stepbus_schemas.derived.schema import json_schema, not_null
 from stepbus_schemas.messages import MESSAGE_TYPES
 from stepbus_schemas.protocol import ENVELOPE_TYPES
 from stepbus_schemas.types import SHIPPED, Types
-
-from .schema import json_schema, not_null
 
 _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. -->"
 

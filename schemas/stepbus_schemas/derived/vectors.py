@@ -15,11 +15,11 @@ from typing import Any
 
 import msgspec
 
+from stepbus_schemas.derived.schema import json_schema, not_null
 from stepbus_schemas.protocol import PROTOCOL_VERSION
 from stepbus_schemas.types import Types, examples
 
 from .refusals import Refusal, Value, refusals
-from .schema import json_schema, not_null
 
 NOTATION = (
     "Values are JSON, with four additions. "

@@ -4,7 +4,16 @@ SI units throughout. Every vector is in the order of `names` in the port's descr
 be added with a default; any other change is a new major version and a new row in `MESSAGE_TYPES`.
 """
 
-from .base import Message, Point, Quaternion, meta
+from stepbus_schemas.messages.base import (
+    BytesMessage,
+    Message,
+    Point,
+    Quaternion,
+    Scalars,
+    TextMessage,
+    meta,
+)
+
 from .robot import (
     BaseCommand,
     BaseState,
@@ -30,7 +39,6 @@ from .robot import (
     Spiral,
 )
 from .sensors import Imu, LaserScan, PointCloud, Transforms, Wrench
-from .values import BytesMessage, Scalars, TextMessage
 
 __all__ = [
     "MESSAGE_TYPES",

@@ -2,7 +2,7 @@
 
 import contextlib
 from types import NoneType
-from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -66,3 +66,22 @@ def _words(cls: type) -> list[tuple[str, tuple[Any, ...]]]:
             none = (None,) if NoneType in options else ()
             found.append((name, tuple(w for o in options for w in get_args(o)) + none))
     return found
+
+
+class Scalars(Message, frozen=True):
+    """Named numbers; the port's description has their names."""
+
+    values: Annotated[list[float], meta("one number for each name", "", "n")]
+
+
+class TextMessage(Message, frozen=True):
+    """A text, of type `Text/1`."""
+
+    text: Annotated[str, meta("the text")]
+
+
+class BytesMessage(Message, frozen=True):
+    """Bytes that stepbus does not read, of type `Bytes/1`; large ones belong on a bulk port."""
+
+    data: Annotated[bytes, meta("the bytes")]
+    format: Annotated[str, meta("what they are, such as a media type; empty: agreed upon")] = ""

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from .base import Message, Point, Quaternion, meta
+from stepbus_schemas.messages.base import Message, Point, Quaternion, meta
 
 
 class JointState(Message, frozen=True):

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from .base import Message, Point, Quaternion, meta
+from stepbus_schemas.messages.base import Message, Point, Quaternion, meta
 
 
 class Imu(Message, frozen=True):

@@ -2,9 +2,8 @@
 
 import sys
 
+from stepbus_bridge import bridge_to
 from stepbus_participant import main
-
-from . import bridge_to
 
 if __name__ == "__main__":
     sys.exit(main(bridge_to(sys.argv[1:])))

@@ -6,10 +6,10 @@ from typing import Any
 
 import msgspec
 
+from stepbus_bridge.bridge import BridgedProgram
 from stepbus_participant import Config, Participant
 from stepbus_schemas import BRIDGE_FORMATS, UNDECODABLE, explained
 
-from .bridge import BridgedProgram
 from .map_bridge import MapBridge
 from .raw_bridge import RawBridge
 

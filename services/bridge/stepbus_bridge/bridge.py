@@ -6,6 +6,8 @@ from typing import Any
 
 import msgspec
 
+from stepbus_bridge.framing import Framing, Link
+from stepbus_bridge.program import Program
 from stepbus_participant import Config, Participant
 from stepbus_schemas import (
     SHIPPED,
@@ -17,9 +19,6 @@ from stepbus_schemas import (
     json_schema,
     not_null,
 )
-
-from .link import Framing, Link
-from .program import Program
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,10 @@ from typing import Any
 import msgspec
 from msgspec.structs import astuple
 
+from stepbus_bridge.bridge import Bridge, BridgedProgram
+from stepbus_bridge.framing import BridgeError, show
 from stepbus_participant import Config, Step
 from stepbus_schemas import PROTOCOL_VERSION, Description, Message, Types, WiringError, explained
-
-from .bridge import Bridge, BridgedProgram
-from .link import BridgeError, show
 
 _to_json = msgspec.json.Encoder().encode
 _to_msgpack = msgspec.msgpack.Encoder().encode

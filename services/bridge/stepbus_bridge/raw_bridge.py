@@ -4,6 +4,7 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 
+from stepbus_bridge.bridge import Bridge, BridgedProgram
 from stepbus_participant import Config, Step
 from stepbus_schemas import (
     PROTOCOL_VERSION,
@@ -14,8 +15,6 @@ from stepbus_schemas import (
     WiringError,
     raw_problem,
 )
-
-from .bridge import Bridge, BridgedProgram
 
 Row = list[float]
 _LACKING = {"names": "joints", "shape": "length"}

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from stepbus_controller import Params
 from stepbus_kinematics import Vector
 from stepbus_participant import Config, PerName, make_plugin
 
-from .params import Params
 from .robot import Robot
 
 NOTHING: Vector = np.zeros(0)

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stepbus_controller import Params
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant import Config
 from stepbus_schemas import WiringError
-
-from .params import Params
 
 
 @dataclass(frozen=True, kw_only=True)

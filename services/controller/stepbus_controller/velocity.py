@@ -5,9 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
+from stepbus_controller import Params
 from stepbus_kinematics import Vector
-
-from .params import Params
 
 Sample = tuple[list[float], int]
 """A vector, shape (n,), and when it was measured [ns]."""

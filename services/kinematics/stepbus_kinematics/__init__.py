@@ -1,26 +1,53 @@
-"""One wrapper of a Pinocchio model, and what services that move joints share.
+"""Parameters that services which move joints share."""
 
-What loads Pinocchio is imported when it is first used: parameters are checked without.
-"""
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from typing import TYPE_CHECKING
+from stepbus_participant import Count, Positive, Settings, imported_later, when
+from stepbus_participant.parameters import Keys
 
-from stepbus_participant import imported_later
+Smoothing = Literal["none", "low_pass", "savitzky_golay"]
+TimeConstant = Annotated[Positive, when(smoothing="low_pass")]
+Window = Annotated[Count, when(smoothing="savitzky_golay")]
 
-from .params import Smoothing, SmoothingParams, TimeConstant, Window, window_problems
+
+class SmoothingParams(Settings):
+    """How measurements are smoothed."""
+
+    smoothing: Smoothing = "none"
+    """Filter of the measurements; the status reports its delay."""
+    time_constant: TimeConstant
+    """τ of the low pass [s]."""
+    window: Window
+    """Samples of the Savitzky-Golay filter, an odd number from 5 on."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong with the window."""
+        yield from window_problems(self.smoothing, self.window)
+
+
+def window_problems(smoothing: Smoothing, window: int) -> Iterator[tuple[Keys, str]]:
+    """Yield what is wrong with a number of samples."""
+    is_odd = window in range(5, 1000) and window % 2 == 1
+    if smoothing == "savitzky_golay" and not is_odd:
+        yield ("window",), f"must be an odd number from 5 to 999, not {window}"
+
 
 if TYPE_CHECKING:
-    from .geometry import collision_geometry, radius_from
-    from .joint_order import JointOrder, joint_orders
-    from .model import Indices, Overload, RobotModel, Vector
-    from .self_collisions import LinkPair, SelfCollisions
-    from .smoothing import Smoother, delay_warning, make_smoother
+    from stepbus_kinematics.joint_order import JointOrder, joint_orders
+    from stepbus_kinematics.model import Indices, Overload, RobotModel, Vector
+    from stepbus_kinematics.self_collisions import (
+        LinkPair,
+        SelfCollisions,
+        collision_geometry,
+        radius_from,
+    )
+    from stepbus_kinematics.smoothing import Smoother, delay_warning, make_smoother
 
 _MODULES = {
-    "geometry": ("collision_geometry", "radius_from"),
     "joint_order": ("JointOrder", "joint_orders"),
     "model": ("Indices", "Overload", "RobotModel", "Vector"),
-    "self_collisions": ("LinkPair", "SelfCollisions"),
+    "self_collisions": ("LinkPair", "SelfCollisions", "collision_geometry", "radius_from"),
     "smoothing": ("Smoother", "delay_warning", "make_smoother"),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from stepbus_kinematics.self_collisions import collision_geometry, keep_moving_pairs
 from stepbus_schemas import WiringError
 
-from .geometry import collision_geometry, keep_moving_pairs
 from .model import RobotModel
 
 _SAMPLES = 10_000

@@ -11,8 +11,9 @@ from stepbus_participant import imported_later
 from .params import Params
 
 if TYPE_CHECKING:
+    from stepbus_plant.plant import SimulatedPlant
+
     from .participant import Plant
-    from .plant import SimulatedPlant
     from .world.file import World, load_world
 
 _MODULES = {

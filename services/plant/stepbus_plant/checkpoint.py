@@ -13,9 +13,9 @@ from typing import Any
 import msgspec
 import pybullet as bullet
 
+from stepbus_plant.joints.sensing import Sensors, Warnings
+
 from .joints.drives import Drive
-from .joints.sensing import Sensors
-from .joints.warnings import Warnings
 from .params import Params
 from .physics.engine import Physics
 from .world.file import World

@@ -16,6 +16,13 @@ from stepbus_participant import (
     format_duration,
     installed_version,
 )
+from stepbus_plant import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
+from stepbus_plant.devices import camera
+from stepbus_plant.devices import device_registry as devices
+from stepbus_plant.devices import sensor_registry as sensors
+from stepbus_plant.devices.device_registry import Driver
+from stepbus_plant.plant import SimulatedPlant
+from stepbus_plant.world.script import WorldCalls
 from stepbus_schemas import (
     Description,
     Event,
@@ -26,17 +33,9 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from . import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
-from .devices import camera
-from .devices import planogram as plan
-from .devices import registry as devices
 from .devices.base import BaseDriver
-from .devices.registry import Driver
-from .devices.sensors import registry as sensors
 from .joints.commander import Commander
 from .params import Params
-from .plant import SimulatedPlant
-from .world.calls import WorldCalls
 from .world.file import load_world
 
 _TYPES = {
@@ -176,10 +175,10 @@ class Plant(Participant):
         messages: dict[str, Message] = dict.fromkeys(self._state_ports, state)
         if self._pose_ports and self.plant.t_ns % self._poses_period == 0:
             messages.update(dict.fromkeys(self._pose_ports, self._poses.sense()))
-        if plan.PORT in self._pose_ports:
-            messages.pop(plan.PORT, None)
+        if devices.PORT in self._pose_ports:
+            messages.pop(devices.PORT, None)
             if self.plant.t_ns == 0:
-                messages[plan.PORT] = self._planogram
+                messages[devices.PORT] = self._planogram
         # A small arm has none of these, and a step of it is short.
         if self._devices:
             messages.update(self._sensed())

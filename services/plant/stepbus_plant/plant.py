@@ -7,28 +7,24 @@ from typing import Any
 import msgspec
 
 from stepbus_participant import Problems, suggest
+from stepbus_plant.checkpoint import can_save, pack, unpack
+from stepbus_plant.devices.camera import Cameras, Lens
+from stepbus_plant.devices.device_registry import Devices, planogram
+from stepbus_plant.devices.gripper import Gripper
+from stepbus_plant.devices.poses import PoseSensor
+from stepbus_plant.devices.sensor_registry import WorldSensors
+from stepbus_plant.errors import PhysicsError
+from stepbus_plant.joints.calls import JointCalls
+from stepbus_plant.joints.commander import Commander
+from stepbus_plant.joints.drives import locate_joints, make_drives
+from stepbus_plant.joints.sensing import Sensors, Values, Warnings
+from stepbus_plant.params import Params
+from stepbus_plant.physics.engine import Physics
+from stepbus_plant.physics.joint import Joint, describe_joints
+from stepbus_plant.physics.kinematic import NOTICE, Kinematics
+from stepbus_plant.world.file import World
+from stepbus_plant.world.script import Script, check_script
 from stepbus_schemas import Description, JointState, Point, Poses, WiringError
-
-from .checkpoint import can_save, pack, unpack
-from .devices.camera import Cameras
-from .devices.gripper import Gripper
-from .devices.lens import Lens
-from .devices.planogram import planogram
-from .devices.poses import PoseSensor
-from .devices.registry import Devices
-from .devices.sensors.registry import WorldSensors
-from .errors import PhysicsError
-from .joints.calls import JointCalls
-from .joints.commander import Commander
-from .joints.drives import locate_joints, make_drives
-from .joints.sensing import Sensors, Values
-from .joints.warnings import Warnings
-from .params import Params
-from .physics.engine import Physics
-from .physics.joint import Joint, describe_joints
-from .physics.kinematic import NOTICE, Kinematics
-from .world.file import World
-from .world.script import Script, check_script
 
 
 class SimulatedPlant:

@@ -7,8 +7,8 @@ from stepbus_participant import imported_later
 from .params import Params
 
 if TYPE_CHECKING:
-    from .participant import StoreMission
+    from stepbus_store.mission.store_mission import StoreMission
 
 __all__ = ["Params", "StoreMission"]
 
-__getattr__ = imported_later(__name__, {"StoreMission": "participant"})
+__getattr__ = imported_later(__name__, {"StoreMission": "store_mission"})

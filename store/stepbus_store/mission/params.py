@@ -8,9 +8,9 @@ import msgspec
 
 from stepbus_participant import Count, File, Finite, Positive, Settings, Text, Vector3, suggest
 from stepbus_participant.parameters import Keys
+from stepbus_store.mission.stock import types_in
 
 from .geometry import Spot
-from .goods.catalog import types_in
 
 
 class Order(Settings):

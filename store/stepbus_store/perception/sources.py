@@ -1,12 +1,113 @@
-"""What a scenario says about a participant that perceives."""
+"""Where detections come from: cameras, or the truth of the simulation."""
 
 import importlib.util
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from stepbus_participant import Config, Ports, Problems, extra_hint
+import numpy as np
 
-from .params import Params
-from .robot import CameraMount
+from stepbus_kinematics import JointOrder, RobotModel
+from stepbus_participant import Config, Ports, Problems, extra_hint, suggest
+from stepbus_schemas import Detections, JointState, Poses, RunError, WiringError
+from stepbus_store.perception import Params
+from stepbus_store.perception.images import Pose, Vector, inverse_times, rotation
+from stepbus_store.perception.item_catalog import Catalog
+
+
+class CameraMount:
+    """A camera on a robot.
+
+    path: URDF or xacro. joints: those that move the camera; all others stand at neutral. camera:
+    link, its optical frame. frame: link that the camera's pose is given in, z up.
+    Raises WiringError that lists all that the model lacks.
+    """
+
+    def __init__(self, path: Path, joints: Sequence[str], camera: str, frame: str) -> None:
+        self._robot = RobotModel(path, joints, links=(frame, camera))
+        self._camera, self._frame = camera, frame
+        self.joints = self._robot.joints
+
+    def pose(self, angles: Sequence[float]) -> Pose:
+        """Return where the camera is in the frame; angles: of the joints, in their order [rad]."""
+        q = np.array(angles, dtype=np.float64)
+        frame, camera = (self._robot.frame_pose(q, name) for name in (self._frame, self._camera))
+        pose = frame.actInv(camera)
+        return Pose(rotation=pose.rotation.copy(), position=pose.translation.copy())
+
+
+def read_angles(order: JointOrder, port: str, state: JointState) -> list[float]:
+    """Return the angles in an order [rad]; port: where they come from.
+
+    Raises RunError for a state without them, or with one that is no finite number.
+    """
+    angles = order.pick(state.position, "position")
+    if not np.isfinite(angles).all():
+        raise RunError(f"input {port!r}: {angles} rad are not all finite numbers")
+    read: list[float] = angles.tolist()
+    return read
+
+
+class Truth:
+    """Turns true poses into detections of every item.
+
+    port: name of the input with the poses, for messages. links: names of its links. frame: link
+    that the detections are given in. prefix: what its name begins with among the links.
+    Raises WiringError unless the frame is one of the links.
+    """
+
+    def __init__(
+        self, port: str, links: Sequence[str], catalog: Catalog, frame: str, prefix: str = ""
+    ) -> None:
+        link = prefix + frame
+        if link not in links:
+            raise WiringError(f"input {port!r} has no link {link!r}{suggest(link, links)}")
+        self._port = port
+        self._links = list(links)
+        self._name, self._frame = frame, links.index(link)
+        self._items = [(links.index(link), name) for link, name in catalog.items.items()]
+        self._centres = {item_type.name: item_type.centre for item_type in catalog.types}
+
+    def detections(self, poses: Poses) -> Detections:
+        """Return all items, in the order of the links, with confidence 1.
+
+        Raises RunError for a wrong number of poses, and for an invalid one.
+        """
+        count = len(self._links)
+        if len(poses.position) != count or len(poses.orientation) != count:
+            raise RunError(
+                f"input {self._port!r}: {count} poses expected, {len(poses.position)} received"
+            )
+        indices = [index for index, _ in self._items]
+        self._check(poses, [self._frame, *indices])
+        origin, orientation = poses.position[self._frame], poses.orientation[self._frame]
+        axes = rotation(orientation)
+        centres = [self._centre(poses, index, name) - origin for index, name in self._items]
+        return Detections(
+            frame=self._name,
+            types=[name for _, name in self._items],
+            position=[tuple((centre @ axes).tolist()) for centre in centres],
+            orientation=[inverse_times(orientation, poses.orientation[n]) for n in indices],
+            confidence=[1.0] * len(indices),
+        )
+
+    def _check(self, poses: Poses, indices: Sequence[int]) -> None:
+        """Raise RunError for a pose that is not finite or has a zero quaternion."""
+        for index in indices:
+            position, orientation = poses.position[index], poses.orientation[index]
+            if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*orientation) < math.inf):
+                raise RunError(
+                    f"input {self._port!r}: {self._links[index]} has an invalid pose: "
+                    f"position {position}, orientation {orientation}"
+                )
+
+    def _centre(self, poses: Poses, index: int, item_type: str) -> Vector:
+        """Return the centre of an item in the world, shape (3,) [m]."""
+        offset = rotation(poses.orientation[index]) @ self._centres[item_type]
+        centre: Vector = poses.position[index] + offset
+        return centre
+
 
 _IMAGE = "Image/1"
 

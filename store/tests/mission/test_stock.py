@@ -6,9 +6,9 @@ import pytest
 
 from stepbus_schemas import Contacts, Description, Poses, RunError, WiringError
 from stepbus_store.mission.geometry import Spot, nearest_quarter, tilt_of, yaw_of
-from stepbus_store.mission.goods.stock import Stock, measures
-from stepbus_store.mission.goods.witness import Moved, Witness
 from stepbus_store.mission.report import SaleResult, summary
+from stepbus_store.mission.stock import Stock, measures
+from stepbus_store.mission.witness import Moved, Witness
 
 HALF = math.sqrt(0.5)
 CAN = "cylinder 0.033 0.115 @ 0 0 0.0575 0 0 0 1"

@@ -9,9 +9,9 @@ from support.services.mission_store import FakeStore, Thing, config, shelf_a
 
 from stepbus_participant import CallError
 from stepbus_schemas import Description, WiringError, encode
-from stepbus_store.mission.participant import StoreMission
 from stepbus_store.mission.states.approaches import APPROACHES
 from stepbus_store.mission.states.checks import PLANNABLE
+from stepbus_store.mission.store_mission import StoreMission
 
 ONE_SALE = (
     "order>tuck>drive>open>inspect>find>approach>correct>check_width>down>close>check_grip>lift>check_lift>"

@@ -6,7 +6,7 @@ import random
 import pytest
 
 from stepbus_schemas import BaseState, Goal
-from stepbus_store.motion.base.motion import BaseMotion
+from stepbus_store.motion.base.base_motion import BaseMotion
 from stepbus_store.motion.base.settings import BaseSettings
 from stepbus_store.motion.goals.outcome import Refused
 

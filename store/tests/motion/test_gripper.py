@@ -4,7 +4,7 @@ import pytest
 
 from stepbus_schemas import Goal, GripperState
 from stepbus_store.motion.goals.outcome import Refused
-from stepbus_store.motion.gripper.gripper import Gripper, GripperSettings
+from stepbus_store.motion.gripper import Gripper, GripperSettings
 
 DT = 0.008
 

@@ -9,12 +9,10 @@ from stepbus_store.motion.goals.outcome import Refused
 from stepbus_store.motion.motions.clock import MotionClock
 from stepbus_store.motion.motions.fitting import fitted
 from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits, motion_to
-from stepbus_store.motion.motions.plan import planned
+from stepbus_store.motion.motions.player import planned
 from stepbus_store.motion.motions.trajectory import AlongPath, Joined, Rest, Stretched
-from stepbus_store.motion.paths.follow import Lost, follow
-from stepbus_store.motion.paths.joint_path import JointPath, joint_path
-from stepbus_store.motion.paths.spiral_curve import SpiralCurve
-from stepbus_store.motion.paths.tip_path import line
+from stepbus_store.motion.paths.follow import JointPath, Lost, follow, joint_path, line
+from stepbus_store.motion.paths.spiral import SpiralCurve
 
 TIP = "tool0"
 

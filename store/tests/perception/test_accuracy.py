@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from support.services.perception import TOPS, Item, fill_shelves, open_store
 
-from stepbus_plant.devices.lens import Lens
+from stepbus_plant.devices.camera import Lens
 from stepbus_plant.params import CameraErrors
-from stepbus_store.perception.catalog import read_catalog
-from stepbus_store.perception.detection.detector import Detection, Detector
+from stepbus_store.perception.detector import Detection, Detector
 from stepbus_store.perception.images import make_view
+from stepbus_store.perception.item_catalog import read_catalog
 
 pytestmark = pytest.mark.slow
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from support.services.perception import COLORS, SHAPES, TOPS, Item, open_store
 
-from stepbus_store.perception.catalog import read_catalog
-from stepbus_store.perception.detection.colours import Palette
-from stepbus_store.perception.detection.detector import Detector
+from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import make_view
-from stepbus_store.perception.truth import Truth
+from stepbus_store.perception.item_catalog import read_catalog
+from stepbus_store.perception.segments import Palette
+from stepbus_store.perception.sources import Truth
 
 
 def stand(kind, x=0.0, y=0.0, n=0, yaw=0.0, z=0.0):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from support.services.perception import COLORS, SHAPES, TOPS, Item, open_store
 
-from stepbus_plant.devices.lens import Lens
+from stepbus_plant.devices.camera import Lens
 from stepbus_plant.params import CameraErrors
 from stepbus_schemas import Description, WiringError
-from stepbus_store.perception.catalog import read_catalog, with_landmarks
-from stepbus_store.perception.detection.detector import Detector
+from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import make_view
+from stepbus_store.perception.item_catalog import read_catalog, with_landmarks
 
 RADIUS = 0.015
 PINK = (0.9, 0.1, 0.7)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stepbus_schemas import Description, PlanRequest, Poses
-from stepbus_store.motion.base.segments import arc_direction
-from stepbus_store.planner.base.path import BasePlanner
-from stepbus_store.planner.scene.obstacles import Obstacles
+from stepbus_store.motion.base.route import arc_direction
+from stepbus_store.planner.base_path import BasePlanner
+from stepbus_store.planner.obstacles import Obstacles
 
 RADIUS = 0.4
 HALF_WIDTH = 0.37

@@ -26,8 +26,8 @@ from support.store_paths import STORE_TESTS
 
 from stepbus_kinematics.srdf import srdf_text
 from stepbus_schemas import Description, PlanRequest, Poses, RunError, WiringError
-from stepbus_store.planner.participant import Planner
-from stepbus_store.planner.scene.robot import PlannedRobot
+from stepbus_store.planner.obstacles import PlannedRobot
+from stepbus_store.planner.planner import Planner
 
 ANYWHERE = PlanRequest(id=1, start=START, goal=GOAL)
 
@@ -178,7 +178,7 @@ def test_a_search_that_takes_no_time_gives_the_same_bytes_as_one_in_another_proc
     here = Path(__file__).parent
     command = [sys.executable, "-c", code, tmp_path, here, TESTS, STORE_TESTS]
     other = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
-    monkeypatch.setattr("stepbus_store.planner.participant.ThreadPoolExecutor", EagerExecutor)
+    monkeypatch.setattr("stepbus_store.planner.planner.ThreadPoolExecutor", EagerExecutor)
     assert other.stdout.split() == [digest_of_a_run(tmp_path)]
 
 

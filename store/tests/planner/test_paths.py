@@ -18,7 +18,7 @@ from support.services.planner import (
     write_arm,
 )
 
-from stepbus_store.planner.paths.search import Search, find_paths
+from stepbus_store.planner.path_search import Search, find_paths
 
 CAN_AHEAD = ("can", "cylinder 0.03 0.1", (0.95, 0.0, 0.5))
 """At the tip of the arm that is stretched out along x."""

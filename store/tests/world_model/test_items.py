@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stepbus_store.world_model.items import Items, Place, Seen
+from stepbus_store.world_model.world_model import Items, Place, Seen
 
 TYPES = {"cola_1": "cola", "cola_2": "cola", "soup_1": "soup"}
 

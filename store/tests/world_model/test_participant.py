@@ -19,7 +19,7 @@ from stepbus_schemas import (
     Poses,
     WiringError,
 )
-from stepbus_store.world_model.participant import WorldModel
+from stepbus_store.world_model.world_model import WorldModel
 
 STORE = SCENARIOS / "store"
 ARM = [

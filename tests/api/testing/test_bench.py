@@ -15,7 +15,7 @@ from stepbus import (
 )
 from stepbus.errors import InputAbsent, OutputError
 from stepbus.testing import Bench, feed, make_config, scenario_config
-from stepbus_controller.participant import Controller
+from stepbus_controller.controller import Controller
 
 PORTS = {"inputs": {"joint_state": JointState}, "outputs": {"command": JointCommand}}
 

@@ -42,7 +42,7 @@ def test_a_stale_page_is_named(tmp_path):
     page = tmp_path / "docs/page.md"
     page.parent.mkdir()
     page.write_text(
-        "<!-- parameters: stepbus_mission.goals.params:Params -->\nold\n<!-- /parameters -->\n"
+        "<!-- parameters: stepbus_mission.goals:Params -->\nold\n<!-- /parameters -->\n"
     )
     text = generated_files(tmp_path)[page]
     assert "| `turns` | number | required | Counter-clockwise [-]. |" in text

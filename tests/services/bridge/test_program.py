@@ -11,7 +11,7 @@ from support.runs.bridge import BRIDGED
 
 from stepbus.testing import feed
 from stepbus_bridge.bridge import BridgedProgram
-from stepbus_bridge.link import BridgeError
+from stepbus_bridge.framing import BridgeError
 from stepbus_bridge.map_bridge import MapBridge
 from stepbus_bridge.raw_bridge import RawBridge
 from stepbus_participant import Config

@@ -10,8 +10,8 @@ from support.services.control import (
     tracking_errors,
 )
 
+from stepbus_controller import Params
 from stepbus_controller.laws import LAWS, Law, Reference
-from stepbus_controller.params import Params
 from stepbus_controller.robot import Robot
 from stepbus_kinematics import RobotModel
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import JOINTS, controller_config, make_controller
 
-from stepbus_controller.participant import Controller
+from stepbus_controller.controller import Controller
 from stepbus_schemas import JointReference, JointState, RunError, WiringError
 
 PD = {"law": "pd", "kp": 100, "kd": 10, "model": "two_link.urdf"}

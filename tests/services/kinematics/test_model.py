@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import TWO_LINK, controller_config
 
-from stepbus_controller.participant import Controller
+from stepbus_controller.controller import Controller
 from stepbus_kinematics import RobotModel
 from stepbus_schemas import WiringError
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.control import controller_config, make_controller
 
-from stepbus_controller.participant import Controller
+from stepbus_controller.controller import Controller
 from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay
 from stepbus_schemas import JointReference, JointState, WiringError
 

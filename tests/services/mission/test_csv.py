@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from support.services.control import make_mission, mission_config
 
-from stepbus_mission.references.participant import Mission
+from stepbus_mission.mission import Mission
 from stepbus_schemas import JointReference, WiringError
 
 COLUMNS = {

@@ -3,7 +3,7 @@
 import pytest
 from support.services.control import SINE, make_mission, mission_config
 
-from stepbus_mission.references.participant import Mission
+from stepbus_mission.mission import Mission
 from stepbus_schemas import Event, RunError, WiringError
 
 MOVE = {

@@ -8,7 +8,7 @@ from stepbus_schemas import (
     JointReference,
     JointState,
 )
-from stepbus_tools.report.curves.tracking import TrackingCurves
+from stepbus_tools.report.curves import TrackingCurves
 
 
 def arm(mode="position", **state):

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 import stepbus_scenarios
 from stepbus.testing import Bench
-from stepbus_controller.participant import Controller
-from stepbus_mission.references.participant import Mission
+from stepbus_controller.controller import Controller
+from stepbus_mission.mission import Mission
 from stepbus_participant import Config
 from stepbus_schemas import Description, InputConfig, JointState, OutputConfig
 

@@ -12,8 +12,7 @@ from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader import source
 from stepbus_schemas import JointCommand, JointState
-from stepbus_tools.report.curves.curve import Curve
-from stepbus_tools.report.curves.tracking import TrackingCurves
+from stepbus_tools.report.curves import Curve, TrackingCurves
 from stepbus_tools.report.summary import Summary
 
 

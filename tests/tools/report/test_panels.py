@@ -7,8 +7,7 @@ from support.runs.panels import arm, curves, reference, sliding
 from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
 from stepbus_schemas import BaseState, GripperState
 from stepbus_tools.report import write_report
-from stepbus_tools.report.panels.fields import field_panels
-from stepbus_tools.report.panels.tracking import joint_panels
+from stepbus_tools.report.panels import field_panels, joint_panels
 from stepbus_tools.report.signals_plot import Panel, draw_signals
 
 

@@ -8,8 +8,10 @@ import pytest
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_tools.sweep import SweepProgress
-from stepbus_tools.sweep.results import TABLE_FILE, Journal, write_table
-from stepbus_tools.sweep.work import Pace, Row
+from stepbus_tools.sweep.journal import Journal
+from stepbus_tools.sweep.pool import Pace
+from stepbus_tools.sweep.result_table import TABLE_FILE, write_table
+from stepbus_tools.sweep.trial import Row
 
 
 def test_the_remaining_time_is_told_by_workers_side_by_side_once_they_are_warm() -> None:
@@ -65,8 +67,8 @@ FULL_DISK = """
 import resource, signal, sys
 from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_tools.sweep.results import Journal
-from stepbus_tools.sweep.work import Row
+from stepbus_tools.sweep.journal import Journal
+from stepbus_tools.sweep.trial import Row
 
 folder = Path(sys.argv[1])
 fields = {"values": {}, "outcome": "finished", "exit_code": 0}

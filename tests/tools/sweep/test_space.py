@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.space import SAMPLINGS, Design, parse_axis
+from stepbus_tools.sweep.axes import parse_axis
+from stepbus_tools.sweep.design import SAMPLINGS, Design
 
 
 @pytest.mark.parametrize(

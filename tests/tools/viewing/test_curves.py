@@ -12,10 +12,9 @@ from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live.live_page import LivePage
-from stepbus_tools.viewing.live.points import Points
+from stepbus_tools.viewing.live.steer_panel import Points
 from stepbus_tools.viewing.stage import open_page
-from stepbus_tools.viewing.stage.curves import _span
-from stepbus_tools.viewing.stage.signals import Signal
+from stepbus_tools.viewing.stage.stage_curves import Signal, _span
 
 STEP_NS = 20_000_000
 OWN = Types({

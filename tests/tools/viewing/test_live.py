@@ -107,7 +107,7 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
 
 
 def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):
-    monkeypatch.setattr("stepbus_tools.viewing.live.following._IDLE_S", 0.1)
+    monkeypatch.setattr("stepbus_tools.viewing.live.run_client._IDLE_S", 0.1)
     killed = tmp_path / "run"
     killed.mkdir()
     (killed / LIVE_FILE).write_text("of a process that is no more")

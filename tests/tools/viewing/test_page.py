@@ -18,7 +18,7 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import BaseState, Description, Event, Image, JointState, Scalars
 from stepbus_tools.viewing.page import report_page, write_page
-from stepbus_tools.viewing.page.arrays import thin
+from stepbus_tools.viewing.page.joint_curves import thin
 
 LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
 STEPS = 400

@@ -18,7 +18,7 @@ from stepbus_tools.conformance import (
     conformance,
     select,
 )
-from stepbus_tools.conformance.junit import write_junit
+from stepbus_tools.conformance.outcome import write_junit
 
 _STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
 

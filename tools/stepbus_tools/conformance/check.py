@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_schemas import error_text
+from stepbus_tools.conformance.outcome import CheckResult, Failed, Outcome, Skipped
 
 from .harness.kit import Kit
-from .outcome import CheckResult, Failed, Outcome, Skipped
 
 Run = Callable[[Kit], str]
 

@@ -1,8 +1,8 @@
 """Checks this machine for what stepbus needs."""
 
+from stepbus_tools.doctor.machine import Finding, cores, disk, ports, socket_path
+
 from .bus import link
-from .finding import Finding
-from .machine import cores, disk, ports, socket_path
 from .packages import extras, loads, versions
 
 __all__ = ["Finding", "examine"]

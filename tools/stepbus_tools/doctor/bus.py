@@ -9,9 +9,7 @@ from typing import Any, Literal
 
 from stepbus_orchestrator.toolkit import certificates, passwords
 from stepbus_participant import BusError, Endpoint, ZenohBus
-
-from .finding import Finding
-from .machine import free_ports
+from stepbus_tools.doctor.machine import Finding, free_ports
 
 _DEADLINE_S = 5.0
 _AGAIN_S = 0.01

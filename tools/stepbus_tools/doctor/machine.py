@@ -1,4 +1,4 @@
-"""The machine: cores, disk, sockets, ports."""
+"""One finding of the doctor."""
 
 import os
 import shutil
@@ -6,8 +6,23 @@ import socket
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
-from .finding import Finding, Verdict
+import msgspec
+
+Verdict = Literal["ok", "warn", "fail"]
+
+
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """The result of one check.
+
+    warn: runs are slower, or something is missing that not everybody needs. fail: runs do not work.
+    """
+
+    what: str
+    verdict: Verdict
+    text: str
+
 
 _DISK_WARN_BYTES = 1 << 30
 _DISK_FAIL_BYTES = 16 << 20

@@ -10,8 +10,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 import msgspec
 
 from stepbus_participant import install_command
-
-from .finding import Finding
+from stepbus_tools.doctor.machine import Finding
 
 EXTRAS = {
     "sim": "physics and dynamics: the plant and the controller that ship",

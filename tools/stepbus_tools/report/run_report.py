@@ -6,14 +6,11 @@ from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.toolkit import findings, tracking_pieces
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
+from stepbus_tools.report.curves import TrackingCurves
+from stepbus_tools.report.panels import field_panels, joint_panels
+from stepbus_tools.report.summary import Summary, profile_lines, read_lateness, read_profiles
 
-from .curves.tracking import TrackingCurves
-from .lateness import read_lateness
-from .panels.fields import field_panels
-from .panels.tracking import joint_panels
-from .profile import profile_lines, read_profiles
 from .signals_plot import draw_signals
-from .summary import Summary
 
 REPORT_FILE = "report.png"
 

@@ -1,11 +1,14 @@
 """Sweeps: many runs of one scenario, on all cores or a cluster, and one table of them."""
 
+from stepbus_tools.sweep.pool import Terms
+from stepbus_tools.sweep.result_table import TABLE_FILE
+from stepbus_tools.sweep.sweep_page import PAGE_FILE
+from stepbus_tools.sweep.trial import KEEP
+
 from .again import Again, rerun_row
-from .results import PAGE_FILE, TABLE_FILE
 from .run_sweep import RUNNING, SweepProgress, SweepResult, sweep
 from .spec import SPEC_FILE, Spec, default_name, load_spec
 from .spec_check import find_spec
-from .work import KEEP, Terms
 
 __all__ = [
     "KEEP",

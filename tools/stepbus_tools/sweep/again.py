@@ -8,12 +8,12 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.scenario import load
 from stepbus_orchestrator.toolkit import Observer, Options, Result, run
 from stepbus_schemas import WiringError
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.journal import Journal
+from stepbus_tools.sweep.trial import Row, overrides_of
 
-from .results import Journal
 from .run_sweep import SOURCE_FOLDER
-from .space import Point
 from .spec import load_spec
-from .work import Row, overrides_of
 
 
 @dataclass(frozen=True, kw_only=True)

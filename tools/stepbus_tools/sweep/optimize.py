@@ -10,10 +10,11 @@ from typing import Any
 from stepbus_orchestrator.errors import argument
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
+from stepbus_tools.sweep.axes import Axis
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.trial import Row
 
-from .space import Axis, Point
 from .spec import Spec
-from .work import Row
 
 
 class Optimizer:

@@ -21,13 +21,17 @@ from stepbus_orchestrator.errors import (
 from stepbus_orchestrator.toolkit import check_limits, replaced
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
+from stepbus_tools.sweep.content import Content, collect
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.journal import Journal
+from stepbus_tools.sweep.pool import Pool, Terms
+from stepbus_tools.sweep.result_table import TABLE_FILE, write_table
+from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
+from stepbus_tools.sweep.trial import Row, write_run
 
 from .optimize import Optimizer
-from .results import PAGE_FILE, TABLE_FILE, Journal, extremes, write_page, write_table
-from .space import Point
 from .spec import SPEC_FILE, Spec, differences, load_spec, save_spec
 from .spec_check import Checked, check
-from .work import Content, Pool, Row, Terms, collect, write_run
 
 SOURCE_FOLDER = "source"
 _TABLE_EVERY_S = 30.0

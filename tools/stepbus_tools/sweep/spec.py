@@ -21,8 +21,8 @@ from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_participant import Count, Problems, Settings, Whole, read_text, write_file
 from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
-
-from .space import Axis, Design, parse_axis
+from stepbus_tools.sweep.axes import Axis, parse_axis
+from stepbus_tools.sweep.design import Design
 
 SPEC_FILE = "sweep.json"
 _LIKE = "a sweep is a map with `scenario` and `vary`"

@@ -9,10 +9,13 @@ from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
+from stepbus_tools.sweep.axes import FAULTS, Axis, parse_axis
+from stepbus_tools.sweep.content import metric_file
+from stepbus_tools.sweep.design import Design, Point
+from stepbus_tools.sweep.sweep_metrics import BUILTIN
+from stepbus_tools.sweep.trial import overrides_of
 
-from .space import FAULTS, Axis, Design, Point, parse_axis
 from .spec import Spec, draft
-from .work import BUILTIN, metric_file, overrides_of
 
 _MOST_CHECKED = 200
 

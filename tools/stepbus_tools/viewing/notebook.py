@@ -16,10 +16,10 @@ from stepbus_tools.report.signals_plot import (
     find_signals,
     signal_names,
 )
+from stepbus_tools.viewing.page import PAGE_FILE
+from stepbus_tools.viewing.scene_file import scene_still
 
-from .page import PAGE_FILE
 from .page.svg import figure
-from .still import scene_still
 
 _MOST_NAMES = 8
 _MOST_SIGNALS = 4

@@ -8,11 +8,11 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.toolkit import replaced
 from stepbus_schemas import MessageError
-
-from .exports.files import Exported
-from .scene import Latest, Messages, Scene, build_scene
-from .stage import Stage, open_page
-from .stage.camera import look_at
+from stepbus_tools.viewing.exports.export_files import Exported
+from stepbus_tools.viewing.render import Painter, Pixels, whole_scene
+from stepbus_tools.viewing.scene import Latest, Messages, Scene, build_scene
+from stepbus_tools.viewing.stage import Stage, open_page
+from stepbus_tools.viewing.stage.camera import look_at
 
 _FRAMES_PER_S = 30.0
 _MOST_FRAMES = 1800
@@ -67,3 +67,18 @@ def frame_times(recording: Recording, last: int) -> list[int]:
     end_ns = max((row.t_ns for port in recording.ports.values() if (row := port.last)), default=0)
     count = max(1, min(_MOST_FRAMES, round(end_ns * 1e-9 * _FRAMES_PER_S), last))
     return [end_ns * number // count for number in range(count + 1)]
+
+
+_SIZE = (480, 320)
+_LATEST_NS = 2**63 - 1
+
+
+def scene_still(recording: Recording) -> Pixels | None:
+    """Return what a recording shows at its end, shape (320, 480, 3); None without a robot."""
+    if recording.last_step < 0:
+        return None
+    scene = build_scene(recording.path, recording.ports, recording.attachments)
+    if not any(frame.visuals for frame in scene.frames):
+        return None
+    messages = latest_messages(recording, scene, _LATEST_NS)
+    return Painter(scene, _SIZE, smooth=True).draw(messages, whole_scene(scene, messages))

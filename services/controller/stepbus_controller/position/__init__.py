@@ -1,14 +1,27 @@
-"""Targets for joints with motors of their own."""
+"""The parameters of a controller that commands positions."""
 
 from typing import TYPE_CHECKING
 
-from stepbus_participant import imported_later
+from stepbus_participant import Names, NonNegativePerJoint, Settings, imported_later
 
-from .params import Params
+
+class Params(Settings):
+    """Parameters of `stepbus_controller.position`."""
+
+    joints: Names
+    """Joints under control, in the order of the commands."""
+    prefix: str = ""
+    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
+    one URDF share a world. All other parameters name joints without it."""
+    feed_forward: bool = True
+    """Whether velocities are commanded; without them the joints lag behind."""
+    effort_limit: NonNegativePerJoint | None = None
+    """Largest torques of the motors [N·m]. Default: the plant's."""
+
 
 if TYPE_CHECKING:
-    from .participant import PositionController
+    from stepbus_controller.position.position_controller import PositionController
 
 __all__ = ["Params", "PositionController"]
 
-__getattr__ = imported_later(__name__, {"PositionController": "participant"})
+__getattr__ = imported_later(__name__, {"PositionController": "position_controller"})

@@ -1,14 +1,134 @@
-"""A mission that sends goals one after the other."""
+"""The parameters of a mission that sends goals one after the other."""
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
-from stepbus_participant import imported_later
+import msgspec
 
-from .params import Params
+from stepbus_participant import (
+    Finite,
+    NonNegative,
+    Positive,
+    Settings,
+    Text,
+    Vector3,
+    imported_later,
+)
+from stepbus_participant.parameters import Keys
+from stepbus_schemas import Goal, GoalType, Quaternion, Spiral
+
+_WITH_POSE = ("move_to_pose", "move_linear", "spiral")
+_WITH_JOINTS = ("move_joints", "back_to_rest")
+
+
+class SpiralSettings(Settings):
+    """A spiral around a vertical axis, which leads to `position`."""
+
+    centre: Vector3
+    """Point of the axis at the starting height [m]."""
+    radius: tuple[Positive, Positive]
+    """At the start and at the end [m]."""
+    turns: Finite
+    """Counter-clockwise [-]."""
+    rise: Finite = 0.0
+    """In all [m]."""
+
+
+class GoalSettings(Settings):
+    """A goal; see `Goal/1`."""
+
+    type: GoalType
+    """What to do."""
+    joints: dict[str, Finite] = {}
+    """Of `move_joints`, and of `back_to_rest` unless it has a pose: joint → position [rad]."""
+    tip: str = ""
+    """Frame of the robot to move."""
+    frame: str = ""
+    """Of the pose: a link, `odometry`, or the robot's base if empty."""
+    position: Vector3 | None = None
+    """Of the tip [m]."""
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw of the tip about fixed axes [rad]."""
+    spiral: SpiralSettings | None = None
+    """Of `spiral`."""
+    duration: NonNegative = 0.0
+    """[s]; 0: as fast as the limits allow."""
+    touches: tuple[Text, ...] = ()
+    """Links of the world that the robot may touch."""
+    by: Finite = 0.0
+    """Of `drive` and `turn` [m, rad]."""
+    base: Vector3 | None = None
+    """Of `go_to`: x, y, yaw [m, m, rad]."""
+    width: NonNegative = 0.0
+    """Of `grip` [m]."""
+    force: NonNegative = 0.0
+    """Of `grip` [N]."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what a goal of its type lacks, and the type that no sequence can carry out."""
+        if self.type == "go_together":
+            text = "go_together waits for a goal of the arm, which comes only after it; use go_to"
+            yield ("type",), text
+        needs = {
+            "position": self.type in _WITH_POSE and self.position is None,
+            "tip": self.type in _WITH_POSE and not self.tip,
+            "spiral": self.type == "spiral" and self.spiral is None,
+            "joints": self.type in _WITH_JOINTS and not (self.joints or self._rests_at_pose),
+            "base": self.type == "go_to" and self.base is None,
+            "force": self.type == "grip" and not self.force,
+        }
+        for key, is_missing in needs.items():
+            if is_missing:
+                yield (key,), f"is missing; a goal of type {self.type} needs it"
+
+    @property
+    def _rests_at_pose(self) -> bool:
+        return self.type == "back_to_rest" and self.position is not None and bool(self.tip)
+
+    def goal(self, number: int) -> Goal:
+        """Return the goal with an id."""
+        spiral = self.spiral
+        return Goal(
+            id=number,
+            type=self.type,
+            joints=list(self.joints),
+            values=list(self.joints.values()),
+            tip=self.tip,
+            frame=self.frame,
+            position=self.position,
+            orientation=None if self.position is None else _quaternion(self.rpy),
+            spiral=None if spiral is None else Spiral(**msgspec.structs.asdict(spiral)),
+            duration=self.duration,
+            touches=list(self.touches),
+            by=self.by,
+            base=self.base,
+            width=self.width,
+            force=self.force,
+        )
+
+
+class Params(Settings):
+    """Parameters of `stepbus_mission.goals`."""
+
+    goals: Annotated[tuple[GoalSettings, ...], msgspec.Meta(min_length=1)]
+    """Goals in their order; the run ends after the last one, or the first that fails."""
+
+
+def _quaternion(rpy: tuple[float, float, float]) -> Quaternion:
+    """Return the quaternion x, y, z, w of roll, pitch, yaw about fixed axes [rad]."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in rpy)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
 
 if TYPE_CHECKING:
-    from .participant import GoalSequence
+    from stepbus_mission.goals.goal_sequence import GoalSequence
 
 __all__ = ["GoalSequence", "Params"]
 
-__getattr__ = imported_later(__name__, {"GoalSequence": "participant"})
+__getattr__ = imported_later(__name__, {"GoalSequence": "goal_sequence"})

@@ -2,6 +2,7 @@
 
 import math
 
+from stepbus_plant.devices.readings import Noise
 from stepbus_plant.errors import CommandError
 from stepbus_plant.joints.commander import Commander
 from stepbus_plant.params import OdometryErrors
@@ -9,8 +10,6 @@ from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint, describe_joints
 from stepbus_plant.world.declaration import BaseSettings
 from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
-
-from .sensors.noise import Noise
 
 _NONE = OdometryErrors()
 

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 
 from stepbus_participant import CallError, Method, suggest
+from stepbus_plant.joints.sensing import degrees_hint
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 
 from .drives import Drive, locate_joints
-from .warnings import degrees_hint
 
 
 class JointCalls:

@@ -6,12 +6,12 @@ from typing import NoReturn
 
 from stepbus_participant import suggest
 from stepbus_plant.errors import CommandError
+from stepbus_plant.joints.sensing import Warnings, degrees_hint
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
 from stepbus_schemas import JointCommand, JointMode, WiringError
 
 from .drives import Drive, locate_joints
-from .warnings import Warnings, degrees_hint
 
 _EXTRAS = {
     "torque": (),

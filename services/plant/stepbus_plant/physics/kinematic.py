@@ -8,9 +8,9 @@ from typing import Any
 import pybullet as bullet
 
 from stepbus_plant.devices.base import Base
+from stepbus_plant.devices.device_registry import Devices
 from stepbus_plant.devices.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
 from stepbus_plant.devices.poses import LinkIndex
-from stepbus_plant.devices.registry import Devices
 from stepbus_plant.joints.drives import Drive
 from stepbus_plant.world.script import Script
 from stepbus_schemas import WiringError

@@ -1,18 +1,17 @@
-"""Executes a script: changes of the world at given times of a run."""
+"""What happens in a world, and when: by its script, or by a call."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import pybullet as bullet
 
-from stepbus_participant import suggest
+from stepbus_participant import CallError, Method, suggest
 from stepbus_plant.devices.camera import Cameras
 from stepbus_plant.physics.engine import Physics
 from stepbus_plant.physics.joint import Joint
+from stepbus_plant.world.actions import Action
 from stepbus_schemas import WiringError
-
-from .actions import Action
 
 # More torque than any motor has, and the share of the error corrected per substep: a wheel at
 # 5 rad/s under a base of 80 kg stops within 0.022 rad, and within 0.001 rad after 0.1 s.
@@ -151,3 +150,39 @@ def _unknown(key: str, name: str, known: Collection[str], fixed: Collection[str]
     if key == "jam" and name in fixed:
         return f"joint {name!r} is fixed in its model"
     return f"{'joint' if key == 'jam' else key} {name!r} is unknown{suggest(name, known)}"
+
+
+class WorldCalls:
+    """Answers calls about the bodies of a world. time_ns: returns its time [ns]."""
+
+    def __init__(self, script: Script, time_ns: Callable[[], int]) -> None:
+        self._script = script
+        self._time_ns = time_ns
+
+    def methods(self) -> Mapping[str, Method]:
+        """Return every call by its name."""
+        return {
+            "body_names": Method(self.names, "names of all bodies"),
+            "move_body": Method(
+                self.move,
+                "NAME X Y Z [YAW]: puts a body, which is then at rest, at a position [m] and "
+                "heading [rad]",
+                changes=True,
+            ),
+        }
+
+    def names(self) -> list[str]:
+        """Return the names of all bodies, in the order of the world."""
+        return self._script.body_names
+
+    def move(self, name: str, x: float, y: float, z: float, yaw: float | None = None) -> None:
+        """Put a body somewhere; raises CallError for an unknown body, or what is no number."""
+        known = self._script.body_names
+        if not isinstance(name, str) or name not in known:
+            raise CallError(f"body {name!r} is unknown{suggest(str(name), known)}")
+        for value in (x, y, z, *([] if yaw is None else [yaw])):
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not is_number or not math.isfinite(value):
+                raise CallError(f"body {name}: {value!r} is no number")
+        rpy = None if yaw is None else (0.0, 0.0, float(yaw))
+        self._script.move(self._time_ns(), name, (float(x), float(y), float(z)), rpy)

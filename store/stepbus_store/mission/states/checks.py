@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Mapping
 
-from stepbus_store.mission.goods.stock import Item
 from stepbus_store.mission.report import Unsold
+from stepbus_store.mission.states.state import STATES, Outcome, Sale, StoreState
+from stepbus_store.mission.states.verification import aim, correct, find, verify
+from stepbus_store.mission.stock import Item
 
 from .approaches import APPROACHES
-from .detection import aim, correct, find
-from .state import Outcome, Sale, StoreState
-from .table import STATES
-from .verification import verify
 
 Check = Callable[[StoreState], Outcome | None]
 """Returns the outcome of a state, or None while the state continues."""

@@ -7,8 +7,7 @@ import msgspec
 
 from stepbus_schemas import Goal, Point
 from stepbus_store.mission.geometry import Spot, gripper_down, spot_of
-
-from .state import StoreState
+from stepbus_store.mission.states.state import StoreState
 
 ODOMETRY = "odometry"
 """The frame of the goals: the pose of the base at the start."""

@@ -1,4 +1,4 @@
-"""Asks a planner for the route of a base, and for another one where that is blocked."""
+"""Drives a base along a path: where it should be, how far it is off, and how fast it may go."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
+from stepbus_store.motion.base.base_motion import BaseMotion
+from stepbus_store.motion.base.route import base_route, first_part
 from stepbus_store.motion.goals.outcome import Outcome, Refused
-
-from .motion import BaseMotion
-from .route import base_route, first_part
 
 
 @dataclass(kw_only=True)

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 from stepbus_schemas import BaseCommand, BaseState
+from stepbus_store.motion.base.route import Reference
 
-from .segments import Reference
 from .settings import BaseSettings
 
 _HEADROOM = 1.2

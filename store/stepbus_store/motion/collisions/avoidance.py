@@ -5,16 +5,11 @@ from dataclasses import dataclass
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, RunError
-from stepbus_store.motion.collisions.findings import Approach, Collision, Watch
 from stepbus_store.motion.collisions.monitor import CollisionMonitor
-from stepbus_store.motion.goals.measured import Measured
-from stepbus_store.motion.goals.outcome import Outcome
+from stepbus_store.motion.collisions.retreat import ArmRetreat, BaseBackOff
+from stepbus_store.motion.collisions.sensed import Approach, Collision, SensedThings, Strange, Watch
+from stepbus_store.motion.goals.outcome import Measured, Outcome, Reports
 from stepbus_store.motion.goals.parts import MOVES, Part, Parts
-from stepbus_store.motion.goals.reports import Reports
-
-from .arm_retreat import ArmRetreat
-from .base_back_off import BaseBackOff
-from .sensed import SensedThings, Strange
 
 _REACH = 0.5
 """Of the robot from the axis about which its base turns [m]."""

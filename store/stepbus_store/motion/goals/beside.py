@@ -6,13 +6,11 @@ from typing import Literal
 from msgspec.structs import replace
 
 from stepbus_schemas import Goal, Point
-from stepbus_store.motion.base.motion import BaseMotion
+from stepbus_store.motion.base.base_motion import BaseMotion
 from stepbus_store.motion.base.navigator import Navigator
+from stepbus_store.motion.goals.outcome import Measured, Outcome, Refused
 from stepbus_store.motion.manipulator.beside import Beside
 from stepbus_store.motion.manipulator.manipulator import Manipulator
-
-from .measured import Measured
-from .outcome import Outcome, Refused
 
 _LEAVES = 1.2
 """Length of the route along which the arm's path is checked, where both start together [m]."""

@@ -2,15 +2,13 @@
 
 from stepbus_schemas import Goal, RunError
 from stepbus_store.motion.collisions.avoidance import Avoidance, AvoidanceSettings
-from stepbus_store.motion.collisions.findings import Collision
 from stepbus_store.motion.collisions.monitor import CollisionMonitor
+from stepbus_store.motion.collisions.sensed import Collision
+from stepbus_store.motion.goals.active_goal import Active, UnderWay
+from stepbus_store.motion.goals.concurrent import BesideBase
+from stepbus_store.motion.goals.outcome import Measured, Outcome, Reports, failure_of
 
-from .beside_base import BesideBase
-from .measured import Measured
-from .outcome import Outcome, failure_of
 from .parts import PART_OF, Part, Parts
-from .reports import Reports
-from .under_way import Active, UnderWay
 
 
 class GoalExecutor:

@@ -1,9 +1,23 @@
-"""How a goal ends, and why one is refused."""
+"""How a goal ends, and what is measured and reported meanwhile."""
 
+from collections import deque
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from stepbus_schemas import RunError
+import numpy as np
+
+from stepbus_kinematics import JointOrder, RobotModel, Smoother, Vector
+from stepbus_schemas import (
+    BaseState,
+    Contacts,
+    Description,
+    GoalState,
+    GoalStatus,
+    GripperState,
+    JointState,
+    RunError,
+    WiringError,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,3 +48,111 @@ def failure_of(error: RunError) -> Outcome:
     """Return how a goal ends that cannot be carried out."""
     cause = error.cause if isinstance(error, Refused) else "invalid"
     return Outcome(state="failed", cause=cause, text=str(error))
+
+
+STANDING = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
+"""Of a robot whose base does not move."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """What was measured in a step.
+
+    q, v, effort: of the arm's joints, shape (n,) [rad, rad/s, N·m]. effort, gripper, contacts: None
+    where nothing senses them.
+    """
+
+    q: Vector
+    v: Vector
+    effort: Vector | None = None
+    base: BaseState = STANDING
+    gripper: GripperState | None = None
+    contacts: Contacts | None = None
+
+
+class Reports:
+    """Statuses and warnings that wait to be published."""
+
+    def __init__(self) -> None:
+        self._statuses: deque[GoalStatus] = deque()
+        self._warnings: list[str] = []
+
+    def status(self, number: int, state: GoalState, cause: str = "", text: str = "") -> None:
+        """Add a status of a goal."""
+        self._statuses.append(GoalStatus(id=number, state=state, cause=cause, text=text))
+
+    def warn(self, *texts: str) -> None:
+        """Add warnings; empty texts are none."""
+        self._warnings += [text for text in texts if text]
+
+    def next_status(self) -> GoalStatus | None:
+        """Return the oldest status that was not published yet; None: there is none."""
+        return self._statuses.popleft() if self._statuses else None
+
+    def take_warnings(self) -> list[str]:
+        """Return the warnings that were not published yet."""
+        warnings, self._warnings = self._warnings, []
+        return warnings
+
+
+class JointReading(NamedTuple):
+    """q, v: smoothed; position, effort: as measured. Each of shape (n,) [rad, rad/s, N·m].
+
+    effort: None where it is not sensed.
+    """
+
+    q: Vector
+    v: Vector
+    position: Vector
+    effort: Vector | None = None
+
+
+class JointSensor:
+    """Maps the joints of an input to the robot's, and gives the robot the plant's effort limits.
+
+    name: of the participant, for messages. prefix: what the input puts before the robot's names.
+    period: between two measurements [s]. smoother: None:
+    no smoothing. Raises WiringError for joints that the plant does not sense.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        described: Description,
+        robot: RobotModel,
+        *,
+        period: float,
+        prefix: str = "",
+        smoother: Smoother | None = None,
+    ) -> None:
+        try:
+            self._order = JointOrder(
+                port, described.names, [prefix + joint for joint in robot.joints]
+            )
+        except WiringError as exc:
+            lines = [f"{name}: {line}" for line in str(exc).splitlines()]
+            raise WiringError("\n".join(lines)) from exc
+        effort = described.limits.get("effort")
+        if effort is not None:
+            robot.effort_limit = self._order.pick(effort, "effort limits")
+        self._period = period
+        self._smoother = smoother
+        self._before: Vector | None = None
+
+    def read(self, state: JointState) -> JointReading:
+        """Return the joints; velocities come from positions where they are not sensed or smoothed.
+
+        Raises RunError for a state that does not fit the description.
+        """
+        position = self._order.pick(state.position, "position")
+        q = position if self._smoother is None else self._smoother.update(position)
+        if self._smoother is None and state.velocity is not None:
+            v = self._order.pick(state.velocity, "velocity")
+        elif self._before is not None:
+            v = (q - self._before) / self._period
+        else:
+            v = np.zeros_like(q)
+        self._before = q
+        effort = None if state.effort is None else self._order.pick(state.effort, "effort")
+        return JointReading(q=q, v=v, position=position, effort=effort)

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stepbus_schemas import Goal, GoalType, RunError
-from stepbus_store.motion.base.motion import BaseMotion
+from stepbus_store.motion.base.base_motion import BaseMotion
 from stepbus_store.motion.base.navigator import Navigator
 from stepbus_store.motion.collisions.monitor import Moves
-from stepbus_store.motion.gripper.gripper import Gripper
-from stepbus_store.motion.gripper.scale import Scale
+from stepbus_store.motion.goals.back_to_rest import StowCondition
+from stepbus_store.motion.goals.outcome import Measured, Outcome, Refused
+from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.manipulator.manipulator import Manipulator
-
-from .measured import Measured
-from .outcome import Outcome, Refused
-from .stow import StowCondition
 
 Part = Literal["arm", "base", "gripper", "all"]
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Point
-
-from .search.candidates import Candidate
+from stepbus_store.motion.manipulator.candidates import Candidate
 
 _FARTHER = 1.5
 """By how much farther than the nearest solution the arm goes beside a base that drives [rad]."""

@@ -2,16 +2,15 @@
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_store.motion.ik.branches import BranchSettings, BranchSolver
-from stepbus_store.motion.ik.search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.manipulator.candidates import BranchCandidates, SearchedCandidates
+from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
+from stepbus_store.motion.manipulator.segments import SegmentFitter
+from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.motions.joint_motion import MotionLimits
 from stepbus_store.motion.paths.spiral import SpiralPlanner, SpiralSettings
-
-from .manipulator import Manipulator
-from .options import ManipulatorOptions
-from .search.candidates import BranchCandidates, SearchedCandidates
-from .search.routes import DetourRouter, DirectRouter
-from .segments import SegmentFitter
-from .settling import Settling
 
 
 def branching_manipulator(

@@ -1,12 +1,11 @@
 """The parts of an arm's motion, each fitted to the motors."""
 
 from stepbus_kinematics import RobotModel
+from stepbus_store.motion.manipulator.candidates import Candidate
 from stepbus_store.motion.motions.fitting import fitted
 from stepbus_store.motion.motions.joint_motion import MotionLimits
 from stepbus_store.motion.motions.trajectory import AlongPath, Trajectory
-from stepbus_store.motion.paths.joint_path import JointPath
-
-from .search.candidates import Candidate
+from stepbus_store.motion.paths.follow import JointPath
 
 
 class SegmentFitter:

@@ -6,9 +6,9 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import PerName, Problems
+from stepbus_store.motion.manipulator.options import JointParams
 from stepbus_store.motion.motions.joint_motion import MotionLimits
 
-from .params import JointParams
 from .settling import Settling
 
 _VELOCITY_SHARE = 0.8

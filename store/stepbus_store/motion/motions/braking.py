@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_kinematics import RobotModel
+from stepbus_store.motion.motions.joint_motion import JointMotion, Motion, MotionLimits, stop_from
+from stepbus_store.motion.motions.trajectory import Retimed, Trajectory
 
 from .fitting import is_strong_enough, sampled
-from .joint_motion import JointMotion, Motion, MotionLimits, stop_from
-from .trajectory import Retimed, Trajectory
 
 _SHARES = (1.0, 0.5, 0.25)
 """Of the hardest braking, tried in this order."""

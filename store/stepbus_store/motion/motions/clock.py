@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_kinematics import Vector
-
-from .trajectory import Trajectory
+from stepbus_store.motion.motions.trajectory import Trajectory
 
 _FASTEST_RAMP = 10.0
 """Largest change of the rate, for motions that are slow or at rest [1/s]."""

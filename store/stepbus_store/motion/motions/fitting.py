@@ -7,9 +7,8 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel
 from stepbus_store.motion.goals.outcome import Refused
-
-from .joint_motion import JointMotion, MotionLimits
-from .trajectory import Stretched, Trajectory
+from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.motions.trajectory import Stretched, Trajectory
 
 _CHECKED_EVERY_S = 0.04
 """Distance of the states of a motion that are checked [s]."""

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from stepbus_kinematics import Vector
-from stepbus_store.motion.paths.joint_path import JointPath
-
-from .joint_motion import JointMotion, Motion, MotionLimits, motion_to
+from stepbus_store.motion.motions.joint_motion import JointMotion, Motion, MotionLimits, motion_to
+from stepbus_store.motion.paths.follow import JointPath
 
 
 class Trajectory(Protocol):

@@ -1,6 +1,9 @@
-"""Joints that follow a path of the tip on one branch of the inverse kinematics."""
+"""Paths of joints and of the tip, and the motion along them."""
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,8 +12,102 @@ import pinocchio as pin
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_store.motion.goals.outcome import Refused
 
-from .joint_path import JointPath
-from .tip_path import TipPose
+
+@dataclass(frozen=True, kw_only=True)
+class JointPath:
+    """Cubic Hermite interpolation of joint positions over a parameter u.
+
+    u: shape (k,), increasing. q: shape (k, n) [rad]. slope: dq/du, shape (k, n).
+    """
+
+    u: Vector
+    q: Vector
+    slope: Vector
+
+    @cached_property
+    def _ends(self) -> Vector:
+        """Return the ends and the tangents of each piece, shape (k - 1, 4, n)."""
+        widths = np.diff(self.u)[:, np.newaxis]
+        tangents = (widths * self.slope[:-1], widths * self.slope[1:])
+        return np.stack([self.q[:-1], self.q[1:], *tangents], axis=1)
+
+    def at(self, u: float) -> tuple[Vector, Vector, Vector]:
+        """Return q, dq/du and d²q/du² at u, each of shape (n,); u is clipped to the path."""
+        piece = int(np.searchsorted(self.u, u, side="right")) - 1
+        piece = min(max(piece, 0), len(self.u) - 2)
+        width = float(self.u[piece + 1] - self.u[piece])
+        x = min(max((u - float(self.u[piece])) / width, 0.0), 1.0)
+        one, two = 6 * x * (x - 1) / width, (12 * x - 6) / width**2
+        blend = np.array(
+            [
+                [1 + x * x * (2 * x - 3), x * x * (3 - 2 * x), x * (1 - x) ** 2, x * x * (x - 1)],
+                [one, -one, (1 + x * (3 * x - 4)) / width, x * (3 * x - 2) / width],
+                [two, -two, (6 * x - 4) / width**2, (6 * x - 2) / width**2],
+            ]
+        )
+        q, slope, curve = blend @ self._ends[piece]
+        return q, slope, curve
+
+
+def joint_path(points: Sequence[Vector]) -> JointPath:
+    """Return a smooth path through joint positions, each of shape (n,), over their distance [rad].
+
+    The slopes are those of Catmull and Rom; points closer than 1e-9 rad to the one before are left
+    out. Raises Refused where fewer than two are left.
+    """
+    kept: list[Vector] = []
+    for point in points:
+        if not kept or float(np.linalg.norm(point - kept[-1])) > 1e-9:
+            kept.append(point)
+    if len(kept) < 2:
+        raise Refused("no_path", "the path has no length: the arm is there already")
+    q = np.array(kept)
+    u = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
+    return JointPath(u=u, q=q, slope=np.gradient(q, u, axis=0))
+
+
+EVERY_M = 0.01
+"""Distance of the poses of a path for which the joints are solved [m]; cubics with exact slopes
+stay within a micrometre of the path in between."""
+
+_EVERY_RAD = 0.05
+"""The same, where the tip turns [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipPose:
+    """One pose on a path of the tip.
+
+    u: length of the path so far [m]; turning counts too, see `line`. pose: of the tip in the
+    robot's base, a `pinocchio.SE3`. twist: its derivative by u, in the axes of the base, shape
+    (6,) [-, rad/m].
+    """
+
+    u: float
+    pose: Any
+    twist: Vector
+
+
+def line(start: Any, end: Any, radius: float) -> list[TipPose]:
+    """Return the straight path between two `pinocchio.SE3`, turning evenly (slerp).
+
+    radius: length that a turn of 1 rad counts, where turning takes longer than moving [m].
+    """
+    shift = end.translation - start.translation
+    turn = start.rotation @ pin.log3(start.rotation.T @ end.rotation)
+    angle = float(np.linalg.norm(turn))
+    length = max(float(np.linalg.norm(shift)), angle * radius)
+    if length < 1e-9:
+        return []
+    count = max(math.ceil(np.linalg.norm(shift) / EVERY_M), math.ceil(angle / _EVERY_RAD), 1)
+    twist = np.concatenate([shift, turn]) / length
+    poses = []
+    for share in np.linspace(0.0, 1.0, count + 1):
+        rotation = pin.exp3(turn * share) @ start.rotation
+        pose = pin.SE3(rotation, start.translation + share * shift)
+        poses.append(TipPose(u=float(share) * length, pose=pose, twist=twist))
+    return poses
+
 
 _CLOSE = 1e-5
 """Error at which one more step of Newton's method is the last: it squares the error [m, rad]."""

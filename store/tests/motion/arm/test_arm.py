@@ -14,7 +14,7 @@ from stepbus_schemas import (
     OutputConfig,
     WiringError,
 )
-from stepbus_store.motion.arm.participant import ArmController
+from stepbus_store.motion.arm.arm_controller import ArmController
 
 MS = 1_000_000
 

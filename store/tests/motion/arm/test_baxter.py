@@ -5,8 +5,8 @@ import pytest
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import package_path
-from stepbus_store.motion.ik.search import IkSettings, InverseKinematics
-from stepbus_store.motion.manipulator.search.routes import DetourRouter
+from stepbus_store.motion.ik.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.motions.trajectory import Joined
 

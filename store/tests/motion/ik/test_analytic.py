@@ -10,8 +10,7 @@ from stepbus_participant import package_path
 from stepbus_schemas import RunError
 from stepbus_store.motion.goals.outcome import Refused
 from stepbus_store.motion.ik import analytic
-from stepbus_store.motion.ik.analytic import AnalyticChain
-from stepbus_store.motion.ik.branches import BranchSettings, BranchSolver
+from stepbus_store.motion.ik.branches import AnalyticChain, BranchSettings, BranchSolver
 
 BAXTER = package_path("package://example-robot-data/robots/baxter_description/urdf/baxter.urdf")
 LEFT = [f"left_{name}" for name in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]

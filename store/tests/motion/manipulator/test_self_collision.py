@@ -12,8 +12,8 @@ from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.goals.outcome import Refused
 from stepbus_store.motion.ik.branches import BranchSettings, BranchSolver
 from stepbus_store.motion.manipulator.build import branching_manipulator
+from stepbus_store.motion.manipulator.candidates import BranchCandidates
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.search.candidates import BranchCandidates
 from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.motions.braking import stop_on_path
 from stepbus_store.motion.motions.joint_motion import JointMotion, motion_to

@@ -19,7 +19,7 @@ from stepbus_schemas import (
 )
 from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.ik import analytic
-from stepbus_store.motion.mobile.participant import MobileController
+from stepbus_store.motion.mobile.mobile_controller import MobileController
 
 
 def test_it_holds_everything_where_it_is_until_there_is_a_goal(robot):

@@ -15,7 +15,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_plant import Params, SimulatedPlant, load_world
-from stepbus_tools.report.curves.tracking import TrackingCurves
+from stepbus_tools.report.curves import TrackingCurves
 
 WORLD = SCENARIOS / "baxter/world.yaml"
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")

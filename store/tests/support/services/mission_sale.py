@@ -10,8 +10,8 @@ from support.services.mission_store import FakeStore, config
 from stepbus_schemas import (
     RunError,
 )
-from stepbus_store.mission.participant import StoreMission
 from stepbus_store.mission.states.goals import GOALS
+from stepbus_store.mission.store_mission import StoreMission
 
 
 @dataclass

@@ -17,7 +17,7 @@ from stepbus_schemas import (
     JointState,
     OutputConfig,
 )
-from stepbus_store.motion.mobile.participant import MobileController
+from stepbus_store.motion.mobile.mobile_controller import MobileController
 
 MS = 1_000_000
 DT = 0.008

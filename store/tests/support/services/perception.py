@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from stepbus_plant.devices.camera import Camera
-from stepbus_plant.devices.lens import Lens
+from stepbus_plant.devices.camera import Camera, Lens
 from stepbus_plant.world.declaration import CameraSettings
 from stepbus_schemas import Description, Image, Poses
-from stepbus_store.perception.geometry import Pose, rotation
+from stepbus_store.perception.images import Pose, rotation
 
 UPRIGHT = "0 0 0 0 0 0 1"
 SHAPES = {

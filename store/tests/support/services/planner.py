@@ -12,8 +12,8 @@ from support.services.control import Stand
 
 from stepbus_participant import Config
 from stepbus_schemas import Description, InputConfig, OutputConfig, Plan, PlanRequest, Poses
-from stepbus_store.planner.participant import Planner
-from stepbus_store.planner.scene.scene import Margins, Scene, Surroundings
+from stepbus_store.planner.planner import Planner
+from stepbus_store.planner.scene import Margins, Scene, Surroundings
 
 MS = 1_000_000
 JOINTS = ["one", "two", "three"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stepbus_plant.devices.base import Base
-from stepbus_plant.devices.lens import Lens
-from stepbus_plant.devices.sensors.noise import Noise
+from stepbus_plant.devices.camera import Lens
+from stepbus_plant.devices.readings import Noise
 from stepbus_plant.params import CameraErrors, OdometryErrors
 from stepbus_plant.world.declaration import BaseSettings
 

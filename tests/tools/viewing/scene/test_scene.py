@@ -9,7 +9,7 @@ from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_tools.viewing.scene import Latest, Pose, build_scene
-from stepbus_tools.viewing.scene.pose import about, from_rpy
+from stepbus_tools.viewing.scene.primitives import about, from_rpy
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.harness.feeds import Feed, repeated, shifted
 from stepbus_tools.conformance.harness.harness import Harness
 from stepbus_tools.conformance.harness.kit import Kit, Trace
-from stepbus_tools.conformance.harness.setup import Setup
+from stepbus_tools.conformance.harness.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 _SLOW_S = 0.1

@@ -8,7 +8,7 @@ from stepbus_schemas import encoding_of
 from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.harness.harness import Harness
 from stepbus_tools.conformance.harness.kit import Kit
-from stepbus_tools.conformance.harness.setup import Setup
+from stepbus_tools.conformance.harness.material import Setup
 from stepbus_tools.conformance.outcome import Failed
 
 WINDOWS = (1, 2, 7, 64)

@@ -17,9 +17,9 @@ from stepbus_schemas import (
     due_step,
     encode,
 )
+from stepbus_tools.conformance.harness.feeds import Feed, Ports
 from stepbus_tools.conformance.outcome import Failed
 
-from .feeds import Feed, Ports
 from .session import Session
 
 

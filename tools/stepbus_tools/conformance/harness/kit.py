@@ -12,12 +12,11 @@ from typing import NoReturn
 from stepbus_orchestrator.toolkit import PortComparison, Tolerance
 from stepbus_participant import make_new_folder
 from stepbus_schemas import Description
+from stepbus_tools.conformance.harness.feeds import Feed, Ports
+from stepbus_tools.conformance.harness.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
-from .feeds import Feed, Ports
 from .harness import Harness
-from .material import Material
-from .setup import Setup
 from .transcript import Transcript
 
 Play = Callable[[Harness], None]

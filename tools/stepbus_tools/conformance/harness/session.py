@@ -21,10 +21,9 @@ from stepbus_orchestrator.toolkit import (
 )
 from stepbus_participant import Endpoint, ZenohBus
 from stepbus_schemas import encode, encoding_of
+from stepbus_tools.conformance.harness.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed
 
-from .material import Material
-from .setup import Setup
 from .transcript import Recorder
 
 _DRAIN_S = 5.0

@@ -18,8 +18,7 @@ from stepbus_schemas import (
     Ready,
     Types,
 )
-
-from .codecs import disagreement
+from stepbus_tools.conformance.harness.feeds import disagreement
 
 _DECODERS: Mapping[str, Decoder[Any]] = {
     "out": Decoder(Outputs),

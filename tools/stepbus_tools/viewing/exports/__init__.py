@@ -1,9 +1,14 @@
 """Exports of a recording: tables, films, and files of other programs."""
 
+from stepbus_tools.viewing.exports.export_files import (
+    Exported,
+    check_readable,
+    progress_bar,
+    unreadable,
+)
+
 from .columns import CLOCK, Column, Table
 from .every import FORMS, damage_line, export
-from .files import Exported, check_readable, unreadable
-from .progress import progress_bar
 
 __all__ = [
     "CLOCK",

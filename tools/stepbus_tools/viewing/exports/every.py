@@ -6,9 +6,8 @@ from functools import partial
 from pathlib import Path
 
 from stepbus_orchestrator.recording import Recording
+from stepbus_tools.viewing.exports.export_files import Exported, Reached
 
-from .files import Exported
-from .progress import Reached
 from .tables import export_tables
 
 Export = Callable[[Recording, Path, Reached], Exported]

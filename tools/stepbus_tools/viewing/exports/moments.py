@@ -6,10 +6,8 @@ from itertools import groupby
 
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_schemas import Message, StepbusError
+from stepbus_tools.viewing.exports.export_files import Reached, nothing_to_export, unreadable
 from stepbus_tools.viewing.scene import Latest, Pose, Scene, build_scene
-
-from .files import nothing_to_export, unreadable
-from .progress import Reached
 
 NS = 1_000_000_000
 

@@ -25,12 +25,11 @@ from stepbus_schemas import (
     TextMessage,
     Wrench,
 )
+from stepbus_tools.viewing.exports.export_files import Exported, Reached
 from stepbus_tools.viewing.scene import Latest, Pose, about, build_scene, measured
 
-from .files import Exported
 from .frames import FrameTree, Transform
 from .moments import NS, Moment, Rate, instants, readable
-from .progress import Reached
 
 _TF_HZ = 50
 _UNKNOWN = 1e12

@@ -16,10 +16,14 @@ from stepbus_orchestrator.recording import Batch, Recording
 from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_schemas import StepbusError
+from stepbus_tools.viewing.exports.export_files import (
+    Exported,
+    Reached,
+    nothing_to_export,
+    unreadable,
+)
 
 from .columns import CLOCK, Cells, Column, Table
-from .files import Exported, nothing_to_export, unreadable
-from .progress import Reached
 
 _GROUP_ROWS = 100_000
 _GROUP_BYTES = 16 * 1024 * 1024

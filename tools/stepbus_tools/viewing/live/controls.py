@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from stepbus_orchestrator.recording import TailPort
+from stepbus_tools.viewing.live.run_client import Link
+from stepbus_tools.viewing.live.steer_panel import Hands
 from stepbus_tools.viewing.stage import Stage
-
-from .hands import Hands
-from .link import Link
 
 SPEEDS: Mapping[str, float | None] = {
     "as fast as possible": None,

@@ -9,13 +9,12 @@ from typing import Any
 
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_schemas import Event
+from stepbus_tools.viewing.live.run_client import Link, Turn, follow_run, latest_of
+from stepbus_tools.viewing.live.steer_panel import Points
 from stepbus_tools.viewing.scene import Messages, build_scene
 from stepbus_tools.viewing.stage.stage_view import View, plain_topics
 
 from .controls import Controls
-from .following import Turn, follow_run, latest_of
-from .link import Link
-from .points import Points
 
 _CHART_S = 0.25
 _WORDS_S = 0.5

@@ -8,10 +8,9 @@ import numpy as np
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_orchestrator.toolkit import Array
 from stepbus_schemas import Contacts, Image, Message, StepbusError
-from stepbus_tools.report.curves.curve import Curve
+from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.exports import CLOCK, Column, Table, unreadable
-
-from .arrays import Arrays
+from stepbus_tools.viewing.page.joint_curves import Arrays
 
 _JOINTS = ("JointCommand/1", "JointReference/1", "JointState/1")
 _SHAPELESS = ("Detections/1", "Goal/1", "LaserScan/1", "Plan/1", "PlanRequest/1", "PointCloud/1")

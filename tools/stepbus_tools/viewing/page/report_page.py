@@ -16,12 +16,12 @@ from stepbus_orchestrator.toolkit import in_units, replaced
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.report import write_report
+from stepbus_tools.viewing.page.joint_curves import Arrays
+from stepbus_tools.viewing.page.timeline import EDGES_US
 from stepbus_tools.viewing.render import pixels_of
 
-from .arrays import Arrays
 from .run import RunPage, read_run
 from .svg import bars, figure, path_from_above
-from .timing import EDGES_US
 
 PAGE_FILE = "report.html"
 _WIDEST = 480

@@ -13,16 +13,14 @@ from stepbus_orchestrator.toolkit import RESULT_FILE, Result, tracking_pieces
 from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import UNDECODABLE, StepbusError
-from stepbus_tools.report.curves.tracking import TrackingCurves
+from stepbus_tools.report.curves import TrackingCurves
 from stepbus_tools.viewing.exports import check_readable
+from stepbus_tools.viewing.page.joint_curves import Arrays, joint_groups
+from stepbus_tools.viewing.page.timeline import Happening, StepTimes, happenings, step_times
 from stepbus_tools.viewing.render import Pixels
-from stepbus_tools.viewing.still import scene_still
+from stepbus_tools.viewing.scene_file import scene_still
 
-from .arrays import Arrays
-from .happenings import Happening, happenings
-from .joints import joint_groups
 from .ports import BasePath, Stills, Taker, takers
-from .timing import StepTimes, step_times
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,11 @@
 """What a recording shows: frames, what they look like, and where messages place them."""
 
+from stepbus_tools.viewing.scene.primitives import Pose, about
+
 from .build import DescribedPort, Ports, build_scene, recorded_topics
 from .meshes import GREY, Color, Mesh, Visual
 from .model import Joint
 from .motions import Modelled, all_positions, measured
-from .pose import Pose, about
 from .scene import GHOST, Chain, Frame, Latest, Messages, Motion, Scene
 
 __all__ = [

@@ -11,6 +11,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.toolkit import attached_files, unpack_files
 from stepbus_participant import scratch_folder
 from stepbus_schemas import Description, parse_shapes
+from stepbus_tools.viewing.scene.primitives import Pose
 
 from .meshes import GREY, Color, Visual, primitive
 from .model import Joint, Model
@@ -25,7 +26,6 @@ from .motions import (
     wanted,
 )
 from .origin import Body, Origin, has_scenario, read_origin
-from .pose import Pose
 from .scene import GHOST, Chain, Frame, Motion, Scene
 
 _IDENTITY = Pose()

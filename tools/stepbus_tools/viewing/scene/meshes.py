@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_participant import need
-
-from .pose import Pose
-from .primitives import PRIMITIVES
+from stepbus_tools.viewing.scene.primitives import PRIMITIVES, Pose
 
 Color = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""

@@ -8,9 +8,17 @@ from xml.etree import ElementTree as ET
 
 from stepbus_participant import mimics, package_path, parse_urdf, read_urdf_text
 from stepbus_schemas import WiringError
+from stepbus_tools.viewing.scene.primitives import (
+    Pose,
+    Vector,
+    about,
+    from_rpy,
+    product,
+    rotated,
+    unit,
+)
 
 from .meshes import GREY, Color, Visual, mesh_file, primitive
-from .pose import Pose, Vector, about, from_rpy, product, rotated, unit
 
 _SIZES = {
     "box": ("size",),

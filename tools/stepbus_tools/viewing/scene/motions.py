@@ -13,9 +13,9 @@ from stepbus_schemas import (
     Message,
     Poses,
 )
+from stepbus_tools.viewing.scene.primitives import Pose, about, from_xyzw
 
 from .model import Joint, Model
-from .pose import Pose, about, from_xyzw
 from .scene import Messages
 
 Positions = Mapping[str, float]

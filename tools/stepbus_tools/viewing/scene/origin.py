@@ -9,9 +9,9 @@ from stepbus_orchestrator.recording import layout
 from stepbus_participant import find_file, read_text
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
+from stepbus_tools.viewing.scene.primitives import Pose, from_rpy
 
 from .model import Model, load_model
-from .pose import Pose, from_rpy
 
 _MODELS = (".urdf", ".xacro", ".sdf")
 

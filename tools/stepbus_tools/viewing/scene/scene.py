@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from stepbus_schemas import Message
+from stepbus_tools.viewing.scene.primitives import Pose
 
 from .meshes import Visual
 from .model import Model
-from .pose import Pose
 
 if TYPE_CHECKING:
     from .motions import Modelled

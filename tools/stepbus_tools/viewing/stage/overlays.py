@@ -8,8 +8,7 @@ import numpy as np
 
 from stepbus_schemas import Contacts, Detections, Message, Plan
 from stepbus_tools.viewing.scene import Chain, Messages, Ports, Pose
-
-from .stage import Stage
+from stepbus_tools.viewing.stage.stage import Stage
 
 _CONTACT: tuple[int, int, int] = (230, 30, 30)
 _PATH: tuple[int, int, int] = (20, 160, 60)

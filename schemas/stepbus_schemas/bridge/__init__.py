@@ -1,1 +1,0 @@
-"""What the bridge speaks to a program: text, lines, bytes."""

@@ -1,1 +1,0 @@
-"""References over time: a generator, its trajectory, and the participant that publishes it."""

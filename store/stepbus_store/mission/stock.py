@@ -1,0 +1,221 @@
+"""The types of goods that a shop has, read from a world file."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from stepbus_participant import SettingsError, parameters
+from stepbus_schemas import (
+    Description,
+    Point,
+    Poses,
+    Quaternion,
+    RunError,
+    Shape,
+    WiringError,
+    parse_shapes,
+)
+from stepbus_store.mission.geometry import extents, nearest_quarter, yaw_of
+
+
+def types_in(path: Path) -> list[str]:
+    """Return the keys of `stock.types` of a world file.
+
+    Raises ValueError with a sentence for a file without any, or one that cannot be read.
+    """
+    try:
+        data = parameters.read_yaml(path, "a world has at least bodies").data
+    except SettingsError as exc:
+        raise ValueError(str(exc)) from exc
+    stock = data.get("stock")
+    types = stock.get("types") if isinstance(stock, dict) else None
+    if not isinstance(types, dict) or not types:
+        raise ValueError(f"{path.name} has no stock.types")
+    return list(types)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measures:
+    """The dimensions of an item in the frame of its link, whose z is the vertical axis.
+
+    width: of its body along x and y [m]. bottom, body_top, top: heights [m]; the neck of a bottle
+    extends from body_top to top. is_box: whether it has flat sides.
+    """
+
+    width: tuple[float, float]
+    bottom: float
+    body_top: float
+    top: float
+    is_box: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Item:
+    """One item of the stock: position x, y, z [m] and yaw [rad] of its link in the world."""
+
+    name: str
+    type: str
+    shelf: str
+    position: Point
+    yaw: float
+    measures: Measures
+
+    @property
+    def bottom(self) -> float:
+        """Return the height of its lower end [m]."""
+        return self.position[2] + self.measures.bottom
+
+    @property
+    def top(self) -> float:
+        """Return the height of its upper end [m]."""
+        return self.position[2] + self.measures.top
+
+    @property
+    def body_top(self) -> float:
+        """Return the height of the upper end of its body, without the neck [m]."""
+        return self.position[2] + self.measures.body_top
+
+    def width_along(self, yaw: float) -> float:
+        """Return the width of its body between fingers that close along a heading [m]."""
+        turn = nearest_quarter(self.yaw, yaw) - self.yaw
+        is_crosswise = round(turn / (math.pi / 2)) % 2 == 1
+        return self.measures.width[int(is_crosswise)]
+
+
+class Stock:
+    """All items, with their poses at the last inventory or update.
+
+    description: of the plant's output of poses. shelves: their names; the item `cola_a1_3` of type
+    cola is on the shelf whose name starts its slot `a1_3`.
+    Raises WiringError for an item without a known shape, and unless there is one type and one
+    shape per link.
+    """
+
+    def __init__(self, description: Description, shelves: Sequence[str]) -> None:
+        names, details = description.names, description.details
+        types = details.get("type", [""] * len(names))
+        shapes = details.get("shape", [""] * len(names))
+        if {len(types), len(shapes)} != {len(names)}:
+            counts = f"{len(types)} types and {len(shapes)} shapes for {len(names)} links"
+            raise WiringError(f"the poses are described with {counts}")
+        self._index = {name: index for index, name in enumerate(names)}
+        self._shelves = shelves
+        self._types = {n: t for n, t in zip(names, types, strict=True) if t}
+        self._measures = {name: measures(name, shapes[self._index[name]]) for name in self._types}
+        self._items: dict[str, Item] = {}
+
+    @property
+    def items(self) -> Mapping[str, Item]:
+        """Return all items by name, in the plant's order."""
+        return self._items
+
+    @property
+    def types(self) -> list[str]:
+        """Return every type once, in the plant's order."""
+        return list(dict.fromkeys(self._types.values()))
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of all items, in the plant's order."""
+        return list(self._types)
+
+    def measures(self, name: str) -> Measures:
+        """Return the dimensions of an item."""
+        return self._measures[name]
+
+    def check(self, poses: Poses) -> None:
+        """Raise RunError for a wrong number of poses, and for one of an item that is not finite."""
+        counts = {len(poses.position), len(poses.orientation)}
+        if counts != {len(self._index)}:
+            raise RunError(f"{len(self._index)} poses expected, {len(poses.position)} received")
+        if math.isfinite(sum(map(sum, poses.position)) + sum(map(sum, poses.orientation))):
+            return
+        for name in self._types:
+            position, turn = self.pose(name, poses)
+            if not math.isfinite(sum(position) + sum(turn)):
+                raise RunError(
+                    f"{name} has an invalid pose: position {position}, orientation {turn}"
+                )
+
+    def take_inventory(self, poses: Poses) -> None:
+        """Record the pose of every item."""
+        self._items = {
+            name: self._item(name, item_type, poses) for name, item_type in self._types.items()
+        }
+
+    def _item(self, name: str, item_type: str, poses: Poses) -> Item:
+        slot = name.removeprefix(f"{item_type}_")
+        position, turn = self.pose(name, poses)
+        return Item(
+            name=name,
+            type=item_type,
+            shelf=next((s for s in self._shelves if slot.startswith(s)), ""),
+            position=position,
+            yaw=yaw_of(turn),
+            measures=self._measures[name],
+        )
+
+    def pose(self, name: str, poses: Poses) -> tuple[Point, Quaternion]:
+        """Return the true pose of an item."""
+        index = self._index[name]
+        return poses.position[index], poses.orientation[index]
+
+    def update(self, name: str, poses: Poses) -> None:
+        """Record the new pose of an item that was moved on purpose."""
+        position, turn = self.pose(name, poses)
+        self._items[name] = replace(self._items[name], position=position, yaw=yaw_of(turn))
+
+
+def measures(name: str, shapes: str) -> Measures:
+    """Return the dimensions of an item from the description of its collision shapes.
+
+    shapes: as in `stepbus_schemas.parse_shapes`; meshes do not count.
+    Raises WiringError for shapes that cannot be read, and without a box, a cylinder or a sphere.
+    """
+    try:
+        parts = [_part(shape) for shape in parse_shapes(shapes) if shape.type in _SIZES]
+    except ValueError as exc:
+        raise WiringError(f"item {name!r} has the shape {shapes!r}: {exc}") from exc
+    if not parts:
+        raise WiringError(
+            f"item {name!r} has the shape {shapes!r}; a graspable item needs a box, a cylinder or "
+            "a sphere"
+        )
+    body = max(parts, key=lambda part: part.size[0] * part.size[1])
+    return Measures(
+        width=(body.size[0], body.size[1]),
+        bottom=min(part.z - part.size[2] / 2 for part in parts),
+        body_top=body.z + body.size[2] / 2,
+        top=max(part.z + part.size[2] / 2 for part in parts),
+        is_box=body.is_box,
+    )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One shape: its extents along x, y, z, and the height of its centre [m]."""
+
+    size: Point
+    z: float
+    is_box: bool
+
+
+def _part(shape: Shape) -> _Part:
+    size = _SIZES[shape.type](*shape.sizes)
+    return _Part(extents(size, shape.orientation), shape.position[2], shape.type == "box")
+
+
+def _box(x: float, y: float, z: float) -> Point:
+    return (x, y, z)
+
+
+def _cylinder(radius: float, length: float) -> Point:
+    return (2 * radius, 2 * radius, length)
+
+
+def _sphere(radius: float) -> Point:
+    return (2 * radius, 2 * radius, 2 * radius)
+
+
+_SIZES: dict[str, Callable[..., Point]] = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}

@@ -1,0 +1,375 @@
+"""Sells items: fetches each order from the shelves and puts it into the outlet.
+
+`states.py` has the table of states, `goals.py` the goal
+of each state, `checks.py` and `detection.py` decide when a state ends.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import msgspec
+
+from stepbus_participant import (
+    CallError,
+    Config,
+    Method,
+    Participant,
+    Ports,
+    SettingsError,
+    Step,
+    suggest,
+)
+from stepbus_schemas import (
+    BaseState,
+    Contacts,
+    Description,
+    Detections,
+    Event,
+    Goal,
+    GoalStatus,
+    GripperState,
+    Message,
+    Poses,
+    RunError,
+    WiringError,
+)
+from stepbus_store.mission.params import Params, unknown_type
+from stepbus_store.mission.report import WITNESSES, Unsold, summary
+from stepbus_store.mission.states.checks import PLANNABLE, check_of
+from stepbus_store.mission.states.goals import GOALS
+from stepbus_store.mission.states.state import (
+    FIRST,
+    LAST,
+    STATES,
+    Inputs,
+    Level,
+    LogEntry,
+    Outcome,
+    StoreState,
+    Visit,
+)
+from stepbus_store.mission.stock import Stock
+from stepbus_store.mission.witness import Witness
+
+_LEVELS: Sequence[Level] = ("info", "warning", "error")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PortNames:
+    """Names of the ports; summary may be the same as events."""
+
+    poses: str
+    planogram: str
+    detections: str
+    gripper: str
+    odometry: str
+    pose: str
+    status: str
+    contacts: str | None
+    goal: str
+    events: str
+    summary: str
+
+
+class StoreMission(Participant):
+    """Fulfils one order after the other; any failure triggers an emergency stop and fails the run.
+
+    Inputs: Poses/1, where items are as far as the mission may know: true poses from the plant, or
+    those of a world model, with its planogram beside it; for the inventory at the first step, and
+    where `verification` is `truth`, for that of each sale; Detections/1, GripperState/1,
+    GoalStatus/1; BaseState/1, odometry, and another one called `pose`, where the base is on the
+    map, if odometry drifts; where the scenario wires it, Contacts/1, to tell what the robot moved
+    from what others moved. Outputs: Goal/1, and Event/1 with the log; an output of type Event/1
+    named `summary` carries the report.
+    `Params` has the parameters; `store/docs/mission.md` lists them.
+
+    Raises RunError after a failed sale, at the step after the last event.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        ports = Ports(config)
+        self._ports = _find_ports(ports)
+        self._settings = config.read(Params, ports.problems)
+        self._goals = 0
+        self._further: list[str] = []
+        self._statuses: dict[int, GoalStatus] = {}
+        self._failure = ""
+        self._is_done = False
+        self._store: StoreState | None = None
+
+    def calls(self) -> Mapping[str, Method]:
+        """Return the call that orders one more item."""
+        order = Method(
+            self.order,
+            "TYPE: orders one more item, after those that are ordered; returns their number",
+            changes=True,
+        )
+        return {"order": order}
+
+    def order(self, item_type: str) -> int:
+        """Order one more item of a type; raises CallError for one that cannot be sold."""
+        if self._is_done or self._failure:
+            raise CallError("the mission is over")
+        given = [*self.config.params["orders"], *self._further, item_type]
+        params = {**self.config.params, "orders": given}
+        try:
+            settings = replace(self.config, params=params).read(Params)
+        except SettingsError as exc:
+            raise CallError(str(exc)) from exc
+        if item_type not in self._stock.types:
+            raise CallError(unknown_type(item_type, self._stock.types))
+        if not settings.is_in_outlet(len(given) - 1, len(given) - 1 - len(self._further)):
+            raise CallError(f"the outlet is full: {len(given) - 1} items are ordered")
+        self._further.append(item_type)
+        self._settings = settings
+        if self._store is not None:
+            self._store.settings = settings
+        return len(given)
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return empty descriptions: no output has named elements."""
+        ports = (self._ports.goal, self._ports.events, self._ports.summary)
+        return dict.fromkeys(ports, Description())
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Read the stock from the plant's description.
+
+        Raises WiringError for orders of unknown items, and for an unknown outlet.
+        """
+        description = inputs[self._ports.planogram]
+        stock = Stock(description, list(self._settings.shelves))
+        problems = _unknown(self._settings, stock, description.names)
+        if problems:
+            where = f"participants.{self.config.name}.params"
+            raise WiringError("\n".join(f"{where}.{problem}" for problem in problems))
+        self._stock = stock
+        contacts = self._ports.contacts
+        self._robot_links = (
+            frozenset(inputs[contacts].names) if contacts is not None else frozenset()
+        )
+        tip = self._settings.prefix + self._settings.tip
+        self._tip = tip if tip in description.names else ""
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the goal of a new state, and the log entries of this step."""
+        if self._failure:
+            raise RunError(self._failure)
+        if self._is_done:
+            return {}
+        store = self._observe(step)
+        goal = self._advance(store)
+        messages: dict[str, Message] = {} if goal is None else {self._ports.goal: goal}
+        if store.visit.state in LAST:
+            self._end(step, store)
+        return messages | self._events(store)
+
+    def _observe(self, step: Step) -> StoreState:
+        """Update the state with the inputs of this step; take inventory at the first one."""
+        inputs = self._read(step)
+        self._stock.check(inputs.poses)
+        if self._store is None:
+            self._stock.take_inventory(inputs.poses)
+            visit = Visit(state=FIRST, start_ns=step.t_ns)
+            self._store = StoreState(
+                settings=self._settings,
+                planned=len(self._settings.orders) - len(self._further),
+                stock=self._stock,
+                witness=self._witness_of(inputs.poses),
+                visit=visit,
+                inputs=inputs,
+            )
+        self._store.inputs = inputs
+        witness = self._store.witness
+        if witness is not None and inputs.contacts is not None:
+            witness.feel(inputs.contacts, self._robot_links, step.t_ns * 1e-9)
+        if witness is not None and step.is_new(self._ports.poses):
+            self._watch(self._store, witness)
+        return self._store
+
+    def _witness_of(self, poses: Poses) -> Witness | None:
+        """Return who watches all items; None: without the truth, nobody can."""
+        if self._settings.verification != "truth":
+            return None
+        return Witness(self._stock, poses, self._settings.tolerances.moved)
+
+    def _watch(self, store: StoreState, witness: Witness) -> None:
+        """Report items that others move."""
+        inputs = store.inputs
+        sold = store.sale.item.name if store.sale and store.sale.item else ""
+        unfelt = (self._tip, sold) if inputs.contacts is None else ()
+        near = [self._stock.pose(name, inputs.poses)[0] for name in unfelt if name]
+        for moved in witness.watch(inputs.poses, inputs.t_ns * 1e-9, near, sold):
+            text = f"{moved.item} was moved by {moved.distance * 1e3:.1f} mm, not by the robot"
+            store.log.append(("warning", text))
+
+    def _read(self, step: Step) -> Inputs:
+        ports = self._ports
+        status = step.get(ports.status, GoalStatus)
+        if status is not None:
+            self._statuses[status.id] = status
+        fresh = step.is_new(ports.detections)
+        return Inputs(
+            t_ns=step.t_ns,
+            poses=step.read(ports.poses, Poses),
+            odometry=step.read(ports.odometry, BaseState),
+            pose=step.read(ports.pose, BaseState) if ports.pose != ports.odometry else None,
+            gripper=step.read(ports.gripper, GripperState),
+            status=self._statuses.get(self._goals - 1),
+            trip=self._statuses.get(self._store.trip) if self._store is not None else None,
+            detections=step.get(ports.detections, Detections) if fresh else None,
+            contacts=step.get(ports.contacts, Contacts) if ports.contacts else None,
+        )
+
+    def _advance(self, store: StoreState) -> Goal | None:
+        """Change states until one has to wait; return its goal, if it sends one."""
+        lost = _lost(store.inputs)
+        if lost is not None and store.visit.state not in ("stop", *LAST):
+            return self._go_to(store, "stop", lost)
+        while True:
+            outcome = check_of(store.visit.state)(store)
+            if outcome is None:
+                return None
+            goal = self._planned_instead(store, outcome) or self.enter(store, outcome)
+            if goal is not None or store.visit.state in LAST:
+                return goal
+
+    def _planned_instead(self, store: StoreState, outcome: Outcome) -> Goal | None:
+        """Return the goal of a state whose straight line is blocked, along a planned path."""
+        visit = store.visit
+        is_line = outcome.cause == "blocked" and visit.goal_type == "move_linear"
+        if not is_line or visit.state not in PLANNABLE:
+            return None
+        store.report(f"{outcome.text}; along a planned path instead", "warning")
+        visit = Visit(state=visit.state, start_ns=store.inputs.t_ns, is_planned=True)
+        return self._send(store, visit)
+
+    def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
+        """Enter the next state; return its goal, if it has one."""
+        return self._go_to(store, STATES[store.visit.state].then[outcome.name], outcome)
+
+    def _go_to(self, store: StoreState, state: str, outcome: Outcome) -> Goal | None:
+        if state in {"retry", "stop"}:
+            store.record_problem(outcome)
+        return self._send(store, Visit(state=state, start_ns=store.inputs.t_ns))
+
+    def _send(self, store: StoreState, visit: Visit) -> Goal | None:
+        """Start a visit; return its goal, if the state has one."""
+        store.visit = visit
+        make_goal = GOALS.get(visit.state)
+        if make_goal is None:
+            return None
+        goal = msgspec.structs.replace(make_goal(store), id=self._goals)
+        self._goals += 1
+        visit.goal, visit.goal_type = goal.id, goal.type
+        if goal.type in {"go_to", "go_together"}:
+            store.trip, store.destination = goal.id, goal.base
+            store.trip_doing, store.trip_text = STATES[visit.state].doing, ""
+            store.inputs = replace(store.inputs, trip=None)
+        return goal
+
+    def _end(self, step: Step, store: StoreState) -> None:
+        """End the run: now, or with an error after the last event."""
+        self._is_done = True
+        if store.visit.state == "failed":
+            self._failure = store.failure()
+            store.log.append(("error", self._failure))
+        else:
+            orders = len(self._settings.orders)
+            text = f"{self.config.name}: {len(store.results)} of {orders} sales are done"
+            unsold = "; ".join(f"no {row.order}: {row.reason}" for row in store.unsold)
+            step.end(f"{text}; {unsold}" if unsold else text)
+
+    def _events(self, store: StoreState) -> dict[str, Message]:
+        """Return the log of this step, and at the end the report."""
+        log, store.log = store.log, []
+        ports = self._ports
+        report = self._report(store) if self._is_done else []
+        if ports.summary == ports.events:
+            return _event(ports.events, [*log, *report])
+        return _event(ports.events, log) | _event(ports.summary, report)
+
+    def _report(self, store: StoreState) -> list[LogEntry]:
+        orders, duration = len(self._settings.orders), store.since(0)
+        text = summary(
+            store.results,
+            orders,
+            duration,
+            failure=self._failure,
+            unsold=_all_unsold(store),
+            by=WITNESSES[self._settings.verification],
+        )
+        return [("info", text)]
+
+
+def _lost(inputs: Inputs) -> Outcome | None:
+    """Return that a participant has failed whose safe messages show it."""
+    found, pose = inputs.detections, inputs.pose
+    if found is not None and not found.frame:
+        return Outcome(name="failed", cause="no_perception", text="perception has failed")
+    if pose is not None and not math.isfinite(pose.x + pose.y + pose.yaw):
+        return Outcome(name="failed", cause="no_pose", text="nobody knows where the base is")
+    return None
+
+
+def _all_unsold(store: StoreState) -> list[Unsold]:
+    """Return the orders that were left out, the one that failed, and those after it."""
+    rows, problem = list(store.unsold), store.problem
+    known = {row.number for row in rows} | {result.number for result in store.results}
+    if problem and store.sale and store.sale.number not in known:
+        name = store.sale.item.name if store.sale.item else str(store.sale.order)
+        text = f"failed while {store.doing}"
+        rows.append(Unsold(number=store.sale.number, order=name, reason=text))
+    known |= {row.number for row in rows}
+    for number, order in enumerate(store.settings.orders, 1):
+        if number not in known:
+            rows.append(Unsold(number=number, order=str(order), reason="not tried"))
+    return rows
+
+
+def _find_ports(ports: Ports) -> _PortNames:
+    events, summary_port = ports.event_outputs()
+    ports.outputs_are("Goal/1", "Event/1")
+    poses, planogram = ports.input_beside("Poses/1", "planogram")
+    odometry, pose = ports.input_beside("BaseState/1", "pose")
+    return _PortNames(
+        poses=poses,
+        planogram=planogram,
+        detections=ports.input_of("Detections/1"),
+        gripper=ports.input_of("GripperState/1"),
+        odometry=odometry,
+        pose=pose,
+        status=ports.input_of("GoalStatus/1"),
+        contacts=ports.optional_input_of("Contacts/1"),
+        goal=ports.output_of("Goal/1"),
+        events=events,
+        summary=summary_port,
+    )
+
+
+def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
+    """Return the entries as one message, a line each, with the highest level among them."""
+    if not log:
+        return {}
+    level = max((level for level, _ in log), key=_LEVELS.index)
+    return {port: Event(level=level, text="\n".join(text for _, text in log))}
+
+
+def _unknown(settings: Params, stock: Stock, links: Sequence[str]) -> list[str]:
+    """Return a sentence for each item or link of the scenario that the plant does not have."""
+    problems = [
+        f"orders: item {order.item!r} is unknown{suggest(order.item, stock.names)}"
+        for order in settings.orders
+        if order.item and order.item not in stock.names
+    ]
+    if settings.catalog is None:
+        problems += [
+            f"orders: {unknown_type(order.type, stock.types)}"
+            for order in settings.orders
+            if order.type and order.type not in stock.types
+        ]
+    link = settings.outlet.link
+    if link not in links:
+        problems.append(f"outlet.link: link {link!r} is unknown{suggest(link, links)}")
+    return problems

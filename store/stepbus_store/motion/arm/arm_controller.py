@@ -1,0 +1,170 @@
+"""From the parameters of the controller of an arm to what it works with."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stepbus_kinematics import RobotModel, SelfCollisions, Smoother, delay_warning, make_smoother
+from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version
+from stepbus_schemas import (
+    ControllerStatus,
+    Description,
+    Goal,
+    JointState,
+    Message,
+)
+from stepbus_store.motion.arm import Params
+from stepbus_store.motion.goals.executor import GoalExecutor
+from stepbus_store.motion.goals.outcome import JointReading, JointSensor, Measured
+from stepbus_store.motion.goals.parts import Parts
+from stepbus_store.motion.manipulator.build import searching_manipulator
+from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
+from stepbus_store.motion.manipulator.settling import Settling
+from stepbus_store.motion.motions.joint_motion import MotionLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSettings:
+    """What an `ArmController` works with; limits: of the joints."""
+
+    robot: RobotModel
+    collisions: SelfCollisions | None
+    limits: MotionLimits
+    settling: Settling
+    tries_unholdable: bool
+    prefix: str
+    smoother: Smoother | None
+
+
+def read_arm_settings(config: Config, problems: Problems, period: float) -> ArmSettings:
+    """Return what the scenario's params describe.
+
+    problems: of the ports. period: between two measurements [s]. Raises SettingsError with all that
+    is wrong.
+    """
+    params = config.read(Params, problems)
+    found = config.problems().below(("params",))
+    robot = make_robot(params, found)
+    collisions, srdf = None, params.srdf
+    if srdf is not None:
+        margin = params.collision_margin
+        collisions = found.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
+    found.refuse()
+    return ArmSettings(
+        robot=robot,
+        collisions=collisions,
+        limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
+        settling=make_settling(params),
+        tries_unholdable=params.not_holdable == "try",
+        prefix=params.prefix,
+        smoother=make_smoother(params.smoothing, params.time_constant, params.window, period),
+    )
+
+
+class ArmController(Participant):
+    """Moves the joints or frames of a robot to where the newest goal wants them.
+
+    Inputs: one JointState/1 and one Goal/1. Outputs: one JointCommand/1 of mode position with
+    feed-forward velocity at every step; one GoalStatus/1 whenever the status changes; where the
+    scenario wires them, one ControllerStatus/1, and one JointState/1 with the smoothed
+    measurements. A goal starts when its id differs from the one before.
+
+    Poses are judged by the effort limits that the plant describes. Parameters: see
+    `Params`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        ports = Ports(config)
+        self._state_port = ports.input_of("JointState/1")
+        self._goal_port = ports.input_of("Goal/1")
+        self._command_port = ports.output_of("JointCommand/1")
+        self._goal_status_port = ports.output_of("GoalStatus/1")
+        self._status_port = ports.optional_output_of("ControllerStatus/1")
+        self._smoothed_port = ports.optional_output_of("JointState/1")
+        ports.outputs_are("JointCommand/1", "GoalStatus/1", "ControllerStatus/1", "JointState/1")
+        self._period = config.every * config.step_ns * 1e-9
+        self._arm: ArmSettings = read_arm_settings(config, ports.problems, self._period)
+        self._reading: JointReading | None = None
+        self._goal_id = -1
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the joints in the order of the commands, and the delay of smoothing."""
+        names = [self._arm.prefix + joint for joint in self._arm.robot.joints]
+        described = {self._command_port: Description(names=names)}
+        if self._status_port is not None:
+            described[self._status_port] = Description(names=names)
+        if self._smoothed_port is not None:
+            delay = [f"{self._delay * 1e3:.1f} ms"] * len(names)
+            described[self._smoothed_port] = Description(names=names, details={"delay": delay})
+        return described
+
+    @property
+    def _delay(self) -> float:
+        """Return the delay of the measurements [s]."""
+        return self._arm.smoother.delay if self._arm.smoother is not None else 0.0
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Map the joints by name and take the plant's effort limits.
+
+        Raises WiringError for joints that the plant does not sense.
+        """
+        arm, port = self._arm, self._state_port
+        self._sensor = JointSensor(
+            self.config.name,
+            port,
+            inputs[port],
+            arm.robot,
+            period=self._period,
+            prefix=arm.prefix,
+            smoother=arm.smoother,
+        )
+        self._manipulator = searching_manipulator(
+            arm.robot,
+            arm.limits,
+            arm.settling,
+            period=self._period,
+            seed=self.config.seed,
+            collisions=arm.collisions,
+            tries_unholdable=arm.tries_unholdable,
+        )
+        self._executor = GoalExecutor(Parts(arm=self._manipulator))
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the targets of this step, and what is new about the goal."""
+        if step.is_new(self._state_port):
+            self._sense(step)
+        reading = self._reading
+        if reading is None:
+            return {}
+        goal = step.get(self._goal_port, Goal)
+        if goal is not None and goal.id != self._goal_id:
+            self._goal_id = goal.id
+            self._executor.start(goal, step.t)
+        target = self._manipulator.at(step.t)
+        messages: dict[str, Message] = {self._command_port: target.command()}
+        status = self._executor.reports.next_status()
+        if status is not None:
+            messages[self._goal_status_port] = status
+        warnings = delay_warning(self._arm.smoother) if step.index == 0 else []
+        warnings += self._executor.reports.take_warnings()
+        if self._status_port is not None:
+            error: list[float] = (target.position - reading.position).tolist()
+            messages[self._status_port] = ControllerStatus(
+                error=error, saturated=[False] * len(error), warnings=warnings
+            )
+        if self._smoothed_port is not None:
+            q, v = reading.q.tolist(), reading.v.tolist()
+            messages[self._smoothed_port] = JointState(position=q, velocity=v)
+        return messages
+
+    def _sense(self, step: Step) -> None:
+        reading = self._sensor.read(step.read(self._state_port, JointState))
+        now = Measured(q=reading.q, v=reading.v)
+        if self._reading is None:
+            self._executor.hold(now)
+        self._reading = reading
+        self._executor.check(now, step.t, self._period)
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the motion."""
+        return {name: installed_version(name) for name in ("numpy", "pin", "coal", "ruckig")}

@@ -1,0 +1,366 @@
+"""Drives and turns a mobile base by odometry: smooth profiles, and a law that follows them."""
+
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from msgspec.structs import replace
+
+from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
+from stepbus_store.motion.base.route import (
+    Curve,
+    PlannedSegment,
+    Reference,
+    Segment,
+    base_route,
+    same_line,
+    wrapped,
+)
+from stepbus_store.motion.base.settings import BaseSettings
+from stepbus_store.motion.base.tracking import (
+    TrackingError,
+    slow_wheels,
+    tracking_command,
+    tracking_error,
+)
+from stepbus_store.motion.goals.outcome import Outcome
+from stepbus_store.motion.motions.joint_motion import JointMotion, Motion, motion_to, stop_from
+
+_BACK_TURN = 0.3
+"""A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""
+
+_APART = 0.1
+"""Distance of the poses that `ahead` returns [m]."""
+
+_EMERGENCY = 1.5
+"""Of the hardest braking without slip, for what appears within its path."""
+
+
+def _length(segment: Segment | Curve) -> float:
+    return abs(segment.length) * (_BACK_TURN if segment.turns else 1.0)
+
+
+@dataclass(kw_only=True)
+class _Drive:
+    """A segment under way: its profile, the profile's own time, the time since its end [s].
+
+    brakes: the profile is a hard stop.
+    """
+
+    segment: Segment | Curve
+    profile: Motion
+    brakes: bool = False
+    tau: float = 0.0
+    late: float = 0.0
+    settled: int = 0
+
+    @property
+    def is_over(self) -> bool:
+        return self.tau >= self.profile.duration
+
+    def now(self) -> tuple[float, float, float]:
+        """Return position, speed and acceleration along the segment, in the profile's own time."""
+        at = self.profile.at(self.tau)
+        return float(at.position[0]), float(at.velocity[0]), float(at.acceleration[0])
+
+
+@dataclass(kw_only=True)
+class _Halt:
+    """The wheels are locked; steps: of standing, in a row."""
+
+    steps: int = 0
+
+
+class BaseMotion:
+    """Carries out the goals `drive`, `turn` and `go_to`, one at a time, by odometry.
+
+    The reference runs along each segment by a profile of ruckig, and the base follows it; see
+    `tracking_command`. At rest it keeps its pose by the same law, slowly: the swings of an arm
+    would move it. In each step: `advance`, then `check`, then `command`.
+    """
+
+    def __init__(self, settings: BaseSettings) -> None:
+        self._settings = settings
+        self._state: BaseState | None = None
+        self._drive: _Drive | None = None
+        self._waiting: deque[PlannedSegment] = deque()
+        self._scale = 1.0
+        self._done = False
+        self._sent = BaseCommand()
+        self._target: tuple[float, float, float] | None = None
+        self._pose: Reference | None = None
+        self._halt: _Halt | None = None
+        self._behind: _Drive | None = None
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether the base follows a reference that moves, or has yet to come to rest."""
+        return self._drive is not None or self._halt is not None
+
+    @property
+    def state(self) -> BaseState:
+        """Return odometry; raises RunError before the first one."""
+        if self._state is None:
+            raise RunError("the base has not been measured yet")
+        return self._state
+
+    @property
+    def position(self) -> float:
+        """Return the largest error at a goal [m]."""
+        return self._settings.position
+
+    @property
+    def is_halting(self) -> bool:
+        """Return whether its wheels are locked, and it has not come to rest yet."""
+        return self._halt is not None
+
+    def hold(self, state: BaseState) -> None:
+        """Stand where the base is."""
+        self._state = state
+        self._pose = Reference.standing(state.x, state.y, state.yaw)
+
+    def check_goal(self, goal: Goal, state: BaseState) -> str:
+        """Return a sentence for the status of a goal; raises Refused for one without sense."""
+        self._state = state
+        return base_route(goal, state, self._settings.position).text
+
+    def start(self, goal: Goal, state: BaseState, route: Sequence[Point] = ()) -> str:
+        """Start a goal and return a sentence for its status; route: of a planner.
+
+        Raises Refused for a goal that makes no sense; then nothing has changed.
+        """
+        self._state = state
+        planned = base_route(goal, state, self._settings.position, route)
+        self._behind = None
+        self._target = planned.target
+        if self._drive is not None and not self._drive.is_over:
+            # The old segment ends first, and the new one starts where the base then stands.
+            self._brake(self._drive)
+        else:
+            self._drive = None
+        self._waiting = planned.segments
+        self._done = False
+        self._next_segment()
+        return planned.text
+
+    def stop(self) -> None:
+        """Come to rest as fast as motors and ground allow without slip."""
+        self._waiting.clear()
+        self._done = False
+        self._target = None
+        drive = self._drive
+        if drive is not None and not drive.is_over:
+            self._brake(drive, hard=True)
+        elif drive is not None:
+            self._drive, self._pose = None, self._reference(drive)
+
+    def halt(self) -> None:
+        """Lock the wheels until the base stands, wherever that is."""
+        if self._drive is not None:
+            self._behind = self._drive
+        self._waiting.clear()
+        self._done = False
+        self._drive, self._pose, self._target = None, None, None
+        self._halt = _Halt()
+
+    def back_off(self, distance: float) -> bool:
+        """Halt, then go back along the segment, no further than its start; False: it has not begun.
+
+        distance: [m]; a turn goes back by the angle that belongs to it.
+        """
+        self.halt()
+        drive = self._behind
+        if drive is None or not drive.now()[0]:
+            return False
+        segment, (s, _, _) = drive.segment, drive.now()
+        wanted = distance / _BACK_TURN if segment.turns else distance
+        self._waiting.append(same_line(segment, -math.copysign(min(wanted, abs(s)), s)))
+        return True
+
+    def travelled(self, start: BaseState) -> float:
+        """Return how far odometry has moved since a state, a turn as an arc [m]."""
+        now = self.state
+        return math.hypot(now.x - start.x, now.y - start.y) + _BACK_TURN * abs(now.yaw - start.yaw)
+
+    @property
+    def remaining(self) -> float:
+        """Return the length of the route that is left, a turn as an arc [m]."""
+        left = sum(_length(segment) for segment in self._planned_ahead())
+        if self._drive is not None:
+            rest = abs(self._drive.segment.length) - abs(self._drive.now()[0])
+            left += max(rest, 0.0) * (_BACK_TURN if self._drive.segment.turns else 1.0)
+        return left
+
+    def ahead(self, route: Iterable[PlannedSegment] | None = None) -> list[tuple[float, Point]]:
+        """Return poses along the route that is left, and how far each is from its end [m].
+
+        route: instead of that. The poses are about 0.1 m apart; a turn counts as an arc.
+        """
+        poses: list[Point] = [(self.state.x, self.state.y, self.state.yaw)]
+        lengths = [0.0]
+        drive = self._drive
+        parts: list[tuple[Segment | Curve, float]] = []
+        if drive is not None and not drive.brakes:
+            parts.append((drive.segment, drive.now()[0]))
+        parts += [(segment, 0.0) for segment in self._planned_ahead(route)]
+        for segment, start in parts:
+            left = (segment.length - start) * (_BACK_TURN if segment.turns else 1.0)
+            count = max(math.ceil(abs(left) / _APART), 1)
+            for n in range(1, count + 1):
+                at = segment.at(start + (segment.length - start) * n / count, 0.0)
+                poses.append((at.x, at.y, at.yaw))
+                lengths.append(lengths[-1] + abs(left) / count)
+        return [(lengths[-1] - s, pose) for s, pose in zip(lengths, poses, strict=True)]
+
+    def _planned_ahead(
+        self, route: Iterable[PlannedSegment] | None = None
+    ) -> list[Segment | Curve]:
+        """Return the segments that have not begun, as they will be if the base is exact."""
+        now = self.state
+        found: list[Segment | Curve] = []
+        if self._drive is not None:
+            end = self._drive.segment.at(self._drive.segment.length, 0.0)
+            now = replace(now, x=end.x, y=end.y, yaw=end.yaw)
+        for make in self._waiting if route is None else route:
+            segment = make(now)
+            if segment is not None:
+                found.append(segment)
+                end = segment.at(segment.length, 0.0)
+                now = replace(now, x=end.x, y=end.y, yaw=end.yaw)
+        return found
+
+    def advance(self, dt: float, gap: float = math.inf) -> None:
+        """Move the reference on by dt [s], so fast that the base could stop within a gap [m].
+
+        It slows down by braking as hard as that takes, and becomes faster within the acceleration
+        limit of its segment.
+        """
+        drive = self._drive
+        if drive is None:
+            return
+        segment, turns = drive.segment, drive.segment.turns
+        s, speed, _ = drive.now()
+        limits, speed = self._settings.limits_of(segment), abs(speed)
+        safe = self._settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
+        wanted = min(safe / max(speed, 1e-9), 1.0)
+        rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
+        hardest = _EMERGENCY * self._settings.braking(turns=turns).acceleration[0]
+        fall = hardest / max(speed, 1e-9) * dt
+        self._scale += min(max(wanted - self._scale, -float(fall)), rise)
+        if drive.is_over:
+            drive.late += dt
+        drive.tau += dt * self._scale
+
+    def command(self) -> BaseCommand:
+        """Return the command of this step."""
+        wanted = self._reference(self._drive) if self._drive is not None else self._pose
+        if wanted is None or self._halt is not None:
+            self._sent = BaseCommand()
+        else:
+            holds = self._drive is None
+            self._sent = tracking_command(wanted, self.state, self._settings, holds=holds)
+        return self._sent
+
+    def check(self, state: BaseState) -> Outcome | None:
+        """Compare with odometry; return how the goal ended, once it has."""
+        self._state = state
+        if self._halt is not None:
+            self._wait_for_rest(self._halt)
+            return self._finish() if self._done else None
+        drive = self._drive
+        if drive is None:
+            if self._pose is not None and self._is_lost(tracking_error(self._pose, state)):
+                # Somebody has pushed it away: to push back would make it worse.
+                self._pose = None
+            # All segments may have been too short to be driven.
+            return self._finish() if self._done else None
+        error = tracking_error(self._reference(drive), state)
+        if self._is_lost(error):
+            return self._jammed(drive, error)
+        return self._settle(drive, error) if drive.is_over else None
+
+    def _wait_for_rest(self, halt: _Halt) -> None:
+        """Go on once the base stands; what is to come starts there."""
+        state = self.state
+        halt.steps = halt.steps + 1 if self._stands(state) else 0
+        if halt.steps >= self._settings.steps:
+            self._halt, self._scale = None, 1.0
+            self._pose = Reference.standing(state.x, state.y, state.yaw)
+            if self._waiting:
+                self._next_segment()
+
+    def _stands(self, state: BaseState) -> bool:
+        settings = self._settings
+        return abs(state.vx) <= settings.still and abs(state.wz) <= settings.still_turning
+
+    def _is_lost(self, error: TrackingError) -> bool:
+        return error.exceeds(self._settings.lag, self._settings.lag_angle)
+
+    def _reference(self, drive: _Drive) -> Reference:
+        s, speed, _ = drive.now()
+        return drive.segment.at(s, speed * self._scale)
+
+    def _settle(self, drive: _Drive, error: TrackingError) -> Outcome | None:
+        settings, state = self._settings, self.state
+        is_there = abs(error.along) <= settings.position and abs(error.angle) <= settings.angle
+        drive.settled = drive.settled + 1 if is_there and self._stands(state) else 0
+        if drive.settled >= settings.steps:
+            self._drive, self._pose = None, self._reference(drive)
+            self._next_segment()
+            return self._finish() if self._done else None
+        if drive.late <= settings.timeout:
+            return None
+        off = f"{error.along * 1e3:.1f} mm and {math.degrees(error.angle):.2f}° off"
+        text = f"not settled {drive.late:.2f} s after the motion: {off}"
+        return self._give_up("not_settled", text)
+
+    def _finish(self) -> Outcome:
+        self._done = False
+        state = self.state
+        text = f"stands at x {state.x:.4f} m, y {state.y:.4f} m, "
+        text += f"yaw {math.degrees(state.yaw):.2f}°"
+        if self._target is not None:
+            x, y, yaw = self._target
+            miss = math.hypot(x - state.x, y - state.y)
+            self._pose = Reference.standing(x, y, state.yaw + wrapped(yaw - state.yaw))
+            text += f"; {miss * 1e3:.1f} mm off"
+        return Outcome(state="succeeded", text=text)
+
+    def _jammed(self, drive: _Drive, error: TrackingError) -> Outcome:
+        segment, miss = drive.segment, math.hypot(error.along, error.across)
+        text = (
+            f"the base is {miss * 1e3:.0f} mm and {abs(math.degrees(error.angle)):.1f}° behind "
+            f"after {segment.shown(drive.now()[0])} of {segment.shown(segment.length)}; "
+            f"{slow_wheels(self.state, self._sent, self._settings.track)}"
+        )
+        return self._give_up("jammed", text)
+
+    def _give_up(self, cause: str, text: str) -> Outcome:
+        self._drive, self._pose = None, None
+        self._waiting.clear()
+        self._done = False
+        return Outcome(state="failed", cause=cause, text=text)
+
+    def _next_segment(self) -> None:
+        """Start the next segment, once nothing is under way; none left: all is done."""
+        while self._drive is None and self._halt is None and self._waiting:
+            segment = self._waiting.popleft()(self.state)
+            if segment is not None:
+                start, goal = JointMotion.at_rest(np.zeros(1)), np.array([segment.length])
+                limits = self._settings.limits_of(segment)
+                self._drive = _Drive(segment=segment, profile=motion_to(start, goal, limits))
+        self._done = self._drive is None and self._halt is None
+
+    def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
+        """Let the reference of a segment come to rest, from the speed that it has now."""
+        if drive.brakes and not hard:
+            return
+        now, turns = drive.profile.at(drive.tau).scaled(self._scale), drive.segment.turns
+        limits = self._settings.braking(turns=turns)
+        if not hard:
+            limits = self._settings.limits_of(drive.segment)
+        profile = stop_from(now, limits)
+        self._drive = _Drive(segment=drive.segment, profile=profile, brakes=hard)
+        self._scale = 1.0

@@ -1,0 +1,241 @@
+"""Weighs what a gripper holds, from the torques of the arm."""
+
+import math
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
+from stepbus_store.motion.goals.outcome import Outcome, Refused
+
+_SLOW = 0.3
+"""Velocity up to which the torques of an arm are those of its weight [rad/s]."""
+
+_SETTLES_IN = 0.15
+"""Time constant of the mean, which evens out how the motors settle [s]."""
+
+_LEAST_LEVER = 0.2
+"""Torques per mass below which a pose tells nothing about a load [m]."""
+
+_GRAVITY = 9.81
+"""[m/s²]"""
+
+_RESOLUTION = 0.01
+"""[kg]"""
+
+
+class Scale:
+    """Weighs a point mass at a frame of the robot, whenever the arm is slow.
+
+    The mass is the one with which gravity explains the measured torques best.
+    """
+
+    def __init__(self, robot: RobotModel, frame: str) -> None:
+        self._robot = robot
+        self._number = robot.frame_id(frame)
+        self._mean = 0.0
+        self.load = 0.0
+        """Mass of what the gripper holds, as far as it is known [kg]."""
+
+    def clear(self) -> None:
+        """Forget the load: the gripper holds nothing."""
+        self._mean = self.load = 0.0
+
+    def weigh(self, q: Vector, v: Vector, effort: Vector, dt: float) -> float:
+        """Return the mass by what was measured dt after the last time [kg].
+
+        q, v, effort: of the joints, shape (n,) [rad, rad/s, N·m].
+        """
+        _, jacobian = self._robot.jacobian(q, self._number)
+        lever = jacobian[2]
+        size = float(lever @ lever)
+        if float(np.abs(v).max()) <= _SLOW and size >= _LEAST_LEVER**2:
+            excess = effort - self._robot.gravity_torque(q)
+            mass = self._robot.load + float(lever @ excess) / (size * _GRAVITY)
+            self._mean += (mass - self._mean) * (1.0 - math.exp(-dt / _SETTLES_IN))
+        if abs(self._mean - self.load) > _RESOLUTION:
+            self.load = max(round(self._mean / _RESOLUTION) * _RESOLUTION, 0.0)
+        return self.load
+
+
+"""[m/s²]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GripperSettings:
+    """When a gripper has reached its goal.
+
+    widest: largest width between the pads [m]. tolerance: of the width [m]. still: largest change
+    of the width while the fingers stand still [m]. still_for: time that they must stand still [s].
+    patience: time that they may stand still short of the goal [s]. hold_force: keeps the fingers
+    where they are before the first goal [N].
+    first_force: with which they close; more only where that slips, or for the weight [N]. slip: by
+    which what is held may slide until the force is raised [m]; raise_by: factor on it then.
+    friction: assumed between a pad and what it holds, for the force that its weight needs [-].
+    reserve: factor on that force.
+    """
+
+    widest: float = 0.1
+    tolerance: float = 1e-3
+    still: float = 2e-4
+    still_for: float = 0.1
+    patience: float = 0.5
+    hold_force: float = 15.0
+    first_force: float = 6.0
+    slip: float = 1e-4
+    raise_by: float = 1.25
+    friction: float = 0.4
+    reserve: float = 1.5
+
+
+class Gripper:
+    """Carries out `grip` goals, one at a time.
+
+    A goal is done when the width is reached, or when the fingers stand still because they hold
+    something. What they hold is gripped with little force at first, and with more, up to that of
+    the goal, whenever it slips, and as its weight needs it.
+    """
+
+    def __init__(self, settings: GripperSettings) -> None:
+        self._settings = settings
+        self._command: GripperCommand | None = None
+        self._state: GripperState | None = None
+        self._goal: GripperCommand | None = None
+        self._anchor = 0.0
+        self._still_since = 0.0
+        self._began_at = 0.0
+        self._holds_width: float | None = None
+        self._loose_since: float | None = None
+        self._most = 0.0
+        self._slipped = 0.0
+
+    @property
+    def holds(self) -> bool:
+        """Return whether the last goal ended with something between the pads, still there."""
+        return self._holds_width is not None
+
+    def hold(self, state: GripperState) -> None:
+        """Keep the fingers where they are."""
+        self._state = state
+        self._command = self._keep(state)
+
+    def _keep(self, state: GripperState) -> GripperCommand:
+        width = min(max(state.width, 0.0), self._settings.widest)
+        return GripperCommand(width=width, force=self._settings.hold_force)
+
+    def start(self, goal: Goal, t: float) -> str:
+        """Start a goal at a time [s] and return a sentence for its status.
+
+        Raises Refused for a width or force out of range.
+        """
+        state = self._now()
+        if not 0.0 <= goal.width <= self._settings.widest:
+            text = f"width {goal.width:g} m is out of reach (0 to {self._settings.widest:g} m)"
+            raise Refused("invalid", text)
+        if not (math.isfinite(goal.force) and goal.force >= 0.0):
+            raise Refused("invalid", f"force {goal.force:g} N is not a valid largest force")
+        if goal.force == 0.0:
+            raise Refused("no_force", "force is 0 N: the fingers would not move")
+        closes, self._most, self._slipped = goal.width < state.width, goal.force, 0.0
+        force = min(self._settings.first_force, goal.force) if closes else goal.force
+        self._goal = self._command = GripperCommand(width=goal.width, force=force)
+        self._anchor = self._began_at = state.width
+        self._still_since = t
+        self._holds_width = self._loose_since = None
+        verb, most = ("close", f" to {goal.force:.1f}") if closes else ("open", "")
+        return f"{verb} from {_mm(state.width)} to {_mm(goal.width)} with {force:.1f}{most} N"
+
+    def secure(self, load: float) -> None:
+        """Grip harder where what is held has slid, or where its weight needs it.
+
+        load: its mass, as far as it is known [kg].
+        """
+        state, command, settings = self._now(), self._command, self._settings
+        if command is None or not (state.holding and (self._goal is not None or self.holds)):
+            return
+        needed = settings.reserve * load * _GRAVITY / (2.0 * settings.friction)
+        force = max(command.force, needed)
+        if state.slip > self._slipped + settings.slip:
+            force = max(force, command.force * settings.raise_by)
+            self._slipped = state.slip
+        self._slipped = min(self._slipped, state.slip)
+        force = min(force, max(self._most, command.force))
+        if force > command.force:
+            self._command = msgspec.structs.replace(command, force=force)
+
+    def stop(self) -> None:
+        """Leave the fingers where they are; they keep what they hold."""
+        state = self._now()
+        if self._goal is not None and state.holding:
+            self._holds_width = state.width
+        elif self._goal is not None:
+            self._command = self._keep(state)
+        self._goal = None
+
+    def command(self) -> GripperCommand:
+        """Return the command of this step."""
+        if self._command is None:
+            raise RunError("the gripper has not been measured yet")
+        return self._command
+
+    def check(self, state: GripperState, t: float) -> Outcome | None:
+        """Compare with what was measured at a time [s]; return how the goal ended, once it has."""
+        self._state = state
+        if abs(state.width - self._anchor) > self._settings.still:
+            self._anchor, self._still_since = state.width, t
+        if self._goal is None:
+            return None
+        outcome = self._judge(self._goal, state, t - self._still_since)
+        if outcome is not None:
+            self._goal = None
+        return outcome
+
+    def _judge(self, goal: GripperCommand, state: GripperState, still: float) -> Outcome | None:
+        is_still = still >= self._settings.still_for - 1e-9
+        if is_still and state.holding:
+            self._holds_width = state.width
+            text = f"held: {_mm(state.width)} wide, {state.force:.1f} N"
+            return Outcome(state="succeeded", text=text)
+        if is_still and abs(state.width - goal.width) <= self._settings.tolerance:
+            return Outcome(state="succeeded", text=f"{_mm(state.width)} wide, holds nothing")
+        if still < self._settings.patience:
+            return None
+        moved = abs(state.width - self._began_at)
+        did = "have not moved" if moved <= self._settings.still else f"stopped after {_mm(moved)}"
+        text = (
+            f"the fingers {did}: {_mm(state.width)} wide instead of {_mm(goal.width)}, "
+            f"{state.force:.1f} N of {goal.force:.1f} N, nothing between them"
+        )
+        return Outcome(state="failed", cause="stuck", text=text)
+
+    def lost(self, t: float) -> str:
+        """Return a sentence once what was held has slipped out, else nothing.
+
+        Call it in every step.
+        """
+        if self._holds_width is None or self._goal is not None:
+            return ""
+        state = self._now()
+        if state.holding:
+            self._loose_since = None
+            return ""
+        if self._loose_since is None:
+            self._loose_since = t
+        if t - self._loose_since < self._settings.still_for - 1e-9:
+            return ""
+        held, self._holds_width, self._loose_since = self._holds_width, None, None
+        return (
+            f"what was held at {_mm(held)} is lost: the pads are {_mm(state.width)} apart and "
+            f"press with {state.force:.1f} N"
+        )
+
+    def _now(self) -> GripperState:
+        if self._state is None:
+            raise RunError("the gripper has not been measured yet")
+        return self._state
+
+
+def _mm(length: float) -> str:
+    return f"{length * 1e3:.1f} mm"

@@ -1,0 +1,165 @@
+"""Asking a planner about one candidate after the other."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import Goal, Plan, PlanRequest, Point
+from stepbus_store.motion.goals.outcome import Refused
+from stepbus_store.motion.manipulator.candidates import Candidate
+from stepbus_store.motion.paths.follow import JointPath
+
+_CAUSES = {
+    "bad_request": "invalid", "not_holdable": "not_holdable", "path_collides": "blocked",
+}  # fmt: skip
+"""Cause of a plan → of the goal; for all others: no_path."""
+
+_MOST_POINTS = 500
+"""Of a path that the planner checks; the message must stay below 60 kB."""
+
+_APART = 0.02
+"""Distance of these points, where the path is not too long for that [rad]."""
+
+
+@dataclass(kw_only=True)
+class PlannerSearch:
+    """The candidates of a goal, and what the planner is asked about the current one.
+
+    rest: where the arm waits, shape (n,) [rad]. asked_at: time of the newest request [s]. bases:
+    poses of the base at which the path has to be free; empty: where it stands.
+    """
+
+    goal: Goal
+    held: str
+    rest: Vector
+    candidates: Iterator[Candidate]
+    candidate: Candidate
+    asked_at: float
+    request: PlanRequest
+    refusals: list[str] = field(default_factory=list)
+    bases: list[Point] = field(default_factory=list)
+
+
+class PlannerQueries:
+    """Makes requests and takes the planner's refusals; one search at a time.
+
+    timeout: for an answer [s of simulation]. load: mass of what the gripper holds [kg].
+    """
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout = timeout
+        self.load = 0.0
+        self._next_id = 0
+        self._unsent: PlanRequest | None = None
+        self.search: PlannerSearch | None = None
+
+    def make(
+        self,
+        goal: Goal,
+        held: str,
+        rest: Vector,
+        candidates: Iterator[Candidate],
+        t: float,
+        *,
+        bases: Sequence[Point] = (),
+    ) -> PlannerSearch:
+        """Return a search for a goal; raises Refused where it has no candidate."""
+        candidate = next(candidates)
+        return PlannerSearch(
+            goal=goal,
+            held=held,
+            rest=rest,
+            candidates=candidates,
+            candidate=candidate,
+            asked_at=t,
+            request=self._request(goal, held, rest, candidate, bases),
+            bases=list(bases),
+        )
+
+    def ask(self, search: PlannerSearch) -> None:
+        """Send the request of a search."""
+        self.search, self._unsent = search, search.request
+
+    def next_id(self) -> int:
+        """Return the id of a new request."""
+        number = self._next_id
+        self._next_id += 1
+        return number
+
+    def pop(self) -> PlanRequest | None:
+        """Return what to send to the planner, once."""
+        request, self._unsent = self._unsent, None
+        return request
+
+    def cancel(self) -> None:
+        """Forget the search; its answer will be ignored."""
+        self.search, self._unsent = None, None
+
+    def overdue(self, t: float) -> Refused | None:
+        """Return the refusal of a search whose answer is late; None: it is not."""
+        if self.search is None or t - self.search.asked_at <= self._timeout:
+            return None
+        self.cancel()
+        text = f"the planner has not answered for {self._timeout:g} s"
+        return Refused("no_plan", f"{text}; is it running?")
+
+    def answered(self, plan: Plan) -> PlannerSearch | None:
+        """Return the search that a plan answers; None: it is an older one's."""
+        search = self.search
+        return search if search is not None and plan.id == search.request.id else None
+
+    def try_next(self, search: PlannerSearch, problem: Refused, t: float) -> Refused | None:
+        """Ask about the next candidate; return the refusal of the goal where there is none."""
+        search.refusals.append(str(problem))
+        candidate = next(search.candidates, None)
+        if candidate is None:
+            self.cancel()
+            count = len(search.refusals)
+            tried = f"{count} solutions were tried; the last: " if count > 1 else ""
+            return Refused(problem.cause, f"{tried}{problem}")
+        search.candidate, search.asked_at = candidate, t
+        search.request = self._request(
+            search.goal, search.held, search.rest, candidate, search.bases
+        )
+        self.ask(search)
+        return None
+
+    def _request(
+        self,
+        goal: Goal,
+        held: str,
+        rest: Vector,
+        candidate: Candidate,
+        bases: Sequence[Point],
+    ) -> PlanRequest:
+        """Return a request for a path to a candidate, and for the check of the paths from there."""
+        return PlanRequest(
+            id=self.next_id(),
+            start=rest.tolist(),
+            goal=candidate.target.tolist(),
+            held=held,
+            touches=list(goal.touches),
+            path=checked_points(candidate.paths),
+            load=self.load,
+            bases=list(bases),
+        )
+
+
+def checked_points(paths: Sequence[JointPath]) -> list[list[float]]:
+    """Return points along paths that follow one another, each of shape (n,) [rad]."""
+    turned = [np.abs(np.diff(path.q, axis=0)).max(axis=1).sum() for path in paths]
+    apart = max(_APART, float(np.sum(turned)) / _MOST_POINTS)
+    points: list[list[float]] = []
+    for path, far in zip(paths, turned, strict=True):
+        count = max(math.ceil(far / apart), 1)
+        along = np.linspace(path.u[0], path.u[-1], count + 1)[1:]
+        points += [path.at(float(u))[0].tolist() for u in along]
+    return points
+
+
+def refusal_of(plan: Plan) -> Refused:
+    """Return a planner's refusal with the cause of a goal."""
+    return Refused(_CAUSES.get(plan.cause, "no_path"), plan.text or plan.cause)

@@ -1,1 +1,0 @@
-"""Where an arm may go for a goal, and along which route."""

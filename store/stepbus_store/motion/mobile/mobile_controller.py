@@ -1,0 +1,211 @@
+"""Carries out goals of an arm on a mobile base with a gripper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import msgspec
+
+from stepbus_participant import Config, Participant, Step, installed_version
+from stepbus_schemas import (
+    BaseState,
+    Contacts,
+    ControllerStatus,
+    Description,
+    Goal,
+    GripperState,
+    JointState,
+    Message,
+    Plan,
+    PlanRequest,
+    RunError,
+)
+from stepbus_store.motion.base.base_motion import BaseMotion
+from stepbus_store.motion.base.navigator import Navigator
+from stepbus_store.motion.collisions.monitor import CollisionMonitor
+from stepbus_store.motion.goals.executor import GoalExecutor
+from stepbus_store.motion.goals.outcome import JointReading, JointSensor, Measured
+from stepbus_store.motion.goals.parts import Parts
+from stepbus_store.motion.gripper import Gripper, Scale
+from stepbus_store.motion.ik.branches import AnalyticChain
+from stepbus_store.motion.manipulator.build import branching_manipulator
+from stepbus_store.motion.mobile.mobile_settings import MobileSettings, read_mobile_settings
+
+_PLANNER_FAILED = "planner_failed"
+"""Cause of a plan that stepbus sends instead of a failed planner with `on_fault: hold`."""
+
+
+class MobileController(Participant):
+    """Carries out the goals of an arm on a mobile base with a gripper, one at a time.
+
+    Inputs: one JointState/1, BaseState/1, GripperState/1, Goal/1; where the scenario wires them,
+    one Contacts/1, with which the robot is monitored for collisions, and one Plan/1 of a planner.
+    Outputs: one JointCommand/1 of mode position with feed-forward velocity, one BaseCommand/1 and
+    one GripperCommand/1 at every step; one GoalStatus/1 whenever the status changes; one
+    PlanRequest/1 for the planner; where it is wired, one ControllerStatus/1.
+
+    A goal starts when its id differs from the one before. Parameters: see `Params`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self.settings: MobileSettings = read_mobile_settings(config)
+        self._ports = self.settings.ports
+        self._period = config.every * config.step_ns * 1e-9
+        self._reading: JointReading | None = None
+        self._goal_id = -1
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the joints in the order of commands and plans."""
+        settings = self.settings
+        names = [settings.prefix + joint for joint in settings.robot.joints]
+        ports = (self._ports.arm, self._ports.plan_request, self._ports.status)
+        return {port: Description(names=names) for port in ports if port is not None}
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Map the joints by name and take the plant's effort limits.
+
+        Raises WiringError for joints that the plant does not sense.
+        """
+        settings, port = self.settings, self._ports.joint_state
+        self._sensor = JointSensor(
+            self.config.name,
+            port,
+            inputs[port],
+            settings.robot,
+            period=self._period,
+            prefix=settings.prefix,
+        )
+        self._arm = branching_manipulator(
+            settings.robot,
+            settings.limits,
+            settings.settling,
+            settings.arm,
+            seed=self.config.seed,
+            uses_planner=self._ports.plan is not None,
+            collisions=settings.collisions,
+        )
+        self._base, self._gripper = BaseMotion(settings.base), Gripper(settings.gripper)
+        self._navigator: Navigator | None = None
+        if self._ports.plan is not None:
+            self._navigator = Navigator(
+                self._base,
+                self._arm.next_request_id,
+                settings.arm.plan_timeout,
+                settings.avoidance.replans,
+                step=settings.base_step,
+            )
+        self._executor = GoalExecutor(
+            Parts(
+                arm=self._arm,
+                base=self._base,
+                navigator=self._navigator,
+                gripper=self._gripper,
+                stow=settings.stow,
+                scale=Scale(settings.robot, settings.arm.tip),
+            ),
+            monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
+            avoidance=settings.avoidance,
+        )
+        self._executor.reports.warn(AnalyticChain(settings.robot, settings.arm.tip).warning)
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the commands of this step, and what is new about the goal."""
+        is_first = self._reading is None
+        now = self._sense(step)
+        if now is None or self._reading is None:
+            return {}
+        if is_first:
+            self._executor.hold(now)
+        else:
+            self._executor.check(now, step.t, self._period)
+        self._take_plan(step)
+        goal = step.get(self._ports.goal, Goal)
+        if goal is not None and goal.id != self._goal_id:
+            self._goal_id = goal.id
+            self._executor.start(goal, step.t)
+        return self._messages(step, self._reading)
+
+    def _sense(self, step: Step) -> Measured | None:
+        """Return what was measured; None: some inputs have not come yet."""
+        ports = self._ports
+        joints = step.get(ports.joint_state, JointState)
+        base = step.get(ports.odometry, BaseState)
+        gripper = step.get(ports.gripper_state, GripperState)
+        if joints is None or base is None or gripper is None:
+            return None
+        self._reading = self._sensor.read(joints)
+        contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
+        if contacts is not None and self.settings.prefix:
+            contacts = _named_without(self.settings.prefix, contacts)
+        q, v, effort = self._reading.q, self._reading.v, self._reading.effort
+        _check(self._reading, base, gripper)
+        return Measured(q=q, v=v, effort=effort, base=base, gripper=gripper, contacts=contacts)
+
+    def _take_plan(self, step: Step) -> None:
+        if self._ports.plan is None or not step.is_new(self._ports.plan):
+            return
+        plan = step.read(self._ports.plan, Plan)
+        if plan.cause == _PLANNER_FAILED:
+            self._executor.lose_planner(plan.text, step.t)
+        else:
+            self._arm.take_plan(plan, step.t)
+            if self._navigator is not None:
+                self._navigator.take_plan(plan)
+
+    def _messages(self, step: Step, reading: JointReading) -> dict[str, Message]:
+        ports, target = self._ports, self._arm.at(step.t)
+        messages: dict[str, Message] = {
+            ports.arm: target.command(),
+            ports.base: self._base.command(),
+            ports.gripper: self._gripper.command(),
+        }
+        status = self._executor.reports.next_status()
+        if status is not None:
+            messages[ports.goal_status] = status
+        request = self._request()
+        if request is not None and ports.plan_request is not None:
+            messages[ports.plan_request] = request
+        if ports.status is not None:
+            error: list[float] = (target.position - reading.position).tolist()
+            messages[ports.status] = ControllerStatus(
+                error=error,
+                saturated=[False] * len(error),
+                warnings=self._executor.reports.take_warnings(),
+            )
+        return messages
+
+    def _request(self) -> PlanRequest | None:
+        """Return what to ask the planner, which forgets a question when another one comes."""
+        arm, navigator = self._arm, self._navigator
+        if navigator is None:
+            return arm.request()
+        request = None if navigator.awaits_route else arm.request()
+        return navigator.pop() if request is None and not arm.awaits_plan else request
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the motion."""
+        return {name: installed_version(name) for name in ("numpy", "pin", "ruckig")}
+
+
+def _named_without(prefix: str, contacts: Contacts) -> Contacts:
+    """Return contacts in which the robot's own links have the names of its model."""
+    pairs = [(one.removeprefix(prefix), two.removeprefix(prefix)) for one, two in contacts.pairs]
+    return msgspec.structs.replace(contacts, pairs=pairs)
+
+
+def _check(reading: JointReading, base: BaseState, gripper: GripperState) -> None:
+    """Raise RunError for a measurement that is no finite number."""
+    rows = {
+        "the joints": (
+            *reading.q.tolist(),
+            *reading.v.tolist(),
+            *(() if reading.effort is None else reading.effort.tolist()),
+        ),
+        "the base": (base.x, base.y, base.yaw, base.vx, base.wz),
+        "the gripper": (gripper.width, gripper.force, gripper.slip),
+    }
+    for name, row in rows.items():
+        if not math.isfinite(sum(row)):
+            raise RunError(f"the measurements of {name} are not finite: {list(row)}")

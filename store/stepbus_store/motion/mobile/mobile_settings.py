@@ -1,0 +1,156 @@
+"""From the parameters of a mobile manipulator to what its parts work with."""
+
+from dataclasses import dataclass
+
+from stepbus_kinematics import RobotModel, SelfCollisions
+from stepbus_participant import Config, Ports, Problems, suggest
+from stepbus_schemas import RunError
+from stepbus_store.motion.base.settings import BaseSettings
+from stepbus_store.motion.collisions.avoidance import AvoidanceSettings
+from stepbus_store.motion.collisions.sensed import MonitorSettings
+from stepbus_store.motion.goals.back_to_rest import StowCondition
+from stepbus_store.motion.gripper import GripperSettings
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
+from stepbus_store.motion.manipulator.settling import Settling
+from stepbus_store.motion.mobile import Params
+from stepbus_store.motion.mobile.ports import MobilePorts, find_ports
+from stepbus_store.motion.motions.joint_motion import MotionLimits
+
+
+@dataclass(frozen=True, kw_only=True)
+class MobileSettings:
+    """What a `MobileController` works with.
+
+    prefix: what the plant puts before the robot's names.
+    limits: of the arm's joints. base_step: of a planned route [m]. collisions: with itself; None:
+    not checked. monitor: None: nothing senses contacts.
+    """
+
+    ports: MobilePorts
+    prefix: str
+    robot: RobotModel
+    collisions: SelfCollisions | None
+    limits: MotionLimits
+    settling: Settling
+    arm: ManipulatorOptions
+    base: BaseSettings
+    base_step: float
+    gripper: GripperSettings
+    stow: StowCondition
+    monitor: MonitorSettings | None
+    avoidance: AvoidanceSettings
+
+
+def read_mobile_settings(config: Config) -> MobileSettings:
+    """Return what the scenario's ports and params describe.
+
+    Raises SettingsError with all that is wrong.
+    """
+    found = Ports(config)
+    ports = find_ports(found)
+    params = config.read(Params, found.problems)
+    problems = config.problems().below(("params",))
+    robot = make_robot(params, problems, params.posture)
+    _check_frame(params.tip, robot, problems)
+    monitor = _monitor(params, robot, problems)
+    collisions, srdf, margin = None, params.srdf, params.collision_margin
+    if srdf is not None:
+        collisions = problems.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
+    problems.refuse()
+    return MobileSettings(
+        ports=ports,
+        prefix=params.prefix,
+        robot=robot,
+        collisions=collisions,
+        limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
+        settling=make_settling(params),
+        arm=_arm(params, config),
+        base=_base(params),
+        base_step=params.base_step,
+        gripper=GripperSettings(
+            widest=params.gripper_widest,
+            tolerance=params.gripper_tolerance,
+            hold_force=params.gripper_force,
+            first_force=params.first_force,
+            slip=params.slip,
+            friction=params.pad_friction,
+        ),
+        stow=StowCondition(
+            robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
+        ),
+        monitor=monitor if ports.contacts is not None else None,
+        avoidance=AvoidanceSettings(
+            back_off=params.back_off,
+            stop_within=params.stop_within,
+            replans=params.replans,
+            range=params.contact_range,
+        ),
+    )
+
+
+def _arm(params: Params, config: Config) -> ManipulatorOptions:
+    return ManipulatorOptions(
+        period=config.every * config.step_ns * 1e-9,
+        tip=params.tip,
+        tip_velocity=params.tip_velocity,
+        tip_acceleration=params.tip_acceleration,
+        tip_jerk=params.tip_jerk,
+        tip_turning=params.tip_turning,
+        plan_timeout=params.plan_timeout,
+    )
+
+
+def _base(params: Params) -> BaseSettings:
+    return BaseSettings(
+        speed=params.base_speed,
+        acceleration=params.base_acceleration,
+        jerk=params.base_jerk,
+        turn_speed=params.base_turn_speed,
+        turn_acceleration=params.base_turn_acceleration,
+        turn_jerk=params.base_turn_jerk,
+        position=params.base_position,
+        angle=params.base_angle,
+        timeout=params.base_timeout,
+        lag=params.base_lag,
+        lag_angle=params.base_lag_angle,
+        track=params.track,
+        brake=params.base_brake,
+        turn_brake=params.base_turn_brake,
+        clearance=params.base_clearance,
+        reach=params.safe_reach,
+    )
+
+
+def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:
+    links = robot.links
+    wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
+    ours = links if params.robot_links is None else params.robot_links
+    ignore = wheels if params.ignore is None else params.ignore
+    for key, names in (("robot_links", ours), ("pads", params.pads), ("ignore", ignore)):
+        for name in names:
+            if name not in links:
+                problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
+    return MonitorSettings(
+        links=frozenset(ours),
+        base_links=frozenset(name for name in links if not robot.chain(name).size),
+        pads=(params.pads[0], params.pads[-1]),
+        ignore=frozenset(ignore),
+        force=params.collision_force,
+        within=params.slow_within,
+        brake=params.arm_brake,
+        creep=params.arm_creep,
+        checks_itself=params.srdf is not None,
+        range=params.contact_range,
+        halt=params.base_halt,
+    )
+
+
+def _check_frame(tip: str, robot: RobotModel, problems: Problems) -> None:
+    try:
+        is_moved = bool(robot.chain(tip).size)
+    except RunError as exc:
+        problems.add(("tip",), str(exc))
+        return
+    if not is_moved:
+        problems.add(("tip",), f"no joint of this controller moves {tip!r}")

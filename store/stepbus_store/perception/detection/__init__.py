@@ -1,1 +1,0 @@
-"""From a pair of images to items: faces, outlines, colours, checks."""

@@ -1,0 +1,150 @@
+"""Finds the items of known types in a view."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepbus_schemas import WiringError
+from stepbus_store.perception.faces import Mask, Patch, Scene
+from stepbus_store.perception.images import Pose, View, rotation, turn_about_z
+from stepbus_store.perception.item_catalog import Catalog, Face, ItemType
+from stepbus_store.perception.outlines import fit
+from stepbus_store.perception.segments import Palette, denoised, split, visible_share
+
+_RMS = 1.5e-3
+"""RMS distance of edge points from the outline that does not reduce the confidence [m]."""
+_EXPLAINED = 0.5
+"""A patch that fits no single face with this confidence may be several faces that touch."""
+_FEWEST_EDGES = 8
+_SHARES = (0.05, 1.3)
+"""A face is fitted to a patch if the visible area is between these shares of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detection:
+    """A detected item.
+
+    position: of its centre [m]. yaw: of its link [rad]. Both are in the frame of the scene.
+    confidence: 0 to 1.
+    """
+
+    type: str
+    position: tuple[float, float, float]
+    yaw: float
+    confidence: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Candidate:
+    """A possible detection.
+
+    reach: from its axis to its outer edge [m]. edges: number of edge points fitted.
+    """
+
+    found: Detection
+    reach: float
+    edges: int
+
+    @property
+    def merit(self) -> float:
+        """Return the confidence, reduced by the standard error of the fit."""
+        return self.found.confidence * float(1 - 1 / np.sqrt(self.edges))
+
+    def excludes(self, other: _Candidate) -> bool:
+        """Return whether it overlaps another one."""
+        apart = np.subtract(self.found.position[:2], other.found.position[:2])
+        return bool(np.hypot(*apart) < max(self.reach, other.reach))
+
+
+class Detector:
+    """Detects the top faces of items: first by colour, then by outline.
+
+    min_confidence: detections below it are dropped. depth_noise: standard deviation of depth at
+    1 m, which grows with the square of the distance; 0: images are taken as they are [m].
+    Raises WiringError for types without a top face.
+    """
+
+    def __init__(self, catalog: Catalog, min_confidence: float, depth_noise: float = 0.0) -> None:
+        flat = [item_type.name for item_type in catalog.types if not item_type.faces]
+        if flat:
+            raise WiringError(
+                f"{', '.join(flat)}: the camera detects items by an upright box or cylinder; "
+                "their shape has none"
+            )
+        self._palette = Palette([item_type.color for item_type in catalog.types], catalog.others)
+        self._classes = [
+            [item_type for item_type in catalog.types if item_type.color == color]
+            for color in self._palette.classes
+        ]
+        self._min_confidence = min_confidence
+        self._depth_noise = depth_noise
+
+    def find(self, view: View, camera: Pose) -> list[Detection]:
+        """Return the items in a view, by type, then by x.
+
+        camera: pose of the optical frame in a frame with z up; the detections are in that frame.
+        """
+        if self._depth_noise:
+            view = denoised(view, self._depth_noise)
+        scene = Scene(view, camera)
+        numbers = self._palette.classify(view.rgb)
+        found = [
+            item
+            for number, types in enumerate(self._classes)
+            for item in _best([*_candidates(scene, numbers == number, types)])
+            if item.confidence >= self._min_confidence
+        ]
+        return sorted(found, key=lambda item: (item.type, item.position))
+
+
+def _candidates(scene: Scene, among: Mask, types: Sequence[ItemType]) -> Iterator[_Candidate]:
+    """Yield the items that the patches within a mask may belong to."""
+    for patch in scene.patches(among):
+        whole = [*_fits(scene, among, [patch], types)]
+        yield from whole
+        if all(candidate.found.confidence < _EXPLAINED for candidate in whole):
+            for item_type in types:
+                for face in item_type.faces:
+                    yield from _fits(scene, among, split(patch, face.outline.area), [item_type])
+
+
+def _fits(
+    scene: Scene, among: Mask, patches: Sequence[Patch], types: Sequence[ItemType]
+) -> Iterator[_Candidate]:
+    """Yield a candidate for each top face that a patch may show."""
+    for patch in patches:
+        for item_type in types:
+            for face in item_type.faces:
+                share = patch.area / face.outline.area
+                if len(patch.edge) >= _FEWEST_EDGES and _SHARES[0] < share < _SHARES[1]:
+                    found = _find(scene, among, patch, item_type, face)
+                    reach = max(other.outline.reach for other in item_type.faces)
+                    yield _Candidate(found=found, reach=reach, edges=len(patch.edge))
+
+
+def _find(scene: Scene, among: Mask, patch: Patch, item_type: ItemType, face: Face) -> Detection:
+    fitted = fit(face.outline, patch.points, patch.edge)
+    yaw = face.outline.canonical(fitted.yaw - face.yaw)
+    axes = rotation(turn_about_z(yaw))
+    origin = np.array([*fitted.centre, patch.height]) - axes @ face.offset
+    sharpness = min(1.0, (_RMS / max(fitted.rms, 1e-9)) ** 2)
+    x, y, z = (origin + axes @ item_type.centre).tolist()
+    return Detection(
+        type=item_type.name,
+        position=(x, y, z),
+        yaw=yaw,
+        confidence=sharpness
+        * visible_share(scene, among, item_type, Pose(rotation=axes, position=origin)),
+    )
+
+
+def _best(candidates: Sequence[_Candidate]) -> Iterator[Detection]:
+    """Yield the best of the candidates that overlap."""
+    kept: list[_Candidate] = []
+    for candidate in sorted(candidates, key=lambda c: (-c.merit, c.found.type, c.found.position)):
+        if not any(candidate.excludes(other) for other in kept):
+            kept.append(candidate)
+            yield candidate.found

@@ -1,0 +1,156 @@
+"""Horizontal faces in a depth image, with their edges."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_store.perception.images import Pose, Vector, View
+
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+_SLOPE = 0.3
+"""Slope up to which a surface counts as horizontal."""
+LEVELS_APART = 3e-3
+"""Largest difference in height within a face [m]."""
+_FEWEST_PIXELS = 12
+_NEIGHBOURS = ((0, 1), (0, -1), (1, 0), (-1, 0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """The visible part of a horizontal face.
+
+    height: in the frame of the scene [m]. points: of its pixels, shape (n, 2); edge: points of its
+    true edge, not of an occlusion, shape (k, 2), x and y [m]. area: visible [m²].
+    """
+
+    height: float
+    points: Vector
+    edge: Vector
+    area: float
+
+
+class Scene:
+    """The points of a view in a frame with z up.
+
+    camera: pose of the optical frame in that frame.
+    """
+
+    def __init__(self, view: View, camera: Pose) -> None:
+        self._view = view
+        self._camera = camera
+        rows, columns = np.meshgrid(*map(np.arange, view.depth.shape), indexing="ij")
+        self._known = np.isfinite(view.depth) & (view.depth > 0)
+        depth = np.where(self._known, view.depth, np.inf)
+        rays_z = self._rays(columns, rows) @ camera.rotation[2]
+        with np.errstate(invalid="ignore"):
+            self._height: Vector = np.where(
+                self._known, camera.position[2] + depth * rays_z, -np.inf
+            )
+        with np.errstate(divide="ignore"):
+            self._pixel_area = view.depth**2 / (view.focal[0] * view.focal[1] * np.abs(rays_z))
+        self._flat = self._known & self._horizontal()
+
+    def probe(self, points: Vector, among: Mask) -> tuple[Vector, Mask, Mask]:
+        """Return what the camera sees in the direction of points, shape (n, 3) [m].
+
+        That is: the visible points, shape (n, 3); whether there is one; whether it is within a
+        mask, shape (h, w).
+        """
+        view, camera = self._view, self._camera
+        local = (points - camera.position) @ camera.rotation
+        ahead = local[:, 2] > 0
+        scale = view.focal / np.where(ahead, local[:, 2], 1.0)[:, None]
+        u, v = np.rint(local[:, :2] * scale + view.centre).astype(np.intp).T
+        rows, columns = view.depth.shape
+        inside = ahead & (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+        u, v = np.where(inside, u, 0), np.where(inside, v, 0)
+        inside &= self._known[v, u]
+        reach = np.where(inside, view.depth[v, u], 0.0)[:, None]
+        seen: Vector = camera.position + (self._rays(u, v) * reach) @ camera.rotation.T
+        return seen, inside, inside & among[v, u]
+
+    def _rays(self, u: NDArray[np.generic], v: NDArray[np.generic]) -> Vector:
+        """Return the directions of pixels in the optical frame, with z = 1."""
+        view = self._view
+        x = (np.asarray(u, dtype=np.float64) - view.centre[0]) / view.focal[0]
+        y = (np.asarray(v, dtype=np.float64) - view.centre[1]) / view.focal[1]
+        return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+    def _horizontal(self) -> Mask:
+        """Return where the height changes little to a neighbour in the row and in the column."""
+        limit = _SLOPE * self._view.depth / max(self._view.focal)
+        flat = np.ones(limit.shape, dtype=bool)
+        for axis in (0, 1):
+            with np.errstate(invalid="ignore"):
+                rise = np.abs(np.diff(self._height, axis=axis))
+            rise[np.isnan(rise)] = np.inf
+            before = [(1, 0) if a == axis else (0, 0) for a in (0, 1)]
+            after = [(0, 1) if a == axis else (0, 0) for a in (0, 1)]
+            wide = (np.pad(rise, side, constant_values=np.inf) for side in (before, after))
+            flat &= np.minimum(*wide) < limit
+        return flat
+
+    def patches(self, among: Mask) -> Iterator[Patch]:
+        """Yield the horizontal faces within a mask, shape (h, w)."""
+        flat = self._flat & among
+        for low, high in _levels(self._height[flat]):
+            level = flat & (self._height >= low) & (self._height <= high)
+            _, labels, boxes, _ = cv2.connectedComponentsWithStats(
+                level.astype(np.uint8), connectivity=4
+            )
+            for number, (left, top, width, height, pixels) in enumerate(boxes.tolist()):
+                if number and pixels >= _FEWEST_PIXELS:
+                    inside = labels[top : top + height, left : left + width] == number
+                    rows, columns = np.nonzero(inside)
+                    own = labels == number
+                    yield self._patch(own, among & ~own, rows + top, columns + left)
+
+    def _patch(self, own: Mask, alike: Mask, rows: Indices, columns: Indices) -> Patch:
+        """Return a patch; own: its pixels; alike: others of its colour."""
+        height = float(np.median(self._height[rows, columns]))
+        return Patch(
+            height=height,
+            points=self._on_plane(columns, rows, height),
+            edge=self._edge(own, alike, rows, columns, height),
+            area=float(self._pixel_area[rows, columns].sum()),
+        )
+
+    def _edge(
+        self, own: Mask, alike: Mask, rows: Indices, columns: Indices, height: float
+    ) -> Vector:
+        """Return the points half-way between a pixel of the face and one beyond its edge.
+
+        The face may continue below an object that is higher, and beyond the image. A neighbour of
+        the same colour that is only slightly higher is the foot of an object on the face.
+        """
+        end = ~own & (self._height < np.where(alike, height, height + LEVELS_APART))
+        found = []
+        for down, right in _NEIGHBOURS:
+            r, c = rows + down, columns + right
+            inside = (r >= 0) & (r < own.shape[0]) & (c >= 0) & (c < own.shape[1])
+            r, c = np.where(inside, r, 0), np.where(inside, c, 0)
+            ends = inside & end[r, c]
+            u, v = columns[ends] + right / 2, rows[ends] + down / 2
+            found.append(self._on_plane(u, v, height))
+        return np.concatenate(found)
+
+    def _on_plane(self, u: NDArray[np.generic], v: NDArray[np.generic], height: float) -> Vector:
+        """Return x, y, shape (n, 2) [m], where the rays of pixels reach a height."""
+        rays = self._rays(u, v) @ self._camera.rotation.T
+        reach = (height - self._camera.position[2]) / rays[:, 2]
+        points: Vector = self._camera.position[:2] + rays[:, :2] * reach[:, None]
+        return points
+
+
+def _levels(heights: Vector) -> list[tuple[float, float]]:
+    """Return the lowest and highest of each group of heights, separated by gaps."""
+    if not heights.size:
+        return []
+    ordered = np.sort(heights)
+    cuts = np.flatnonzero(np.diff(ordered) > LEVELS_APART)
+    starts, ends = [0, *(cuts + 1)], [*cuts, len(ordered) - 1]
+    return [(float(ordered[a]), float(ordered[b])) for a, b in zip(starts, ends, strict=True)]

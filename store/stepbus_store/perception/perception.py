@@ -1,0 +1,153 @@
+"""Perception: a participant that detects items and their poses."""
+
+import logging
+from collections.abc import Mapping
+
+from stepbus_kinematics import JointOrder
+from stepbus_participant import Config, Participant, Step, installed_version
+from stepbus_schemas import (
+    Description,
+    Detections,
+    Image,
+    JointState,
+    Message,
+    Poses,
+    RunError,
+    WiringError,
+)
+from stepbus_store.perception.images import View, make_view, turn_about_z
+from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
+from stepbus_store.perception.sources import (
+    CameraSettings,
+    Truth,
+    TruthSettings,
+    read_angles,
+    read_settings,
+)
+
+_log = logging.getLogger("stepbus_store.perception")
+
+
+class CameraSource:
+    """Detects items in images of a camera on a robot.
+
+    catalog: the items to detect. described: the description of the joint states. prefix: what comes
+    before the robot's joints there.
+    """
+
+    def __init__(
+        self,
+        settings: CameraSettings,
+        frame: str,
+        catalog: Catalog,
+        described: Description,
+        prefix: str = "",
+    ) -> None:
+        # Source truth works without OpenCV.
+        from stepbus_store.perception.detector import Detector  # noqa: PLC0415
+
+        self._frame = frame
+        self._mount = settings.mount
+        self._detector = Detector(catalog, settings.min_confidence, settings.depth_noise)
+        self._port = settings.joint_state
+        joints = [prefix + joint for joint in settings.mount.joints]
+        self._order = JointOrder(self._port, described.names, joints)
+
+    def detections(self, view: View, state: JointState) -> Detections:
+        """Return the items in a view; state: the joints at its time."""
+        angles = read_angles(self._order, self._port, state)
+        found = self._detector.find(view, self._mount.pose(angles))
+        return Detections(
+            frame=self._frame,
+            types=[item.type for item in found],
+            position=[item.position for item in found],
+            orientation=[turn_about_z(item.yaw) for item in found],
+            confidence=[item.confidence for item in found],
+        )
+
+
+class Perception(Participant):
+    """Publishes the type, pose and confidence of each item it detects.
+
+    Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
+    description lists the types of items, their shapes and colours. Output: one Detections/1.
+    Source camera: for each new pair of images; the true poses are not used. Source truth: all
+    items, once per period; needs the poses only. Parameters: see `read_settings`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self._settings = read_settings(config)
+        self._last_image_t = 0.0
+        self._warned = False
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Read the items from the description of the poses.
+
+        Raises WiringError for poses without items, and for joints that are not sensed.
+        """
+        settings, described = self._settings, inputs[self._settings.poses]
+        try:
+            catalog = read_catalog(settings.poses, described)
+            if isinstance(settings.source, CameraSettings):
+                if name := settings.source.landmark:
+                    radius = settings.source.landmark_radius
+                    catalog = with_landmarks(catalog, settings.poses, described, name, radius)
+                joints = inputs[settings.source.joint_state]
+                self._camera = CameraSource(
+                    settings.source, settings.frame, catalog, joints, settings.prefix
+                )
+            else:
+                self._truth = Truth(
+                    settings.poses, described.names, catalog, settings.frame, settings.prefix
+                )
+        except WiringError as exc:
+            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
+            raise WiringError("\n".join(lines)) from exc
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return new detections when they are due."""
+        source = self._settings.source
+        try:
+            if isinstance(source, TruthSettings):
+                found = self._from_truth(step, source)
+            else:
+                found = self._from_images(step, source)
+        except RunError as exc:
+            raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
+        return {} if found is None else {self._settings.detections: found}
+
+    def _from_truth(self, step: Step, source: TruthSettings) -> Detections | None:
+        poses = step.get(self._settings.poses, Poses)
+        due = (step.index // self.config.every) % source.every == 0
+        return self._truth.detections(poses) if due and poses is not None else None
+
+    def _from_images(self, step: Step, source: CameraSettings) -> Detections | None:
+        if not all(step.is_new(port) for port in source.images):
+            self._warn_if_late(step, source)
+            return None
+        self._last_image_t, self._warned = step.t, False
+        images = {port: step.read(port, Image) for port in source.images}
+        return self._camera.detections(make_view(images), step.read(source.joint_state, JointState))
+
+    def _warn_if_late(self, step: Step, source: CameraSettings) -> None:
+        if step.t - self._last_image_t < source.timeout or self._warned:
+            return
+        self._warned = True
+        _log.warning(
+            "%s: step %d: no new images on %s for %g s; is the camera on?",
+            self.config.name,
+            step.index,
+            " and ".join(source.images),
+            source.timeout,
+        )
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the result."""
+        versions = {name: installed_version(name) for name in ("numpy", "pin")}
+        if isinstance(self._settings.source, CameraSettings):
+            # OpenCV comes in packages with different names.
+            import cv2  # noqa: PLC0415  source truth works without it
+
+            versions["opencv"] = cv2.__version__
+        return versions

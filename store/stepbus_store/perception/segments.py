@@ -1,0 +1,163 @@
+"""Segments of an image that belong together: depth without noise, colours, what is seen whole."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_store.perception.faces import LEVELS_APART, Mask, Patch, Scene
+from stepbus_store.perception.images import Pose, Vector, View
+from stepbus_store.perception.item_catalog import MARGIN, ItemType
+
+_WINDOW = 7
+"""Diameter of the filters' windows [pixel]."""
+_WIDTH = 2.0
+"""Standard deviation of their weights [pixel]."""
+_SAME = 3.0
+"""Depths this many deviations apart belong to different surfaces."""
+_COLOR = 40.0
+"""The same for colours, of 255."""
+_FAR = 100.0
+
+
+def denoised(view: View, noise: float) -> View:
+    """Return a view after bilateral filters (Tomasi and Manduchi, 1998).
+
+    noise: standard deviation of depth at 1 m [m]; it grows with the square of the distance. So
+    the filter works on the inverse of depth, in which the noise is the same everywhere.
+    """
+    known = np.isfinite(view.depth) & (view.depth > 0)
+    inverse = np.where(known, 1.0 / np.where(known, view.depth, 1.0), 1.0 / _FAR)
+    once = cv2.bilateralFilter(inverse.astype(np.float32), _WINDOW, _SAME * noise, _WIDTH)
+    twice = cv2.bilateralFilter(once, _WINDOW, _SAME * noise, _WIDTH)
+    depth = np.where(known, 1.0 / twice.astype(np.float64), view.depth)
+    rgb = cv2.bilateralFilter(view.rgb, 5, _COLOR, 1.5)
+    return replace(view, depth=depth, rgb=np.asarray(rgb, dtype=np.uint8))
+
+
+_DARK = 20.0
+"""Norm of the RGB vector below which a pixel is too dark to classify."""
+_ANGLE = 0.12
+"""Largest angle between the RGB vectors of a pixel and its type [rad]. Light changes the norm, not
+the direction: TinyRenderer's shading turns it by less than 0.02 rad."""
+
+
+class Palette:
+    """Separates the colours of item types from each other and from the background.
+
+    types: colours of the item types; equal ones form one class. others: colours of everything else
+    that may be visible.
+    """
+
+    def __init__(
+        self,
+        types: Sequence[tuple[float, float, float]],
+        others: Sequence[tuple[float, float, float]],
+    ) -> None:
+        self.classes = list(dict.fromkeys(types))
+        rest = [
+            color for color in dict.fromkeys(others) if color not in self.classes and any(color)
+        ]
+        colors = np.array([*self.classes, *rest]).reshape(-1, 3)
+        lengths = np.linalg.norm(colors, axis=1, keepdims=True)
+        self._directions = (colors / lengths).astype(np.float32)
+
+    def classify(self, rgb: NDArray[np.uint8]) -> NDArray[np.intp]:
+        """Return the class of each pixel, -1 for none; rgb: shape (h, w, 3)."""
+        pixels = np.moveaxis(rgb, 2, 0).astype(np.float32)
+        length = np.sqrt((pixels**2).sum(axis=0))
+        best = np.cos(_ANGLE) * length
+        numbers = np.full(length.shape, -1, dtype=np.intp)
+        for number, direction in enumerate(self._directions):
+            likeness = sum(part * plane for part, plane in zip(direction, pixels, strict=True))
+            nearer = likeness > best
+            best[nearer] = likeness[nearer]
+            numbers[nearer] = number
+        numbers[(length < _DARK) | (numbers >= len(self.classes))] = -1
+        return numbers
+
+
+_CONTRADICTED = 0.15
+"""An item is ruled out if the camera sees through more than this share of its top faces."""
+
+
+def visible_share(scene: Scene, among: Mask, item_type: ItemType, pose: Pose) -> float:
+    """Return the visible share of an item's top faces, 0 to 1.
+
+    among: pixels with the colour of the type, shape (h, w). pose: of the item's link. What other
+    objects occlude, and what is outside the image, is not visible; what the item itself occludes
+    does not count. 0: the view shows that there is no such item.
+    """
+    samples = item_type.samples @ pose.rotation.T + pose.position
+    seen, there, colored = scene.probe(samples, among)
+    off = seen[:, 2] - samples[:, 2]
+    right = colored & (np.abs(off) < LEVELS_APART)
+    wrong = there & ~right & (off < LEVELS_APART)
+    hidden = there & ~right & ~wrong
+    itself = hidden & colored & _within(item_type, pose, seen)
+    if wrong.sum() > _CONTRADICTED * (wrong | right).sum():
+        return 0.0
+    return float(right.sum() / max((~itself).sum(), 1))
+
+
+def _within(item_type: ItemType, pose: Pose, points: np.ndarray) -> Mask:
+    """Return which points, shape (n, 3) [m], belong to the item itself."""
+    local = (points - pose.position) @ pose.rotation
+    beyond = np.min([face.beyond(local[:, :2]) for face in item_type.faces], axis=0)
+    within: Mask = (beyond < MARGIN) & (local[:, 2] < item_type.faces[0].offset[2] + LEVELS_APART)
+    return within
+
+
+_ROUNDS = 50
+
+
+def split(patch: Patch, area: float) -> list[Patch]:
+    """Return the parts of a patch, none if it is a single face; area: of one face [m²].
+
+    Uses k-means, which separates equal convex faces well, initialised along the longest axis.
+    """
+    count = round(patch.area / area)
+    if not 2 <= count <= 6:
+        return []
+    centres = _means(patch.points, count)
+    own, of_edge = _nearest(patch.points, centres), _nearest(patch.edge, centres)
+    share = patch.area / len(patch.points)
+    return [
+        Patch(
+            height=patch.height,
+            points=patch.points[own == n],
+            edge=patch.edge[of_edge == n],
+            area=share * float((own == n).sum()),
+        )
+        for n in range(count)
+        if (own == n).any()
+    ]
+
+
+def _means(points: Vector, count: int) -> Vector:
+    middle = points.mean(axis=0)
+    spread = np.linalg.eigh(np.cov((points - middle).T))
+    axis = spread.eigenvectors[:, -1]
+    along = (points - middle) @ axis
+    steps = np.quantile(along, (np.arange(count) + 0.5) / count)
+    centres: Vector = middle + steps[:, None] * axis
+    for _ in range(_ROUNDS):
+        own = _nearest(points, centres)
+        moved = np.array(
+            [
+                points[own == n].mean(axis=0) if (own == n).any() else c
+                for n, c in enumerate(centres)
+            ]
+        )
+        if np.array_equal(moved, centres):
+            break
+        centres = moved
+    return centres
+
+
+def _nearest(points: Vector, centres: Vector) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    away = points[:, None, :] - centres[None, :, :]
+    nearest: np.ndarray[tuple[int], np.dtype[np.intp]] = (away**2).sum(axis=2).argmin(axis=1)
+    return nearest

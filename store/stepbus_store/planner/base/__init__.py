@@ -1,1 +1,0 @@
-"""Routes of a base on the floor."""

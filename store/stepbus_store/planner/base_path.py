@@ -1,0 +1,321 @@
+"""Plans routes of a base on the floor: curves around what stands there."""
+
+import heapq
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import Plan, PlanRequest, Point, Poses
+from stepbus_store.planner.base_curve import BasePace, SmoothRoute, direct_routes, rounded_routes
+from stepbus_store.planner.obstacles import Obstacles
+
+_CELL = 0.05
+"""Of the grid that is searched where the straight line is blocked [m]."""
+
+_AROUND = 1.5
+"""How far the grid extends beyond start and goal [m]."""
+
+_FLOOR, _TOP = 0.02, 1.3
+"""Heights between which a shape is in the way of the robot [m]."""
+
+_LONGEST_ESCAPE = 0.6
+"""How far the base drives straight to leave a place where it cannot turn [m]."""
+
+_ESCAPE_STEP = 0.02
+
+_ROOM = 0.12
+"""By how much farther away the base first looks for a detour [m]."""
+
+_STRAIGHT = 1e-6
+"""Change of the heading between two poses up to which the base drives straight [rad]."""
+
+_SAME = 1e-3
+"""Distance from the goal at which the base only turns [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Outline:
+    """A convex outline on the floor; corners: shape (k, 2), counter-clockwise [m]."""
+
+    link: str
+    corners: Vector
+
+
+class BasePlanner:
+    """Plans for a disc around the base's origin, within which it may turn anywhere.
+
+    radius: of the disc [m]. half_width: to both sides of a straight segment [m]. pace: to find the
+    quickest. Curves straight to the goal where one is free; else by A* on a grid (Hart, Nilsson,
+    Raphael 1968), whose corners are then cut and rounded.
+    """
+
+    def __init__(
+        self,
+        obstacles: Obstacles,
+        radius: float,
+        half_width: float,
+        pace: BasePace = BasePace(),  # noqa: B008
+    ) -> None:
+        self._obstacles = obstacles
+        self._pace = pace
+        self._radius = radius
+        self._half_width = half_width
+
+    def plan(self, request: PlanRequest, poses: Poses) -> Plan | None:
+        """Return the poses of a route in the frame of the request, or why there is none."""
+        if request.base is None:
+            raise ValueError("no request of a base")
+        start, goal = request.base
+        skipped = {request.held, *request.touches}
+        outlines = self._outlines(self._obstacles.placements(poses), start, skipped)
+        a, b = np.array(start[:2]), np.array(goal[:2])
+        near, gap = _nearest(outlines, b)
+        if gap < self._radius:
+            text = f"{near} is {gap:.2f} m from the goal; the base needs {self._radius:g} m to turn"
+            return Plan(id=request.id, cause="goal_in_collision", text=text)
+        out = self._escape(start, outlines)
+        if out is None:
+            near, gap = _nearest(outlines, a)
+            text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
+            return Plan(id=request.id, cause="start_in_collision", text=text)
+        leaves = bool(np.linalg.norm(out - a) > 0)
+        pose = (float(out[0]), float(out[1]), start[2])
+        if np.linalg.norm(b - out) < _SAME:
+            turn = SmoothRoute(poses=(pose, goal), seconds=0.0)
+            found: SmoothRoute | None = turn
+            shape = "turn"
+        else:
+            found, shape = self._smooth(pose, goal, outlines)
+        if found is None:
+            text = f"no path for the base within {_AROUND:g} m around start and goal"
+            return Plan(id=request.id, cause="no_path", text=text)
+        length = found.length + float(np.linalg.norm(out - a))
+        text = f"base: {shape}, {length:.2f} m, {len(outlines)} obstacles"
+        return Plan(
+            id=request.id, text=text, route=list(found.poses if leaves else found.poses[1:])
+        )
+
+    def _smooth(
+        self, start: Point, goal: Point, outlines: Sequence[_Outline]
+    ) -> tuple[SmoothRoute | None, str]:
+        """Return a route and its description."""
+        for route in direct_routes(start, goal, self._pace):
+            if self._is_clear(route, outlines):
+                return route, "direct"
+        a, b = np.array(start[:2]), np.array(goal[:2])
+        corners = None
+        for extra in (_ROOM, 0.0):
+            # Corners that keep some distance can be cut.
+            wide = BasePlanner(
+                self._obstacles, self._radius + extra, self._half_width + extra, self._pace
+            )
+            corners = wide._route(a, b, outlines)
+            if corners is None:
+                continue
+            for route in rounded_routes(start, goal, corners, self._pace):
+                if self._is_clear(route, outlines):
+                    return route, _detour(corners)
+        if corners is None:
+            return None, ""
+        return _with_corners(start, goal, corners), _detour(corners)
+
+    def _is_clear(self, route: SmoothRoute, outlines: Sequence[_Outline]) -> bool:
+        """Return whether the base may drive along a route; where it turns, its disc counts."""
+        poses = np.array(route.poses)
+        turns = np.abs(np.diff(poses[:, 2])) > _STRAIGHT
+        turning = np.concatenate([turns[:1], turns[1:] | turns[:-1], turns[-1:]])
+        needed = np.where(turning, self._radius, self._half_width)
+        return all((_distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
+
+    def _outlines(
+        self, placements: Mapping[str, Any], start: Point, skipped: set[str]
+    ) -> list[_Outline]:
+        x, y, yaw = start
+        turned = pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, 0.0]))
+        found = []
+        for name, link in self._obstacles.links.items():
+            for solid in () if name in skipped else link.shapes:
+                place = turned * placements[name] * solid.placement
+                box = solid.geometry.aabb_local
+                rows = product(*zip(box.min_, box.max_, strict=True))
+                corners = np.array([place.act(np.array(row)) for row in rows])
+                if corners[:, 2].max() > _FLOOR and corners[:, 2].min() < _TOP:
+                    found.append(_Outline(link=name, corners=_hull(corners[:, :2])))
+        return _outermost(found)
+
+    def _escape(self, start: Point, outlines: Sequence[_Outline]) -> Vector | None:
+        """Return the nearest point straight ahead or behind at which the base may turn."""
+        at, along = np.array(start[:2]), np.array([math.cos(start[2]), math.sin(start[2])])
+        if _nearest(outlines, at)[1] >= self._radius:
+            return at
+        for number in range(1, round(_LONGEST_ESCAPE / _ESCAPE_STEP) + 1):
+            for sign in (-1, 1):
+                point: Vector = at + sign * number * _ESCAPE_STEP * along
+                # On the side of an obstacle, only what leads away from it.
+                if _nearest(outlines, point)[1] >= self._radius and not any(
+                    _distance(at + sign * 1e-3 * along, row) < _distance(at, row) - 1e-9
+                    for row in outlines
+                    if _distance(at, row) < self._radius
+                ):
+                    return point
+        return None
+
+    def _route(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> list[Vector] | None:
+        if self._is_free(a, b, outlines):
+            return [a, b]
+        corners = self._search(a, b, outlines)
+        return None if corners is None else self._cut(corners, outlines)
+
+    def _is_free(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> bool:
+        return all(
+            _segment_distance(a, b, row.corners) >= self._half_width
+            and _distance(b, row) >= self._radius
+            for row in outlines
+        )
+
+    def _cut(self, points: list[Vector], outlines: Sequence[_Outline]) -> list[Vector]:
+        """Leave out what can be left out."""
+        kept, at = [points[0]], 0
+        while at < len(points) - 1:
+            ahead = range(len(points) - 1, at, -1)
+            at = next((n for n in ahead if self._is_free(points[at], points[n], outlines)), at + 1)
+            kept.append(points[at])
+        return kept
+
+    def _search(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> list[Vector] | None:
+        low = np.minimum(a, b) - _AROUND
+        size = np.ceil((np.maximum(a, b) + _AROUND - low) / _CELL).astype(int) + 1
+        xs, ys = (low[n] + _CELL * np.arange(size[n]) for n in (0, 1))
+        cells = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        free = np.full(len(cells), True)
+        for row in outlines:
+            free &= _distances(cells, row.corners) >= self._radius
+        grid = free.reshape(size)
+        first, last = (tuple(np.rint((p - low) / _CELL).astype(int).tolist()) for p in (a, b))
+        grid[first] = grid[last] = True
+        path = _a_star(grid, first, last)
+        if path is None:
+            return None
+        return [a, *(low + _CELL * np.array(cell) for cell in path[1:-1]), b]
+
+
+def _detour(corners: Sequence[Vector]) -> str:
+    bends = len(corners) - 2
+    return f"detour with {bends} corner{'s' if bends > 1 else ''}"
+
+
+def _with_corners(start: Point, goal: Point, corners: Sequence[Vector]) -> SmoothRoute:
+    """Return a route that turns on the spot at each corner."""
+    rows = [(float(p[0]), float(p[1]), goal[2]) for p in corners[1:]]
+    return SmoothRoute(poses=(start, *rows), seconds=0.0)
+
+
+def _a_star(grid: Any, first: Any, last: Any) -> list[tuple[int, int]] | None:
+    """Return the cells of a shortest path between eight neighbours; ties go to the lower cell."""
+    queue: list[tuple[float, tuple[int, int]]] = [(0.0, first)]
+    cost = {first: 0.0}
+    before: dict[tuple[int, int], tuple[int, int]] = {}
+    while queue:
+        _, cell = heapq.heappop(queue)
+        if cell == last:
+            path = [cell]
+            while path[-1] != first:
+                path.append(before[path[-1]])
+            return path[::-1]
+        for dx, dy in product((-1, 0, 1), repeat=2):
+            x, y = cell[0] + dx, cell[1] + dy
+            if not (0 <= x < grid.shape[0] and 0 <= y < grid.shape[1] and grid[x, y]):
+                continue
+            new = cost[cell] + math.hypot(dx, dy)
+            if new < cost.get((x, y), math.inf) - 1e-12:
+                cost[x, y], before[x, y] = new, cell
+                heapq.heappush(queue, (new + math.dist((x, y), last), (x, y)))
+    return None
+
+
+def _outermost(outlines: Sequence[_Outline]) -> list[_Outline]:
+    """Return the outlines without those inside of others, as items on a shelf."""
+    largest = sorted(outlines, key=lambda row: -float(np.prod(np.ptp(row.corners, axis=0))))
+    kept: list[_Outline] = []
+    for row in largest:
+        if not any((_distances(row.corners, other.corners) == 0.0).all() for other in kept):
+            kept.append(row)
+    return kept
+
+
+def _nearest(outlines: Sequence[_Outline], point: Vector) -> tuple[str, float]:
+    rows = [(_distance(point, row), row.link) for row in outlines]
+    gap, link = min(rows, default=(math.inf, ""))
+    return link, gap
+
+
+def _distance(point: Vector, row: _Outline) -> float:
+    return float(_distances(point[None], row.corners)[0])
+
+
+def _distances(points: Vector, corners: Vector) -> Vector:
+    """Return the distance of each point, shape (n, 2), to a convex outline; inside: 0 [m]."""
+    ends = np.roll(corners, -1, axis=0)
+    edges = ends - corners
+    offsets = points[:, None, :] - corners
+    lengths = np.maximum((edges**2).sum(axis=1), 1e-18)
+    shares = np.clip((offsets * edges).sum(axis=2) / lengths, 0.0, 1.0)
+    away: Vector = np.linalg.norm(offsets - shares[..., None] * edges, axis=2).min(axis=1)
+    crosses = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
+    away[(crosses >= 0.0).all(axis=1)] = 0.0
+    return away
+
+
+def _segment_distance(a: Vector, b: Vector, corners: Vector) -> float:
+    """Return the distance of a segment to a convex outline [m]."""
+    both = np.array([a, b])
+    if _crosses(a, b, corners):
+        return 0.0
+    ends = _distances(both, corners).min()
+    other = _distances_to_segment(corners, a, b).min()
+    return float(min(ends, other))
+
+
+def _distances_to_segment(points: Vector, a: Vector, b: Vector) -> Vector:
+    edge = b - a
+    shares = np.clip((points - a) @ edge / max(float(edge @ edge), 1e-18), 0.0, 1.0)
+    away: Vector = np.linalg.norm(points - a - shares[:, None] * edge, axis=1)
+    return away
+
+
+def _crosses(a: Vector, b: Vector, corners: Vector) -> bool:
+    """Return whether a segment crosses an edge of an outline."""
+
+    def side(p: Vector, q: Vector, r: Vector) -> Vector:
+        found: Vector = (q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0]
+        return found
+
+    ends = np.roll(corners, -1, axis=0)
+    apart = side(a[None], b[None], corners) * side(a[None], b[None], ends) < 0
+    across = side(corners, ends, a[None]) * side(corners, ends, b[None]) < 0
+    return bool((apart & across).any())
+
+
+def _hull(points: Vector) -> Vector:
+    """Return the convex hull of points, shape (n, 2), counter-clockwise (Andrew 1979)."""
+    rows = sorted({(float(x), float(y)) for x, y in points})
+
+    def half(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        kept: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(kept) > 1 and _turn(kept[-2], kept[-1], p) <= 0.0:
+                kept.pop()
+            kept.append(p)
+        return kept
+
+    return np.array(half(rows)[:-1] + half(rows[::-1])[:-1])
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

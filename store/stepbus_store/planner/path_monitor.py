@@ -1,0 +1,195 @@
+"""Monitors whether a planned path stays free while the robot follows it."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import Plan, PlanRequest, Poses
+from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
+from stepbus_store.planner.planning import BESIDE_RESOLUTION, PlanningSettings, fingers_at, on_floor
+from stepbus_store.planner.scene import Checker, Scene, Surroundings
+from stepbus_store.planner.timing import dense
+
+_MOVED = 0.01
+"""Displacement from which an object, or the base, counts as moved [m]."""
+
+_TURNED = 0.05
+"""Rotation from which an object counts as turned [rad]."""
+
+_MOVED_ON = 2e-3
+"""Further displacement after which a moved object is checked again [m]."""
+
+_ARRIVED = 1e-3
+"""Distance from the end of its path at which the tip has arrived [m]."""
+
+_SHARE = 0.5
+"""Share of the margins that has to remain, as for a new trajectory."""
+
+_LONGEST = 10.0
+"""Multiple of its duration for which a path is monitored: near obstacles the robot is slow."""
+
+_LONGEST_GIVEN = 30.0
+"""How long a path that was only checked is monitored; its duration is not known [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedPath:
+    """A path to monitor.
+
+    poses: those that it was planned with. last_step: after it the path is no longer in use.
+    map_in_world: pose of the frame of the request's `bases`.
+    """
+
+    request: PlanRequest
+    plan: Plan
+    poses: Poses
+    last_step: int
+    map_in_world: Any = None
+
+
+def last_step(request: PlanRequest, plan: Plan, step: int, period: float) -> int:
+    """Return the last step at which to monitor a plan; period: between two steps [s]."""
+    longest = _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
+    return step + math.ceil(longest / period)
+
+
+class PathMonitor:
+    """Monitors one path until the tip has arrived or the base moves, unless it should.
+
+    Beside a base that drives, the path has to be free where the base is, and at all poses that are
+    ahead of it.
+    """
+
+    def __init__(
+        self,
+        robot: PlannedRobot,
+        obstacles: Obstacles,
+        settings: PlanningSettings,
+        path: PlannedPath,
+    ) -> None:
+        request, poses = path.request, path.poses
+        self._robot, self._obstacles, self._settings = robot, obstacles, settings
+        self._request, self._before, self._last_step = request, poses, path.last_step
+        self._path = np.array([*path.plan.position, *request.path])
+        self._checked: Mapping[str, Any] = {}
+        self._tip_index = obstacles.index_of(settings.tip)
+        self._tips: Vector = np.array(
+            [robot.frame_pose(q, settings.tip).translation for q in self._path]
+        )
+        self._start_of_held = obstacles.placements(poses).get(request.held)
+        self._bases = [path.map_in_world * on_floor(base) for base in request.bases]
+        if self._bases and _apart(self._bases[-1], obstacles.frame_in_world(poses)) < _MOVED:
+            # The pose that it was planned for is where the base starts.
+            self._bases.reverse()
+        self._at = self._base_at = 0
+        self.is_over = False
+
+    @property
+    def request_id(self) -> int:
+        """Return the id of the request whose path it monitors."""
+        return self._request.id
+
+    def check(self, poses: Poses, step: int) -> str:
+        """Return which object blocks the path, as a sentence; empty: none."""
+        leaves = self._obstacles.base_moved(self._before, poses) > _MOVED and not self._bases
+        if step > self._last_step or leaves:
+            self.is_over = True
+        if not self.is_over and self._tip_index is not None:
+            self._follow(self._obstacles.placement(poses, self._tip_index).translation)
+        if self.is_over:
+            return ""
+        moved = self._moved(poses)
+        if not moved:
+            return ""
+        self._checked = moved
+        return self._blocked(moved, poses)
+
+    def _follow(self, tip: Vector) -> None:
+        """Update the progress of the tip along the path; obstacles behind it do not matter."""
+        away = np.linalg.norm(self._tips - tip, axis=1)
+        while self._at + 1 < len(away) and away[self._at + 1] <= away[self._at]:
+            self._at += 1
+        self.is_over = self._at + 1 == len(away) and bool(away[-1] < _ARRIVED)
+
+    def _ahead(self, poses: Poses) -> list[Any]:
+        """Return the poses of the base at which the path has to be free, from now on."""
+        now, bases = self._obstacles.frame_in_world(poses), self._bases
+        away = [_apart(base, now) for base in bases]
+        while self._base_at + 1 < len(bases) and away[self._base_at + 1] <= away[self._base_at]:
+            self._base_at += 1
+        return [now, *bases[self._base_at + 1 :]]
+
+    def _moved(self, poses: Poses) -> Mapping[str, Any]:
+        """Return the links that have moved since the plan, with their positions, if any is new."""
+        request = self._request
+        touchable = {request.held, *request.touches}
+        links = [link for name, link in self._obstacles.links.items() if name not in touchable]
+        differ = _differ(self._before, poses)
+        moved = {link.name: poses.position[link.index] for link in links if differ[link.index]}
+        is_new = any(
+            name not in self._checked or _distance(self._checked[name], at) > _MOVED_ON
+            for name, at in moved.items()
+        )
+        return moved if is_new else {}
+
+    def _blocked(self, moved: Mapping[str, Any], poses: Poses) -> str:
+        share = BESIDE_RESOLUTION if self._bases else 1.0
+        ahead = dense(self._path[self._at :], self._settings.resolution * share)
+        found: tuple[Any, Vector] | None = None
+        for base in self._ahead(poses):
+            checker = self._checker(moved, poses, base)
+            hit = next((q for q in ahead if not checker.is_free(q)), None)
+            if hit is not None:
+                found = (base, hit)
+                break
+        if found is None:
+            return ""
+        base, hit = found
+        which = next((n for n in moved if not self._checker([n], poses, base).is_free(hit)), "")
+        tip = self._settings.tip
+        there = self._robot.frame_pose(hit, tip).translation
+        here = self._robot.frame_pose(ahead[0], tip).translation
+        return f"{which} blocks the path {np.linalg.norm(there - here):.2f} m ahead of {tip}"
+
+    def _checker(self, names: Iterable[str], poses: Poses, base: Any) -> Checker:
+        """Return a checker against some links at their current poses, and no others.
+
+        base: pose of the robot in the world.
+        """
+        held, obstacles = self._request.held, self._obstacles
+        placements = obstacles.placements(poses, base)
+        if held:
+            # It keeps the pose in the tip that it had at the start of the path.
+            placements[held] = self._start_of_held
+        around = Surroundings(
+            links={name: obstacles.links[name] for name in (*names, held) if name},
+            placements=placements,
+            held=held,
+            touches=frozenset(self._request.touches),
+            tip=self._settings.tip,
+            fingers=fingers_at(self._robot, obstacles, self._before, self._settings.tip),
+        )
+        scene = Scene(self._robot, around, self._path[0], self._settings.margins)
+        return scene.checker_of(frozenset(names), _SHARE)
+
+
+def _differ(before: Poses, now: Poses) -> list[bool]:
+    """Return of each link whether it has moved or turned."""
+    moved = np.linalg.norm(np.subtract(before.position, now.position), axis=1) > _MOVED
+    # For two unit quaternions, |a · b| is the cosine of half the angle between them.
+    same = np.abs(np.sum(np.multiply(before.orientation, now.orientation), axis=1))
+    differ: list[bool] = (moved | (same < math.cos(_TURNED / 2))).tolist()
+    return differ
+
+
+def _apart(a: Any, b: Any) -> float:
+    """Return how far apart two poses are on the floor [m]."""
+    return _distance(a.translation[:2], b.translation[:2])
+
+
+def _distance(a: Any, b: Any) -> float:
+    return float(np.linalg.norm(np.subtract(a, b)))

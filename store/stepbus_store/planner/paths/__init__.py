@@ -1,1 +1,0 @@
-"""Motions of the joints: searched, timed, and monitored."""

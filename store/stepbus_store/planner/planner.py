@@ -1,0 +1,290 @@
+"""What a planner works with: its robot, and the limits of its plans."""
+
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+
+from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version, need
+from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
+from stepbus_store.planner import Params, path_search, timing
+from stepbus_store.planner.base_curve import BasePace
+from stepbus_store.planner.base_path import BasePlanner
+from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
+from stepbus_store.planner.path_monitor import PathMonitor, PlannedPath, last_step
+from stepbus_store.planner.planning import PathPlanner, PlanningSettings, is_check, map_in_world
+from stepbus_store.planner.scene import Margins
+from stepbus_store.planner.timing import Limits
+
+_EFFORT_SHARE = 0.8
+"""Of the URDF's effort limits; the rest is for following the plan."""
+
+_LONGEST_SAMPLE_NS = 20_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What the parameters describe.
+
+    prefix: what the plant puts before the robot's names. frame: link that identifies the robot
+    among the poses. latency_ns: of an answer [ns];
+    check_latency_ns: where a path is only checked. base_radius: that a base needs to turn,
+    base_half_width: that it needs to drive straight [m]. base_pace: how fast it is.
+    """
+
+    robot: PlannedRobot
+    planning: PlanningSettings
+    prefix: str
+    frame: str
+    latency_ns: int
+    check_latency_ns: int
+    base_radius: float
+    base_half_width: float
+    base_pace: BasePace
+
+
+def read_setup(config: Config, problems: Problems) -> Setup:
+    """Return what the scenario's params describe.
+
+    problems: of the ports. Raises SettingsError with all that is wrong.
+    """
+    params = config.read(Params, problems)
+    robot = _make_robot(params, config.problems().below(("params",)))
+    limits = Limits(
+        velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
+        acceleration=np.array(params.acceleration_limit.of(robot.joints)),
+        jerk=np.array(params.jerk_limit.of(robot.joints)),
+        effort=_EFFORT_SHARE * robot.effort_limit,
+    )
+    planning = PlanningSettings(
+        tip=params.tip,
+        margins=Margins(robot=params.margin, held=params.held_margin, path=params.path_margin),
+        limits=limits,
+        max_checks=params.max_checks,
+        period=_sample_period(config.every * config.step_ns),
+    )
+    return Setup(
+        robot=robot,
+        planning=planning,
+        prefix=params.prefix,
+        frame=params.prefix + params.frame,
+        latency_ns=params.latency_ns,
+        check_latency_ns=params.check_latency_ns,
+        base_radius=params.base_radius,
+        base_half_width=params.base_half_width,
+        base_pace=BasePace(
+            speed=params.base_speed,
+            acceleration=params.base_acceleration,
+            turn_speed=params.base_turn_speed,
+            turn_acceleration=params.base_turn_acceleration,
+        ),
+    )
+
+
+def _sample_period(period_ns: int) -> float:
+    """Return the distance of the samples of a plan [s]: whole steps, if they are below 20 ms."""
+    return max(_LONGEST_SAMPLE_NS // period_ns, 1) * min(period_ns, _LONGEST_SAMPLE_NS) * 1e-9
+
+
+def _make_robot(params: Params, problems: Problems) -> PlannedRobot:
+    links = {"frame": params.frame, "tip": params.tip}
+    make = partial(PlannedRobot, params.model, params.joints, params.posture, params.srdf)
+    try:
+        return make(list(links.values()))
+    except WiringError as exc:
+        for problem in str(exc).splitlines():
+            named = (param for param, link in links.items() if f"link {link!r} " in problem)
+            problems.add((next(named, "model"),), problem)
+        raise problems.error() from exc
+
+
+Level = Literal["info", "warning"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pending:
+    """A request in progress; due: step at which to answer it."""
+
+    due: int
+    cancelled: threading.Event
+    answer: Future[Plan | None]
+    request: PlanRequest
+    poses: Poses | None
+
+
+class Planner(Participant):
+    """Plans collision-free paths of a robot's joints.
+
+    Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender
+    describes with `details` `shape` and `body`; if there are two, the one called `planogram` has
+    the description, and the other one the poses. Outputs: one Plan/1 and, if the scenario wires it,
+    one Event/1 that reports every answer.
+
+    The answer to a request comes exactly `latency` later, however long the computation takes: it
+    runs beside the steps, and the step of the answer waits for it. A newer request cancels the one
+    before. Planning uses the poses at the step of the request; if an object then blocks the path
+    while the robot follows it, a second answer with the same id has cause `blocked`.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        ports = Ports(config)
+        self._request_port = ports.input_of("PlanRequest/1")
+        self._poses_port, self._map_port = ports.input_beside("Poses/1", "planogram")
+        self._plan_port = ports.output_of("Plan/1")
+        self._event_port = ports.optional_output_of("Event/1")
+        ports.outputs_are("Plan/1", "Event/1")
+        try:
+            need("the planner", *path_search.MODULES, *timing.MODULES)
+        except WiringError as exc:
+            raise WiringError(f"participants.{config.name}: {exc}") from exc
+        self._setup = read_setup(config, ports.problems)
+        period_ns = config.every * config.step_ns
+        setup = self._setup
+        self._names = [setup.prefix + joint for joint in setup.robot.joints]
+        self._latency = -(-setup.latency_ns // period_ns) * config.every
+        self._check_latency = -(-setup.check_latency_ns // period_ns) * config.every
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
+        self._pending: _Pending | None = None
+        self._monitor: PathMonitor | None = None
+        self._request_id = -1
+        self._map: Any = None
+
+    def describe(self) -> Mapping[str, Description]:
+        """Return the joints in the order of the plans, and their limits."""
+        robot, limits = self._setup.robot, self._setup.planning.limits
+        described = {
+            self._plan_port: Description(
+                names=self._names,
+                limits={
+                    "lower": robot.lower.tolist(),
+                    "upper": robot.upper.tolist(),
+                    "velocity": limits.velocity.tolist(),
+                },
+            )
+        }
+        if self._event_port is not None:
+            described[self._event_port] = Description()
+        return described
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Read the shapes of the obstacles.
+
+        Raises WiringError if they are not described, and for requests for other joints.
+        """
+        setup, requested = self._setup, inputs[self._request_port].names
+        if requested and requested != self._names:
+            raise WiringError(
+                f"{self.config.name}: input {self._request_port!r} has joints "
+                f"{', '.join(requested)}, params.joints are {', '.join(self._names)}"
+            )
+        try:
+            obstacles = Obstacles(self._map_port, inputs[self._map_port], setup.frame, setup.prefix)
+        except WiringError as exc:
+            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
+            raise WiringError("\n".join(lines)) from exc
+        self.planner = PathPlanner(setup.robot, obstacles, setup.planning, self.config.seed)
+        self._base_planner = BasePlanner(
+            obstacles, setup.base_radius, setup.base_half_width, setup.base_pace
+        )
+        self._obstacles = obstacles
+        self._unknown = obstacles.unknown
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Start a new request, and return the answer that is due."""
+        messages: dict[str, Message] = {}
+        if self._unknown:
+            links = ", ".join(self._unknown)
+            text = f"the shape of {links} is unknown; paths may touch them"
+            self._report(messages, "warning", text)
+            self._unknown = []
+        if step.is_new(self._poses_port):
+            self._obstacles.check(step.read(self._poses_port, Poses))
+        request = step.get(self._request_port, PlanRequest)
+        if request is not None and request.id != self._request_id:
+            self._start_planning(step, request)
+        if self._pending is not None and step.index >= self._pending.due:
+            self._finish(messages, self._pending, step)
+        elif self._monitor is not None and step.is_new(self._poses_port):
+            self._check_path(messages, self._monitor, step)
+        return messages
+
+    def _start_planning(self, step: Step, request: PlanRequest) -> None:
+        self._cancel(request)
+        self._request_id = request.id
+        cancelled = threading.Event()
+        poses = step.get(self._poses_port, Poses)
+        is_quick = request.base is not None or is_check(request)
+        answer: Future[Plan | None]
+        if request.base is not None and poses is not None:
+            self._map = map_in_world(self._obstacles, request.base[0], poses)
+            answer = self._worker.submit(self._base_planner.plan, request, poses)
+        else:
+            answer = self._worker.submit(
+                self.planner.plan, request, poses, cancelled.is_set, self._map
+            )
+        self._pending = _Pending(
+            due=step.index + (self._check_latency if is_quick else self._latency),
+            cancelled=cancelled,
+            answer=answer,
+            request=request,
+            poses=poses,
+        )
+
+    def _finish(self, messages: dict[str, Message], pending: _Pending, step: Step) -> None:
+        plan = pending.answer.result()
+        self._pending = None
+        if plan is not None:
+            self._publish(messages, plan)
+            is_watched = not (plan.cause or plan.route)
+            if is_watched and pending.poses is not None:
+                last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
+                path = PlannedPath(
+                    request=pending.request,
+                    plan=plan,
+                    poses=pending.poses,
+                    last_step=last,
+                    map_in_world=self._map,
+                )
+                robot, planning = self._setup.robot, self._setup.planning
+                self._monitor = PathMonitor(robot, self._obstacles, planning, path)
+
+    def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:
+        """Report an object that blocks the path in use."""
+        text = monitor.check(step.read(self._poses_port, Poses), step.index)
+        if text:
+            self._publish(messages, Plan(id=monitor.request_id, cause="blocked", text=text))
+        if text or monitor.is_over:
+            self._monitor = None
+
+    def _publish(self, messages: dict[str, Message], plan: Plan) -> None:
+        messages[self._plan_port] = plan
+        level: Level = "warning" if plan.cause else "info"
+        self._report(messages, level, f"plan {plan.id}: {plan.text}")
+
+    def _report(self, messages: dict[str, Message], level: Level, text: str) -> None:
+        if self._event_port is not None:
+            messages[self._event_port] = Event(level=level, text=text)
+
+    def _cancel(self, request: PlanRequest | None = None) -> None:
+        if request is None or request.base is None:
+            # A route of the base changes nothing about the path of an arm.
+            self._monitor = None
+        if self._pending is not None:
+            self._pending.cancelled.set()
+            self._pending = None
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the plans."""
+        return {
+            name: installed_version(name) for name in ("numpy", "pin", "coal", "ompl", "toppra")
+        }
+
+    def close(self) -> None:
+        """Cancel the request in progress."""
+        self._cancel()
+        self._worker.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,313 @@
+"""From a request to a plan."""
+
+import difflib
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import Plan, PlanRequest, Point, Poses
+from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
+from stepbus_store.planner.path_search import Search, find_paths
+from stepbus_store.planner.scene import Checker, Margins, Scene, Surroundings
+from stepbus_store.planner.timing import Limits, Trajectory, dense, parametrize
+
+_ROUNDING = 1e-3
+"""How far a measured joint may exceed its limit [rad]."""
+
+_AROUND = math.pi
+"""How far a path may leave the range between start and goal [rad]."""
+
+_SAME = 1e-6
+"""Distance below which start and goal are the same [rad]."""
+
+_LAST_SHARE = 0.5
+"""Share of the margins that the trajectory has to keep; the spline may use up the rest."""
+
+_LAST_RESOLUTION = 0.5
+"""Resolution of the trajectory's check, as a share of the search's."""
+
+BESIDE_RESOLUTION = 3.0
+"""The same, at poses of the base other than that of the plan."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningSettings:
+    """The settings for every request.
+
+    tip: frame that a held object moves with. resolution: distance between checked positions [rad];
+    at 1 m from a joint, half of it should be below the margin. longest: maximum length of an
+    extension of the search [rad]. max_checks: limit on collision checks. period: between two
+    samples of a plan [s].
+    """
+
+    tip: str
+    margins: Margins
+    limits: Limits
+    resolution: float = 0.02
+    longest: float = 0.5
+    max_checks: int = 20_000
+    period: float = 0.02
+
+
+def is_check(request: PlanRequest) -> bool:
+    """Return whether a request is for the check of a path only."""
+    return bool(request.path) and request.start == request.goal
+
+
+def fingers_at(robot: PlannedRobot, obstacles: Obstacles, poses: Poses, tip: str) -> dict[str, Any]:
+    """Return the poses in the tip of the links of the robot that move on joints of their own.
+
+    They are as in Poses, where it has them; the others stand as in the robot's posture.
+    """
+    at = obstacles.index_of(tip)
+    if at is None:
+        return {}
+    inverse = obstacles.placement(poses, at).inverse()
+    return {
+        name: inverse * obstacles.placement(poses, index)
+        for name in robot.fingers()
+        if (index := obstacles.index_of(name)) is not None
+    }
+
+
+def on_floor(base: Point) -> Any:
+    """Return a pose of the base, x, y, yaw, as `pinocchio.SE3`."""
+    return pin.SE3(pin.utils.rotate("z", base[2]), np.array([base[0], base[1], 0.0]))
+
+
+def map_in_world(obstacles: Obstacles, base: Point, poses: Poses) -> Any:
+    """Return the pose of the frame in which the base is at a pose, while the world is at others."""
+    return obstacles.frame_in_world(poses) * on_floor(base).inverse()
+
+
+class NoPlan(Exception):
+    """A request without a plan; cause: one word for programs."""
+
+    def __init__(self, cause: str, text: str) -> None:
+        super().__init__(text)
+        self.cause = cause
+
+
+class Cancelled(Exception):
+    """The request was cancelled."""
+
+
+@dataclass(frozen=True)
+class PathPlanner:
+    """Answers requests: by a straight path if it is free, else by a search.
+
+    The answer depends on robot, obstacles, settings, seed, request and poses only.
+    """
+
+    robot: PlannedRobot
+    obstacles: Obstacles
+    settings: PlanningSettings
+    seed: int
+
+    def plan(
+        self,
+        request: PlanRequest,
+        poses: Poses | None,
+        cancelled: Callable[[], bool],
+        map_in_world: Any = None,
+    ) -> Plan | None:
+        """Return the answer to a request; None: it was cancelled meanwhile.
+
+        poses: of the world at the time of the request. cancelled: whether the request is obsolete.
+        map_in_world: pose of the frame of the request's `bases`; None: nobody knows.
+        """
+        try:
+            return _Planning(self, request, poses, cancelled, map_in_world).answer()
+        except NoPlan as exc:
+            return Plan(id=request.id, cause=exc.cause, text=str(exc))
+        except Cancelled:
+            return None
+
+
+class _Planning:
+    """The work on one request."""
+
+    def __init__(
+        self,
+        planner: PathPlanner,
+        request: PlanRequest,
+        poses: Poses | None,
+        cancelled: Callable[[], bool],
+        map_in_world: Any,
+    ) -> None:
+        self._robot, self._obstacles = planner.robot, planner.obstacles
+        self._settings, self._seed = planner.settings, planner.seed
+        self._request = request
+        self._cancelled = cancelled
+        self._start = self._joints("start", request.start)
+        self._goal = self._joints("goal", request.goal)
+        self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
+        scenes = self._make_scenes(poses, map_in_world)
+        self._scene = scenes.pop()
+        self._beside = [scene.checker_of_world() for scene in scenes]
+
+    def _joints(self, field: str, values: list[float]) -> Vector:
+        """Return a field of the request as a vector; raises NoPlan for an invalid one."""
+        robot, q = self._robot, np.array(values, dtype=np.float64)
+        if q.shape != (len(robot.joints),):
+            expected = f"{len(robot.joints)} ({', '.join(robot.joints)})"
+            raise NoPlan("bad_request", f"{field} has {len(values)} values, not {expected}")
+        inside = (robot.lower - _ROUNDING <= q) & (q <= robot.upper + _ROUNDING)
+        for name, value, low, high, fits in zip(
+            robot.joints, values, robot.lower, robot.upper, inside, strict=True
+        ):
+            if not fits:
+                unit = robot.unit(name)
+                text = f"{value:.3f} {unit} is outside {low:.3f} to {high:.3f} {unit}"
+                raise NoPlan("bad_request", f"{field}: {name} at {text}")
+        return np.clip(q, robot.lower, robot.upper)
+
+    def _make_scenes(self, poses: Poses | None, map_in_world: Any) -> list[Scene]:
+        """Return the scene of each pose of the base; the last one is that of the plan."""
+        request, links = self._request, self._obstacles.links
+        if poses is None:
+            raise NoPlan("bad_request", "the poses of the world are not known yet")
+        for name in dict.fromkeys([request.held, *request.touches]):
+            if name and name not in links:
+                close = difflib.get_close_matches(name, links, n=1)
+                hint = f"did you mean {close[0]!r}?" if close else f"it has {len(links)} others"
+                raise NoPlan("bad_request", f"the world has no link {name!r}; {hint}")
+        if request.bases and map_in_world is None:
+            raise NoPlan("bad_request", "bases need a request of the base before them")
+        here = self._obstacles.placements(poses)
+        fingers = fingers_at(self._robot, self._obstacles, poses, self._settings.tip)
+        frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
+        scenes = []
+        for frame in frames:
+            placements = self._obstacles.placements(poses, frame)
+            if request.held:
+                placements[request.held] = here[request.held]
+            around = Surroundings(
+                links=links,
+                placements=placements,
+                held=request.held,
+                touches=frozenset(request.touches),
+                tip=self._settings.tip,
+                fingers=fingers,
+            )
+            scenes.append(Scene(self._robot, around, self._start, self._settings.margins))
+        return scenes
+
+    def answer(self) -> Plan:
+        """Return the plan; raises NoPlan if there is none."""
+        load = self._request.load
+        if not (math.isfinite(load) and load >= 0.0):
+            raise NoPlan("bad_request", f"load is {load:g} kg; it must be finite and not negative")
+        self._robot.carry(load, self._settings.tip)
+        checked = self._check_path() if self._path else ""
+        if is_check(self._request):
+            return self._standing(checked)
+        self._check_collision("start", self._start)
+        self._check_collision("goal", self._goal)
+        if np.linalg.norm(self._goal - self._start) < _SAME:
+            return self._standing("the joints are at the goal")
+        checker = self._scene.checker([self._start, self._goal])
+        last = self._scene.checker([self._start, self._goal], _LAST_SHARE)
+        limits, period = self._settings.limits, self._settings.period
+        overloading: Vector | None = None
+        for path, name in self._paths(checker):
+            motion = parametrize(path, limits, self._robot.inverse_dynamics, period)
+            if motion is None:
+                overloading = path if overloading is None else overloading
+            elif self._stays_free(motion, last):
+                return self._found(path, name, motion, checker.checks + last.checks)
+        checks = checker.checks + last.checks
+        if overloading is not None:
+            raise NoPlan("not_holdable", self._overload(overloading))
+        raise NoPlan("no_path", f"no path from start to goal was found in {checks} checks")
+
+    def _check_path(self) -> str:
+        """Check the path that is given and return a sentence; raises NoPlan where it is blocked."""
+        path = np.array([self._goal, *self._path])
+        fine = dense(path, self._settings.resolution * _LAST_RESOLUTION)
+        checker = self._scene.path_checker(fine[0], fine[-1])
+        tip = self._settings.tip
+        for q in fine:
+            if not checker.is_free(q):
+                touch = self._scene.closest(q, checker) or "something is too close"
+                here, there = (self._robot.frame_pose(row, tip).translation for row in (fine[0], q))
+                far = float(np.linalg.norm(there - here))
+                raise NoPlan("path_collides", f"{far:.3f} m from its start, {touch}")
+        return f"path is free, {checker.checks} checks"
+
+    def _check_collision(self, field: str, q: Vector) -> None:
+        touch = self._scene.touch(q)
+        if touch is not None:
+            raise NoPlan(f"{field}_collides", f"at the {field}, {touch}")
+
+    def _paths(self, checker: Checker) -> Iterator[tuple[Vector, str]]:
+        """Yield paths that keep the margins, the best first, and their names."""
+        straight = np.stack([self._start, self._goal])
+        if all(map(checker.is_free, dense(straight, self._settings.resolution))):
+            yield straight, "straight path"
+        lower, upper = np.minimum(*straight) - _AROUND, np.maximum(*straight) + _AROUND
+        seed = np.random.SeedSequence([self._seed, self._request.id]).generate_state(1)[0]
+        search = Search(
+            lower=np.maximum(lower, self._robot.lower),
+            upper=np.minimum(upper, self._robot.upper),
+            resolution=self._settings.resolution,
+            longest=self._settings.longest,
+            max_checks=self._settings.max_checks,
+            seed=int(seed) + 1,
+        )
+
+        def is_free(q: Vector) -> bool:
+            return not self._cancelled() and checker.is_free(q)
+
+        paths = find_paths(search, self._start, self._goal, is_free, self._cancelled)
+        if self._cancelled():
+            raise Cancelled
+        for path in paths or ():
+            yield path, "detour"
+
+    def _overload(self, path: Vector) -> str:
+        """Return which motor is too weak for a path without a trajectory."""
+        limits, rest = self._settings.limits, np.zeros(len(self._start))
+        points = dense(path, self._settings.resolution)
+        torque = np.abs([self._robot.inverse_dynamics(q, rest, rest) for q in points]).max(axis=0)
+        worst = int(np.argmax(torque / limits.effort))
+        joint = self._robot.joints[worst]
+        unit = self._robot.effort_unit(joint)
+        return (
+            f"on the path, {joint} needs {torque[worst]:.1f} {unit} to stand still, but motions "
+            f"may use {limits.effort[worst]:.1f} {unit}"
+        )
+
+    def _stays_free(self, motion: Trajectory, checker: Checker) -> bool:
+        if self._cancelled():
+            raise Cancelled
+        fine = dense(motion.position, self._settings.resolution * _LAST_RESOLUTION)
+        coarse = dense(motion.position, self._settings.resolution * BESIDE_RESOLUTION)
+        return all(map(checker.is_free, fine)) and all(
+            all(map(other.is_free, coarse)) for other in self._beside
+        )
+
+    def _found(self, path: Vector, name: str, motion: Trajectory, checks: int) -> Plan:
+        length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        text = f"{name} of {length:.2f} rad in {motion.times[-1]:.2f} s, {checks} checks"
+        return Plan(
+            id=self._request.id,
+            text=text,
+            times=motion.times.tolist(),
+            position=motion.position.tolist(),
+            velocity=motion.velocity.tolist(),
+        )
+
+    def _standing(self, text: str) -> Plan:
+        return Plan(
+            id=self._request.id,
+            text=text,
+            times=[0.0, self._settings.period],
+            position=[self._goal.tolist()] * 2,
+            velocity=[[0.0] * len(self._goal)] * 2,
+        )

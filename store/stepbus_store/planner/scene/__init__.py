@@ -1,1 +1,0 @@
-"""What a plan must not touch: the robot, the obstacles around it, and their pairs."""

@@ -1,0 +1,308 @@
+"""Where the items are: as the planogram says, until they are seen or carried."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics import JointOrder, RobotModel, Vector
+from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
+from stepbus_schemas import (
+    BaseState,
+    Description,
+    Detections,
+    GripperState,
+    JointState,
+    Message,
+    Point,
+    Poses,
+    Quaternion,
+    WiringError,
+)
+from stepbus_store.world_model import Params
+from stepbus_store.world_model.localization import Localization, Uncertainty
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """A detection of an item on the map: x, y [m], yaw [rad]."""
+
+    type: str
+    x: float
+    y: float
+    yaw: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where an item is: position [m] and yaw [rad] of its link on the map."""
+
+    x: float
+    y: float
+    z: float
+    yaw: float
+
+    def frame(self) -> pin.SE3:
+        """Return it as a transform."""
+        return pin.SE3(pin.utils.rotate("z", self.yaw), np.array([self.x, self.y, self.z]))
+
+
+class Items:
+    """All items that the planogram lists.
+
+    types: name → type. places: name → where the planogram has it. same: farther from where it is
+    expected, a detection is another item [m].
+    """
+
+    def __init__(self, types: Mapping[str, str], places: Mapping[str, Place], same: float) -> None:
+        self._types = types
+        self._places = dict(places)
+        self._same = same
+        self._held = ""
+        self._in_tip = pin.SE3.Identity()
+
+    @property
+    def held(self) -> str:
+        """Return the item that the gripper must be holding; empty: none."""
+        return self._held
+
+    def see(self, found: Sequence[Seen]) -> None:
+        """Correct where items are by what the camera sees of them."""
+        for seen in found:
+            name = self._nearest(seen)
+            if name and name != self._held:
+                place = self._places[name]
+                self._places[name] = replace(place, x=seen.x, y=seen.y, yaw=seen.yaw)
+
+    def _nearest(self, seen: Seen) -> str:
+        rows = [
+            (math.hypot(place.x - seen.x, place.y - seen.y), name)
+            for name, place in self._places.items()
+            if self._types[name] == seen.type
+        ]
+        away, name = min(rows, default=(math.inf, ""))
+        return name if away < self._same else ""
+
+    def carry(self, tip: pin.SE3, *, holding: bool) -> None:
+        """Move what the gripper holds along with its tip; nobody says which item that is."""
+        if holding and not self._held:
+            self._held = self._at(tip.translation)
+            if self._held:
+                self._in_tip = tip.inverse() * self._places[self._held].frame()
+        if self._held:
+            pose = tip * self._in_tip
+            x, y, z = pose.translation.tolist()
+            yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
+            self._places[self._held] = Place(x=x, y=y, z=z, yaw=yaw)
+        if not holding:
+            self._held = ""
+
+    def _at(self, tip: Vector) -> str:
+        rows = [
+            (math.dist((place.x, place.y, place.z), tip), name)
+            for name, place in self._places.items()
+            if math.hypot(place.x - tip[0], place.y - tip[1]) < self._same
+        ]
+        return min(rows, default=(math.inf, ""))[1]
+
+    def place(self, name: str) -> Place:
+        """Return where an item is."""
+        return self._places[name]
+
+
+_Row = tuple[Point, Quaternion]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PortNames:
+    planogram: str
+    odometry: str
+    joint_state: str
+    gripper: str
+    detections: str
+    pose: str
+    poses: str
+
+
+class WorldModel(Participant):
+    """Publishes where the base is on the map, and where everything must be that the map lists.
+
+    Inputs: Poses/1, the planogram, once; BaseState/1, odometry; JointState/1, GripperState/1; and
+    Detections/1, with `delay: 1`. Outputs: one BaseState/1, the pose of the base on the map with
+    the velocities of odometry, at every step; one Poses/1 of the links of the planogram, once per
+    period. The robot's own links come from its joints; what is fixed, from the map; items from the
+    planogram, from where the camera has seen them, or from the gripper that holds them.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        ports = Ports(config)
+        self._ports = _find_ports(ports)
+        self._params = config.read(Params, ports.problems)
+        problems = config.problems().below(("params",))
+        params = self._params
+        joints = (*params.joints, *params.fingers)
+        robot = problems.attempt(
+            ("model",),
+            lambda: RobotModel(params.model, joints, links=(params.frame, params.tip)),
+        )
+        if robot is None:
+            raise problems.error()
+        self._robot = robot
+        period_ns = config.every * config.step_ns
+        self._every = max(1, round(params.period_ns / period_ns))
+        self._items: Items | None = None
+        self._item_rows: dict[str, tuple[Place, _Row]] = {}
+
+    def start(self, inputs: Mapping[str, Description]) -> None:
+        """Read which links the planogram lists.
+
+        Raises WiringError for joints that are not sensed, and for a planogram without the robot.
+        """
+        ports, described = self._ports, inputs[self._ports.planogram]
+        prefix = self._params.prefix
+        joints = [prefix + joint for joint in self._params.joints]
+        self._order = JointOrder(ports.joint_state, inputs[ports.joint_state].names, joints)
+        self._names, frame = list(described.names), prefix + self._params.frame
+        bodies = described.details.get("body", [])
+        if frame not in self._names or len(bodies) != len(self._names):
+            raise WiringError(
+                f"{self.config.name}: input {ports.planogram!r} has no link {frame!r} of a body"
+                f"{suggest(frame, self._names)}"
+            )
+        own = bodies[self._names.index(frame)]
+        rows = zip(self._names, bodies, strict=True)
+        known = self._robot.links
+        self._own = {
+            n: name.removeprefix(prefix) for n, (name, body) in enumerate(rows) if body == own
+        }
+        lacking = [name for name in self._own.values() if name not in known]
+        if lacking:
+            raise WiringError(
+                f"{self.config.name}: links {', '.join(lacking)} are not in {self._params.model}"
+            )
+        types = described.details.get("type", [""] * len(self._names))
+        self._types = {n: t for n, t in zip(self._names, types, strict=True) if t}
+
+    def update(self, step: Step) -> Mapping[str, Message]:
+        """Return the pose of the base, and the poses of all links when they are due."""
+        items = self._items or self._unfold(step.read(self._ports.planogram, Poses))
+        found = step.get(self._ports.detections, Detections)
+        if found is not None and step.is_new(self._ports.detections):
+            # They are of the step before: the base has not been moved on yet.
+            self._see(items, found)
+        odometry = step.read(self._ports.odometry, BaseState)
+        self._localization.predict(odometry)
+        x, y, yaw = self._localization.pose
+        pose = BaseState(x=x, y=y, yaw=yaw, vx=odometry.vx, wz=odometry.wz)
+        messages: dict[str, Message] = {self._ports.pose: pose}
+        gripper = step.read(self._ports.gripper, GripperState)
+        q = self._joints(step.read(self._ports.joint_state, JointState), gripper)
+        base = self._base()
+        items.carry(base * self._robot.frame_pose(q, self._params.tip), holding=gripper.holding)
+        if (step.index // self.config.every) % self._every == 0:
+            messages[self._ports.poses] = self._poses(items, base, q)
+        return messages
+
+    def _unfold(self, planogram: Poses) -> Items:
+        """Read the map: landmarks, items, and what is fixed."""
+        params, drift = self._params, self._params.drift
+        self._known = list(zip(planogram.position, planogram.orientation, strict=True))
+        marks = [
+            at[:2]
+            for name, (at, _) in zip(self._names, self._known, strict=True)
+            if name.startswith(params.landmark)
+        ]
+        uncertainty = Uncertainty(
+            start=params.start,
+            distance=drift.distance,
+            heading=drift.heading,
+            turn=drift.turn,
+            landmark=params.landmark_noise,
+            farthest=params.farthest,
+        )
+        start = _place(*self._known[self._names.index(params.prefix + params.frame)])
+        self._height = start.z
+        self._localization = Localization(
+            np.array(marks).reshape(-1, 2), uncertainty, (start.x, start.y, start.yaw)
+        )
+        places = {
+            name: _place(*self._known[n])
+            for n, name in enumerate(self._names)
+            if name in self._types
+        }
+        self._items = Items(self._types, places, params.same)
+        return self._items
+
+    def _joints(self, state: JointState, gripper: GripperState) -> np.ndarray:
+        arm = self._order.pick(state.position, "position")
+        return np.array([*arm, *(gripper.width / 2 for _ in self._params.fingers)])
+
+    def _base(self) -> pin.SE3:
+        x, y, yaw = self._localization.pose
+        return pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, self._height]))
+
+    def _see(self, items: Items, found: Detections) -> None:
+        rows = list(zip(found.types, found.position, found.orientation, strict=True))
+        mark = self._params.landmark
+        self._localization.correct([at[:2] for name, at, _ in rows if name == mark])
+        base, (_, _, yaw) = self._base(), self._localization.pose
+        seen = []
+        for name, at, turn in rows:
+            if name != mark:
+                x, y, _ = base.act(np.array(at)).tolist()
+                seen.append(Seen(type=name, x=x, y=y, yaw=yaw + _yaw(turn)))
+        items.see(seen)
+
+    def _poses(self, items: Items, base: pin.SE3, q: np.ndarray) -> Poses:
+        rows = list(self._known)
+        for n, pose in zip(
+            self._own, self._robot.frame_poses(q, tuple(self._own.values())), strict=True
+        ):
+            rows[n] = _row(base * pose)
+        for n, name in enumerate(self._names):
+            if name in self._types:
+                rows[n] = self._item_row(name, items.place(name))
+        return Poses(position=[at for at, _ in rows], orientation=[turn for _, turn in rows])
+
+    def _item_row(self, name: str, place: Place) -> _Row:
+        """Return the pose of an item, computed again only once it is elsewhere."""
+        known = self._item_rows.get(name)
+        if known is None or known[0] is not place:
+            known = self._item_rows[name] = (place, _row(place.frame()))
+        return known[1]
+
+    def versions(self) -> Mapping[str, str]:
+        """Return the versions of the libraries that shape the result."""
+        return {name: installed_version(name) for name in ("numpy", "pin")}
+
+
+def _find_ports(ports: Ports) -> _PortNames:
+    ports.outputs_are("BaseState/1", "Poses/1")
+    return _PortNames(
+        planogram=ports.input_of("Poses/1"),
+        odometry=ports.input_of("BaseState/1"),
+        joint_state=ports.input_of("JointState/1"),
+        gripper=ports.input_of("GripperState/1"),
+        detections=ports.input_of("Detections/1"),
+        pose=ports.output_of("BaseState/1"),
+        poses=ports.output_of("Poses/1"),
+    )
+
+
+def _yaw(q: Quaternion) -> float:
+    x, y, z, w = q
+    return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def _place(at: Point, turn: Quaternion) -> Place:
+    return Place(x=at[0], y=at[1], z=at[2], yaw=_yaw(turn))
+
+
+def _row(pose: pin.SE3) -> _Row:
+    """Return a pose as position and quaternion x, y, z, w."""
+    x, y, z = pose.translation.tolist()
+    a, b, c, w = pin.Quaternion(pose.rotation).coeffs().tolist()
+    return (x, y, z), (a, b, c, w)

@@ -1,1 +1,0 @@
-"""The lines of the plots, taken from a recording piece by piece."""

@@ -1,0 +1,126 @@
+"""Which runs a sweep makes: the product of its grids, its draws and its repeats."""
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_orchestrator.errors import argument
+from stepbus_participant import need
+from stepbus_schemas import WiringError
+from stepbus_tools.sweep.axes import Axis
+
+SAMPLINGS = ("random", "latin", "sobol", "halton")
+SEED = "seed"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of a sweep: its number, and path → value."""
+
+    number: int
+    values: Mapping[str, Any]
+
+
+class Design:
+    """The points of a sweep, the same for the same arguments, each made when it is asked for.
+
+    Every combination of the grids gets the same draws, so that what differs between two of them
+    is no chance. repeats: runs of each point, with seeds from `first_seed` on.
+
+    Raises WiringError for axes that do not go together.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        *,
+        samples: int = 0,
+        sampling: str = "random",
+        seed: int = 0,
+        repeats: int = 1,
+        first_seed: int = 0,
+    ) -> None:
+        _check(axes, samples, sampling, repeats)
+        self._grids = [axis for axis in axes if axis.values]
+        self._drawn = [axis for axis in axes if axis.distribution is not None]
+        self._sizes = [len(axis.values) for axis in self._grids]
+        self._repeats, self._first_seed = repeats, first_seed
+        self._draws = _draw(self._drawn, samples, sampling, seed)
+        self.paths = [path for axis in axes for path in axis.paths]
+        if repeats > 1:
+            self.paths.append(SEED)
+        self._samples = len(self._draws[0]) if self._draws else 1
+
+    def __len__(self) -> int:
+        """Return the number of runs."""
+        return prod(self._sizes) * self._samples * self._repeats
+
+    def __getitem__(self, number: int) -> Point:
+        """Return the point of a number."""
+        if not 0 <= number < len(self):
+            raise IndexError(number)
+        rest, repeat = divmod(number, self._repeats)
+        rest, sample = divmod(rest, self._samples)
+        places = np.unravel_index(rest, self._sizes) if self._sizes else ()
+        values: dict[str, Any] = {}
+        for axis, place in zip(self._grids, places, strict=True):
+            values |= zip(axis.paths, axis.values[int(place)], strict=True)
+        for axis, row in zip(self._drawn, self._draws, strict=True):
+            values[axis.paths[0]] = row[sample]
+        if self._repeats > 1:
+            values[SEED] = self._first_seed + repeat
+        return Point(number, {path: values[path] for path in self.paths})
+
+    def __iter__(self) -> Iterator[Point]:
+        """Yield all points in order."""
+        return (self[number] for number in range(len(self)))
+
+
+def _check(axes: Sequence[Axis], samples: int, sampling: str, repeats: int) -> None:
+    paths = [path for axis in axes for path in axis.paths]
+    twice = sorted({path for path in paths if paths.count(path) > 1})
+    if twice:
+        raise WiringError(f"{', '.join(twice)}: varies on two axes")
+    if repeats > 1 and SEED in paths:
+        raise WiringError("seed: either an axis, or varied by repeats")
+    is_drawn = any(axis.distribution is not None for axis in axes)
+    if is_drawn and samples < 1:
+        raise WiringError(
+            f"a distribution needs a number of draws in {argument('--samples')}, e.g. 100"
+        )
+    if samples and not is_drawn:
+        raise WiringError(
+            f"samples: no axis has a distribution; for several seeds use {argument('--repeats')}"
+        )
+    if sampling not in SAMPLINGS:
+        raise WiringError(f"sampling: {sampling!r} is none of {', '.join(SAMPLINGS)}")
+
+
+def _draw(axes: Sequence[Axis], samples: int, sampling: str, seed: int) -> list[list[Any]]:
+    """Return the values of each axis."""
+    if not axes:
+        return []
+    u = _points(samples, len(axes), sampling, seed)
+    # At the very ends most distributions are infinite.
+    u = np.clip(u, 1e-12, 1 - 1e-12)
+    return [axis.distribution.values(u[:, n]) for n, axis in enumerate(axes) if axis.distribution]
+
+
+def _points(count: int, width: int, sampling: str, seed: int) -> NDArray[np.float64]:
+    """Return points between 0 and 1, shape (count, width)."""
+    if sampling == "random":
+        return np.random.default_rng(seed).random((count, width))
+    (qmc,) = need("such a sampling", "scipy.stats.qmc")
+    makers = {"latin": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}
+    with warnings.catch_warnings():
+        # Sobol points are balanced only where their number is a power of 2: the docs say so.
+        warnings.simplefilter("ignore", UserWarning)
+        points: NDArray[np.float64] = makers[sampling](
+            width, rng=np.random.default_rng(seed)
+        ).random(count)
+    return points

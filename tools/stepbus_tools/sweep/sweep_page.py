@@ -1,0 +1,160 @@
+"""The page of a sweep: one HTML file that opens without a network."""
+
+import base64
+import json
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from stepbus_orchestrator.toolkit import replaced
+from stepbus_participant import need
+from stepbus_tools.sweep.journal import Journal
+from stepbus_tools.sweep.spec import Spec
+from stepbus_tools.sweep.trial import Row
+
+PAGE_FILE = "report.html"
+MOST_ROWS = 20_000
+_FIRST = ("rmse", "success")
+
+
+def write_page(
+    journal: Journal,
+    spec: Spec,
+    paths: Sequence[str],
+    folder: Path,
+    pictures: Mapping[str, Path] = {},
+) -> Path:
+    """Write the page of all rows so far, and return its path.
+
+    A sweep of more than 20,000 rows shows every n-th. paths: of the axes. pictures: title → PNG.
+
+    Raises RecordingFailed when it cannot be written.
+    """
+    (offline,) = need("the page of a sweep", "plotly.offline")
+    every = math.ceil(len(journal) / MOST_ROWS) or 1
+    rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
+    room = files(__package__ or "")
+    text = Template((room / "page.html").read_text("utf-8")).substitute(
+        title=escape(f"Sweep of {spec.scenario}"),
+        summary=_summary(journal, rows, every),
+        pictures="".join(_picture(title, path) for title, path in pictures.items()),
+        causes=_causes(journal),
+        again=_again(folder, rows),
+        library=offline.get_plotlyjs(),
+        data=_script(_data(spec, paths, rows)),
+        script=(room / "page.js").read_text("utf-8"),
+    )
+    path = folder / PAGE_FILE
+    with replaced(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
+def _data(spec: Spec, paths: Sequence[str], rows: Sequence[Row]) -> dict[str, Any]:
+    names = dict.fromkeys(name for row in rows for name in row.metrics)
+    columns = {name: [_number(row.metrics.get(name)) for row in rows] for name in names}
+    metrics = [n for n, values in columns.items() if any(value is not None for value in values)]
+    varied = {path: [_shown(row.values.get(path)) for row in rows] for path in paths}
+    return {
+        "axes": list(paths),
+        "metrics": metrics,
+        "metric": primary_metric(spec, metrics),
+        "logarithmic": [
+            axis.paths[0] for axis in spec.axes() if ":log" in axis.text.replace(" ", "")
+        ],
+        "columns": {**columns, **varied},
+        "run": [row.run for row in rows],
+    }
+
+
+def primary_metric(spec: Spec, metrics: Sequence[str]) -> str:
+    """Return the metric that a sweep is about: the optimizer's, the user's first, or ours."""
+    ours = {"success", "duration", "overshoot", "settling", "saturation", "energy"}
+    own = [name for name in metrics if name not in ours and not name.startswith("rmse")]
+    wanted = [spec.optimize or "", *own, *_FIRST]
+    return next((name for name in wanted if name in metrics), metrics[0] if metrics else "")
+
+
+def extremes(journal: Journal, spec: Spec) -> dict[str, Row]:
+    """Return the rows with the smallest and the largest primary metric, `best` and `worst`."""
+    low: Row | None = None
+    high: Row | None = None
+    metric = ""
+    for row in journal.rows():
+        metric = metric or primary_metric(spec, list(row.metrics))
+        value = _number(row.metrics.get(metric))
+        if value is None or row.exit_code:
+            continue
+        low = row if low is None or value < (_number(low.metrics[metric]) or 0.0) else low
+        high = row if high is None or value > (_number(high.metrics[metric]) or 0.0) else high
+    if low is None or high is None or low is high:
+        return {}
+    return {"best": high, "worst": low} if spec.maximize else {"best": low, "worst": high}
+
+
+def _number(value: object) -> float | None:
+    """Return a metric as a number; None for text, and for what JSON cannot write."""
+    if isinstance(value, int | float) and math.isfinite(value):
+        return float(value)
+    return None
+
+
+def _shown(value: object) -> float | int | str | None:
+    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+        return value
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _script(value: object) -> str:
+    """Return JSON that ends no script."""
+    return json.dumps(value).replace("</", "<\\/")
+
+
+def _summary(journal: Journal, rows: Sequence[Row], every: int) -> str:
+    failed = sum(row.exit_code != 0 for row in journal.rows())
+    part = f" The charts show {len(rows)} of them." if every > 1 else ""
+    return f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed.{part}"
+
+
+def _causes(journal: Journal) -> str:
+    found: dict[tuple[str, str], list[int]] = {}
+    for row in journal.rows():
+        if row.exit_code or row.metric_error:
+            cause = (row.outcome if row.exit_code else "no metric", row.reason or row.metric_error)
+            if not row.exit_code:
+                cause = ("no metric", row.metric_error)
+            found.setdefault(cause, []).append(row.run)
+    if not found:
+        return "<p>None.</p>"
+    rows = sorted(found.items(), key=lambda item: -len(item[1]))[:50]
+    cells = "".join(
+        f"<tr><td>{len(runs)}</td><td>{escape(outcome)}</td><td>{escape(_short(reason))}</td>"
+        f"<td>{', '.join(map(str, runs[:8]))}{' …' if len(runs) > 8 else ''}</td></tr>"
+        for (outcome, reason), runs in rows
+    )
+    return (
+        f"<table><tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
+    )
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 200 else f"{text[:200]} …"
+
+
+def _again(folder: Path, rows: Sequence[Row]) -> str:
+    number = rows[0].run if rows else 0
+    return (
+        f"<p><code>stepbus rerun {escape(str(folder))} {number}</code> does run {number} again in "
+        "separate processes, and compares the SHA-256 of its recording.</p>"
+    )
+
+
+def _picture(title: str, path: Path) -> str:
+    content = base64.b64encode(path.read_bytes()).decode()
+    return (
+        f'<p>{escape(title)}</p><img alt="{escape(title)}" src="data:image/png;base64,{content}">'
+    )

@@ -1,0 +1,191 @@
+"""The connection of a live page to its run."""
+
+import contextlib
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Tail, layout
+from stepbus_orchestrator.toolkit import LIVE_FILE, Line
+from stepbus_schemas import StepbusError, WiringError
+from stepbus_tools.viewing.scene import Latest, Messages
+
+FLUSH_S = 1 / 30
+_STATUS_S = 0.4
+_FLUSH_AGAIN_S = 2.0
+_ANSWER_S = 10.0
+
+Ask = tuple[str, str, Sequence[Any]]
+"""Participant, or nothing for the run itself; method; arguments."""
+
+_DRAGGED = frozenset({"set_target", "set_joint_position"})
+"""Calls of sliders: while one is dragged, only the newest position counts."""
+
+
+class Link:
+    """A line to a run with a thread of its own.
+
+    status: the newest one. offered: calls of participants. said: sentences about calls that were
+    made, the newest last. last: the newest of them. is_lost: the run does not answer.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._asked: queue.SimpleQueue[Ask | None] = queue.SimpleQueue()
+        self.status: Mapping[str, Any] = {}
+        self.offered: Mapping[str, Mapping[str, Any]] = {}
+        self.said: list[str] = []
+        self.last = ""
+        self.is_lost = False
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="link", daemon=True)
+        self._thread.start()
+
+    def ask(self, participant: str, method: str, *args: Any) -> None:
+        """Let the run, or a participant, do something; it is done in order."""
+        self._asked.put((participant, method, args))
+
+    def close(self) -> None:
+        """Let the run go on without a viewer."""
+        self._over.set()
+        self._asked.put(None)
+        self._thread.join(_ANSWER_S)
+
+    def _work(self) -> None:
+        try:
+            with Line(self._folder) as line:
+                self._talk(line)
+        except (StepbusError, OSError):
+            # Without the file, the run has ended, or goes on in one process.
+            self.is_lost = (self._folder / LIVE_FILE).exists()
+
+    def _talk(self, line: Line) -> None:
+        flushed_at = -math.inf
+        try:
+            while not self._over.is_set():
+                if time.monotonic() - flushed_at > _FLUSH_AGAIN_S:
+                    # It ends by itself when this process is killed, or when another viewer leaves.
+                    flushed_at = time.monotonic()
+                    line.call("", "flush", [FLUSH_S], _ANSWER_S)
+                self._look(line)
+                for ask in newest(self._take()):
+                    self._do(line, ask)
+        finally:
+            with contextlib.suppress(StepbusError):
+                line.call("", "flush", [None], _ANSWER_S)
+
+    def _take(self) -> list[Ask]:
+        """Wait for what is asked, and take all of it."""
+        found: list[Ask | None] = []
+        with contextlib.suppress(queue.Empty):
+            found.append(self._asked.get(timeout=_STATUS_S))
+            while True:
+                found.append(self._asked.get_nowait())
+        return [ask for ask in found if ask is not None]
+
+    def _look(self, line: Line) -> None:
+        self.status = line.call("", "status", (), _ANSWER_S).value or {}
+        if not self.offered and self.status.get("phase") in {"stepping", "paused"}:
+            self.offered = line.call("", "", (), _ANSWER_S).value or {}
+
+    def _do(self, line: Line, ask: Ask) -> None:
+        participant, method, args = ask
+        words = " ".join(map(str, (participant, method, *args))).strip()
+        try:
+            reply = line.call(participant, method, args)
+        except WiringError as exc:
+            self._say(f"{words}: refused: {exc}")
+            return
+        if participant:
+            self._say(f"{words}, before step {reply.step}")
+
+    def _say(self, sentence: str) -> None:
+        self.said.append(sentence)
+        self.last = sentence
+
+
+def newest(asked: Sequence[Ask]) -> list[Ask]:
+    """Return what is asked, without positions of a slider that has been dragged on since."""
+    kept: list[Ask] = []
+    for ask in asked:
+        participant, method, args = ask
+        if kept and method in _DRAGGED and kept[-1][:2] == (participant, method):
+            before = kept[-1][2]
+            if before[0] == args[0]:
+                kept.pop()
+        kept.append(ask)
+    return kept
+
+
+FRAME_S = 1 / 30
+_IDLE_S = 5.0
+
+Turn = Callable[[bool], None]
+"""Shows what is new, thirty times a second. It takes whether anything has been recorded since."""
+
+
+def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
+    """Return the newest message of each port that has one to read."""
+    found = {topic: tail.latest(topic) for topic in topics}
+    return {t: Latest(step=row[0], message=row[1]) for t, row in found.items() if row}
+
+
+def follow_run(
+    folder: Path,
+    is_over: Callable[[], bool],
+    begin: Callable[[Tail, Link], Turn],
+    start_s: float = 600.0,
+) -> bool:
+    """Show a run until it has ended, or the viewer has; returns whether the run has ended.
+
+    folder: of the run, which may not have begun. begin: takes its recording, which has its first
+    messages, and the link to it. start_s: how long to wait for that [s].
+    Raises RecordingFailed when it does not begin.
+    """
+    tail = _wait_for(folder, is_over, start_s)
+    if tail is None:
+        return False
+    link = Link(folder)
+    try:
+        turn = begin(tail, link)
+        # The first messages are there.
+        is_new, grown_at = True, time.monotonic()
+        while not is_over() and not tail.is_complete:
+            began = time.monotonic()
+            is_new = tail.poll() or is_new
+            turn(is_new)
+            grown_at = began if is_new else grown_at
+            if link.is_lost and began - grown_at > _IDLE_S:
+                # It was killed: what it has recorded is shown.
+                break
+            is_new = False
+            time.sleep(max(0.0, FRAME_S - (time.monotonic() - began)))
+        turn(tail.poll() or is_new)
+        return not is_over()
+    finally:
+        link.close()
+        tail.close()
+
+
+def _wait_for(folder: Path, is_over: Callable[[], bool], start_s: float) -> Tail | None:
+    """Return the recording of a run as soon as it has messages; None when the viewer has ended."""
+    deadline, path, tail = time.monotonic() + start_s, folder / layout.RUN_FILE, None
+    while not is_over():
+        if tail is None and path.exists():
+            tail = Tail(path)
+        if tail is not None and tail.poll() and tail.last_step >= 0:
+            return tail
+        if tail is not None and tail.is_complete:
+            tail.close()
+            raise RecordingFailed(f"{path} has no messages, so there is nothing to show")
+        if time.monotonic() > deadline:
+            raise RecordingFailed(f"{folder}: no run has started there for {start_s:.0f} s")
+        time.sleep(FRAME_S)
+    if tail is not None:
+        tail.close()
+    return None
