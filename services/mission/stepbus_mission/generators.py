@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
-from stepbus_mission import Params
+from stepbus_mission.params import Params
 from stepbus_participant import read_text, suggest
 from stepbus_schemas import JointReference, WiringError
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from stepbus_mission import Params
 from stepbus_mission.generators import Generator, Sine, SineRow, StepChange
+from stepbus_mission.params import Params
 from stepbus_mission.trajectories import CsvTrajectory, Knot, Waypoints, evaluate, quintic
 from stepbus_participant import (
     CallError,

@@ -4,8 +4,8 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
 
-from stepbus_mission import Params, time_of
 from stepbus_mission.generators import Table, at_rest, read_table
+from stepbus_mission.params import Params, time_of
 from stepbus_schemas import JointReference
 
 Polynomial = tuple[float, ...]
