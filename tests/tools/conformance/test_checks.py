@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from support.paths import CHECKOUT
-from support.runs.conformance import FOUND_BY, failed, material, ours, outcomes, program
+from support.runs.conformance import FOUND_BY, MAY_FAIL, failed, material, ours, outcomes, program
 from support.runs.joints import leftovers
 
 from stepbus_orchestrator import load
@@ -193,7 +193,9 @@ def test_each_mistake_fails_exactly_the_checks_that_find_it(two_link_recording, 
 
     with ThreadPoolExecutor(2) as pool:
         found = dict(zip(FOUND_BY, pool.map(run, FOUND_BY), strict=True))
-    assert found == FOUND_BY
+    told = {mistake: [n for n in names if n not in MAY_FAIL.get(mistake, ())]
+            for mistake, names in found.items()}  # fmt: skip
+    assert told == FOUND_BY
 
 
 @pytest.mark.slow
