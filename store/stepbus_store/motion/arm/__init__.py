@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from stepbus_kinematics import Smoothing, TimeConstant, Window, window_problems
 from stepbus_participant import File, NonNegative, PositivePerJoint, each, imported_later
 from stepbus_participant.parameters import Keys
-from stepbus_store.motion.manipulator.options import JointParams
+from stepbus_store.motion.joint_params import JointParams
 
 
 class Params(JointParams):

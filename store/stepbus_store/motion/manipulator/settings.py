@@ -6,7 +6,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import PerName, Problems
-from stepbus_store.motion.manipulator.options import JointParams
+from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.motions.joint_motion import MotionLimits
 
 from .settling import Settling

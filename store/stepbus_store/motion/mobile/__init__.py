@@ -16,7 +16,7 @@ from stepbus_participant import (
     imported_later,
 )
 from stepbus_participant.parameters import Keys
-from stepbus_store.motion.manipulator.options import JointParams
+from stepbus_store.motion.joint_params import JointParams
 
 
 class Params(JointParams):

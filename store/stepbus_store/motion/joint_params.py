@@ -1,0 +1,22 @@
+"""Parameters of all that controls joints."""
+
+from stepbus_participant import Count, ModelFile, Names, Positive, PositivePerJoint, Settings
+
+
+class JointParams(Settings):
+    """The joints of an arm, and when a motion counts as done."""
+
+    model: ModelFile
+    """URDF or xacro of the robot."""
+    joints: Names
+    """Joints of the arm; all others stand at neutral."""
+    velocity_limit: PositivePerJoint | None = None
+    """Largest velocities [rad/s]. Default: 80 % of the URDF's."""
+    settle_position: Positive = 1e-3
+    """Largest error of a joint at the end of a motion [rad]."""
+    settle_velocity: Positive = 1e-2
+    """Largest velocity that counts as standing still [rad/s]."""
+    settle_steps: Count = 5
+    """Steps in a row in which both must hold."""
+    settle_timeout: Positive = 3.0
+    """For that, from the end of the motion on [s]."""
