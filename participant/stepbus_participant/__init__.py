@@ -20,20 +20,19 @@ from .bus.ticket import (
 )
 from .calls import CallError, Method, Steering
 from .config import Config, Ports, load_class, make_plugin
+from .disk import Disk, NewFile, make_file, write_at, write_file
 from .files import (
     append_to,
     find_file,
     irregular,
     is_shared,
     last_error,
-    make_file,
     make_folder,
     make_new_folder,
     open_regular,
     package_path,
     read_file,
     read_text,
-    write_file,
 )
 from .hints import (
     ExtraMissing,
@@ -90,6 +89,7 @@ __all__ = [
     "Clock",
     "Config",
     "Count",
+    "Disk",
     "Duration",
     "Endpoint",
     "ExtraMissing",
@@ -106,6 +106,7 @@ __all__ = [
     "ModelFile",
     "Name",
     "Names",
+    "NewFile",
     "NonNegative",
     "NonNegativePerJoint",
     "OutputError",
@@ -175,6 +176,7 @@ __all__ = [
     "urdf_warnings",
     "when",
     "whole_steps",
+    "write_at",
     "write_file",
 ]
 

@@ -131,17 +131,6 @@ def make_new_folder(path: Path) -> None:
     path.mkdir(_FOLDER_MODE)
 
 
-def make_file(path: Path, mode: int = _FILE_MODE) -> int:
-    """Return a descriptor of a new, empty file, to read and write; what had its name is removed.
-
-    A link is not followed. Raises OSError.
-    """
-    with contextlib.suppress(FileNotFoundError):
-        path.unlink()
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    return os.open(path, flags, mode)
-
-
 def append_to(path: Path) -> int:
     """Return a descriptor to read a file and append to it; it is made where it is missing.
 
@@ -149,12 +138,6 @@ def append_to(path: Path) -> int:
     """
     flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
     return os.open(path, flags, _FILE_MODE)
-
-
-def write_file(path: Path, data: bytes, mode: int = _FILE_MODE) -> None:
-    """Write a new file, in place of what had its name; raises OSError."""
-    with os.fdopen(make_file(path, mode), "wb") as file:
-        file.write(data)
 
 
 def is_shared(folder: Path) -> bool:

@@ -1,6 +1,7 @@
 """Makes a complete recording of one that is cut off or corrupt."""
 
 import contextlib
+import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
 from stepbus_orchestrator.recording.mcap.reserved_file import is_being_written
 from stepbus_orchestrator.recording.mcap.scanner import Scanner
-from stepbus_participant import irregular, make_file, parse_duration
+from stepbus_participant import Disk, NewFile, irregular, parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 
@@ -56,11 +57,11 @@ class Recovery:
         return 0 if self.only_index_lost else max(0, self.planned_steps - 1 - self.last_step)
 
 
-def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
+def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = os) -> Recovery:
     """Write all complete records of a recording to a new one, in the recorded order.
 
     source: an MCAP file, uncompressed or zstd; it is only read. target: appears when it is
-    complete; may exist, or be the source, only with `in_place`.
+    complete; may exist, or be the source, only with `in_place`. disk: writes it.
 
     Raises RecordingFailed when the source holds nothing to recover, OutputExists when the target
     exists already, RecordingFailed when it cannot be written, and in place of a recording that is
@@ -80,10 +81,11 @@ def recover(source: Path, target: Path, *, in_place: bool = False) -> Recovery:
         )
     try:
         try:
-            recovery = _Copy(source, target).write(part)
-            part.replace(target)
+            recovery = _Copy(source, target).write(part, disk)
+            disk.replace(part, target)
         finally:
-            part.unlink(missing_ok=True)
+            with contextlib.suppress(FileNotFoundError):
+                disk.unlink(part)
     except OSError as exc:
         if isinstance(exc, RecordingFailed):
             raise
@@ -114,7 +116,7 @@ class _Copy:
         self._topics: dict[int, str] = {}
         self._holes = Holes(None)
 
-    def write(self, part: Path) -> Recovery:
+    def write(self, part: Path, disk: Disk) -> Recovery:
         """Write all complete records to `part`; raises OSError when that cannot be written."""
         records = self._scanner.records()
         header = next(records, None)
@@ -123,7 +125,8 @@ class _Copy:
                 f"{self._scanner.path} has {self._scanner.size} bytes and no complete record: "
                 "there is nothing to recover"
             )
-        with os.fdopen(make_file(part), "wb") as file:
+        # It may replace the only copy there is: `NewFile` brings it to the medium.
+        with io.BufferedWriter(NewFile(part, disk)) as file:
             # As the recorder does, so that an undamaged recording comes out byte for byte.
             writer: Any = MessageWriter(
                 file,
@@ -141,9 +144,6 @@ class _Copy:
                 self._cut_newest()
             self._copy_newest(writer)
             writer.finish()
-            file.flush()
-            # It may replace the only copy there is.
-            os.fsync(file.fileno())
         return self._recovery()
 
     def _take(self, writer: Any, record: McapRecord) -> None:

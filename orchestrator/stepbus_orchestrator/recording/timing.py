@@ -1,7 +1,7 @@
 """Writes timing.mcap: when everything happened by the wall clock, which run.mcap leaves out."""
 
 import contextlib
-import time
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording.mcap.file import McapFile
-from stepbus_participant import Clock
+from stepbus_participant import Clock, Disk
 
 # In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.
 _ROWS = 256
@@ -60,12 +60,12 @@ class TimingRecorder:
     """Appends to timing.mcap; its log times are nanoseconds since the epoch.
 
     It decides nothing: when the disk is full it stops writing, and leaves it to the recording
-    itself to end the run. clock: of the run.
+    itself to end the run. clock, disk: of the run.
     """
 
-    def __init__(self, path: Path, clock: Clock = time) -> None:
+    def __init__(self, path: Path, clock: Clock, disk: Disk = os) -> None:
         self._clock = clock
-        self._file = McapFile(path)
+        self._file = McapFile(path, disk)
         self._channels = {
             name: self._file.add_channel(topic, name, {}, _schema_of)
             for topic, name in (

@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -215,7 +216,7 @@ class _Replay:
             launcher = Launcher(run=run, token=self.token, folder=folder, logs=logs)
             stack.callback(launcher.end_all)
             make_new_folder(logs)
-            timing = TimingRecorder(self.folder / layout.TIMING_FILE)
+            timing = TimingRecorder(self.folder / layout.TIMING_FILE, time)
             stack.callback(timing.close)
             mesh = make_mesh(alone(scenario, spec.name), folder, run)
             bus = open_bus(mesh.orchestrator, run)

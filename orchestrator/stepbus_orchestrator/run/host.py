@@ -1,4 +1,4 @@
-"""The seams of a run: its host has a clock, a bus, and starts the participants.
+"""The seams of a run: its host has a clock, a bus and a disk, and starts the participants.
 
 `process_host` starts a process for each participant, `inprocess` has them all in this process,
 a replay starts one and plays the others.
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 from stepbus_orchestrator.processes.links.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import Scenario
-from stepbus_participant import Bus, Clock
+from stepbus_participant import Bus, Clock, Disk
 
 from .extension import RunExtension
 from .kernel.participants import Participants
@@ -111,6 +111,10 @@ class Host(Protocol):
     @property
     def clock(self) -> Clock:
         """Return the time by which the run goes."""
+
+    @property
+    def disk(self) -> Disk:
+        """Return what writes the files of the run."""
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run here, with every reason."""

@@ -1,6 +1,7 @@
 """The hosts that ship: a process for each participant, or all of them in this one."""
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -18,7 +19,7 @@ from stepbus_orchestrator.run.kernel.participants import Participants, Participa
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
-from stepbus_participant import Bus, Clock
+from stepbus_participant import Bus, Clock, Disk
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,7 @@ class Processes:
     """
 
     clock: ClassVar[Clock] = time
+    disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
 
@@ -105,6 +107,7 @@ class InProcess:
     """
 
     clock: ClassVar[Clock] = time
+    disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
     owns_descriptors: bool = False
 

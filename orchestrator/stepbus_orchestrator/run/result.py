@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import hashlib
+import os
 import platform
 import sys
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,7 @@ from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.reports import Events, Lateness, Warned
 from stepbus_orchestrator.scenario import Scenario
-from stepbus_participant import installed_version, write_file
+from stepbus_participant import Disk, installed_version, write_file
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.run import Run
@@ -116,17 +117,17 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         messages = f"messages  {self.messages_sha256}\n" if self.messages_sha256 else ""
         return f"{messages}sha256    {self.sha256}"
 
-    def save(self) -> None:
-        """Write result.json; nobody sees half of it. Raises OSError when it cannot be written."""
+    def save(self, disk: Disk = os) -> None:
+        """Write result.json; no reader sees half of it. Raises OSError where the disk does."""
         data = msgspec.json.format(msgspec.json.encode(self), indent=2)
         target = Path(self.folder) / RESULT_FILE
         part = target.with_name(f".{RESULT_FILE}.part")
         try:
-            write_file(part, data + b"\n")
-            part.replace(target)
+            write_file(part, data + b"\n", disk=disk)
+            disk.replace(part, target)
         except OSError:
             with contextlib.suppress(OSError):
-                part.unlink()
+                disk.unlink(part)
             raise
 
 

@@ -7,9 +7,10 @@ from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFa
 from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, TimingRecorder, layout
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.folder import attach
+from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.reports import Events
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule, left_out
-from stepbus_participant import Clock, is_shared
+from stepbus_participant import is_shared
 from stepbus_schemas import CallRecord, Decoder, Event, MessageError, Outputs, type_name
 
 _EVENT = type_name(Event)
@@ -112,7 +113,7 @@ class RunFiles:
     """
 
     def __init__(
-        self, scenario: Scenario, out: Path, events: Events, clock: Clock, *, is_recorded: bool
+        self, scenario: Scenario, out: Path, events: Events, host: Host, *, is_recorded: bool
     ) -> None:
         self._scenario = scenario
         self._events = events
@@ -123,8 +124,9 @@ class RunFiles:
         self.timing: TimingRecorder = NoTiming()
         self.recorder: Recorder | NoRecorder = NoRecorder(order, events.take)
         if is_recorded:
-            self._file = McapFile(self.out / layout.RUN_FILE)
-            self.timing = TimingRecorder(self.out / layout.TIMING_FILE, clock)
+            self._file = McapFile(self.out / layout.RUN_FILE, host.disk)
+            timing = self.out / layout.TIMING_FILE
+            self.timing = TimingRecorder(timing, host.clock, host.disk)
             self.recorder = Recorder(
                 self._file, order, scenario.step_ns, events.take, scenario.types
             )

@@ -88,7 +88,7 @@ class _Execution:
         self._interrupt = interrupt
         self._events = Events(observer)
         self._files = RunFiles(
-            scenario, options.out, self._events, options.host.clock, is_recorded=options.is_recorded
+            scenario, options.out, self._events, options.host, is_recorded=options.is_recorded
         )
         self._run: Run | None = None
 
@@ -116,7 +116,7 @@ class _Execution:
 
     def _save(self, result: Result) -> None:
         try:
-            result.save()
+            result.save(self._options.host.disk)
         except OSError as exc:
             self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
         for extension in self._options.extensions:

@@ -13,7 +13,7 @@ from typing import Self, TextIO
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import ProfileOrder
-from stepbus_participant.files import make_file, write_file
+from stepbus_participant.disk import make_file, write_file
 from stepbus_participant.participant import Participant, Step
 from stepbus_schemas import Message, Types, Waiting, Welcome
 

@@ -1,7 +1,6 @@
 """The step loop of a participant."""
 
 import contextlib
-import time
 from collections.abc import Mapping
 from queue import Empty
 from typing import Any
@@ -19,8 +18,6 @@ from .outbox import Outbox, OutputError, read_stamp
 
 FLUSH_AFTER_S = 0.02
 """A wait longer than this sends the log batch (P9.2.4) [s]."""
-
-_now_ns = time.perf_counter_ns
 
 
 class StepLoop:
@@ -41,6 +38,7 @@ class StepLoop:
     ) -> None:
         self._participant = participant
         self._bus = bus
+        self._now_ns = bus.clock.monotonic_ns
         self._every = welcome.every
         self._first = welcome.publishes == "first"
         self._token = welcome.token
@@ -79,7 +77,7 @@ class StepLoop:
 
     def _one_step(self) -> None:
         step = self.step
-        started = _now_ns()
+        started = self._now_ns()
         self._waited_ns = 0
         if self._checkpoints is not None:
             # Before the wait, in which calls before this step are answered (P16.2).
@@ -102,7 +100,7 @@ class StepLoop:
             self._publish(messages)
         elif messages:
             self._refuse_late_outputs(messages)
-        self._outbox.finish(step.index, self._waited_ns, _now_ns() - started - self._waited_ns)
+        self._outbox.finish(step.index, self._waited_ns, self._now_ns() - started - self._waited_ns)
 
     def _publish(self, messages: Mapping[str, Message] | None) -> None:
         step = self.step
@@ -122,7 +120,7 @@ class StepLoop:
             self._outbox.publish(at_step, self._participant.output(self.step))
 
     def _await_trigger(self, step: int) -> None:
-        start_ns = _now_ns()
+        start_ns = self._now_ns()
         self._control.poll()
         timeout, has_reported = FLUSH_AFTER_S, False
         if self._reads_ahead and step >= self._control.step_limit and not self._control.calls:
@@ -134,7 +132,7 @@ class StepLoop:
             if not self._control.wait(timeout) and not has_reported:
                 self._outbox.flush(Waiting(step=step, sources=[]))
                 timeout, has_reported = 1.0, True
-        self._waited_ns += _now_ns() - start_ns
+        self._waited_ns += self._now_ns() - start_ns
 
     def _read_ahead(self, step: int) -> float:
         """Wait for the inputs of a step that is not released yet; return what is left of 20 ms [s].
@@ -195,7 +193,7 @@ class StepLoop:
             if item is not None:
                 return item
             self._control.poll()
-        start_ns = _now_ns()
+        start_ns = self._now_ns()
         timeout = FLUSH_AFTER_S
         while True:
             try:
@@ -207,6 +205,6 @@ class StepLoop:
                 self._control.poll()
                 continue
             if item is not None:
-                self._waited_ns += _now_ns() - start_ns
+                self._waited_ns += self._now_ns() - start_ns
                 return item
             self._control.poll()

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
 from stepbus_orchestrator.recording.mcap.reserved_file import ReservedFile
+from stepbus_participant import Disk
 from stepbus_schemas import json_schema
 
 
@@ -23,13 +25,13 @@ class McapFile:
     After the first failed write nothing but the index is appended: a recording has no hole.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, disk: Disk = os) -> None:
         self.path = path
         self._schemas: dict[str, int] = {}
         self._closed = False
         self._failed: RecordingFailed | None = None
         with self._translated():
-            self._file = ReservedFile(path)
+            self._file = ReservedFile(path, disk)
             sink: Any = self._file
             self._writer: Any = MessageWriter(
                 sink,

@@ -7,7 +7,7 @@ import os
 import struct
 from pathlib import Path
 
-from stepbus_participant import make_file, open_regular
+from stepbus_participant import Disk, make_file, open_regular, write_at
 
 _RESERVE_BYTES = 512 * 1024
 _END_BYTES = 256 * 1024
@@ -26,11 +26,12 @@ class ReservedFile:
     file without a name, so that it goes with the process, however that ends. Until it is closed, it
     is locked as one that is being written.
 
-    sha256: of all that has been written.
+    sha256: of all that has been written. disk: of the run.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, disk: Disk = os) -> None:
         self._path = path
+        self._disk = disk
         self._position = 0
         self._ahead = 0
         self.sha256 = hashlib.sha256()
@@ -39,25 +40,25 @@ class ReservedFile:
         self._reserved = 0
         # A named pipe that stands there would wait for a reader without O_NONBLOCK.
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOFOLLOW
-        self._file = os.open(path, flags, 0o644)
+        self._file = disk.open(path, flags, 0o644)
         status = os.fstat(self._file)
         self._identity = self._identity_of(status)
         lock(self._file)
         try:
             self._make_reserve()
         except OSError:
-            os.close(self._file)
+            self._disk.close(self._file)
             self.release()
             raise
 
     def _make_reserve(self) -> None:
         name = self._path.with_name(f".{self._path.name}.reserve")
-        self._reserve = make_file(name, 0o600)
-        name.unlink()
+        self._reserve = make_file(name, 0o600, self._disk)
+        self._disk.unlink(name)
         self._set_aside(_RESERVE_BYTES)
 
     def _set_aside(self, size: int) -> None:
-        os.posix_fallocate(self._reserve, self._reserved, size - self._reserved)
+        self._disk.posix_fallocate(self._reserve, self._reserved, size - self._reserved)
         self._reserved = size
 
     def keep_room(self, size: int) -> None:
@@ -82,11 +83,11 @@ class ReservedFile:
         # Who is killed here leaves no rubbish behind `data`, but one record that nobody reads.
         cover = _HEAD.pack(_PRIVATE_OPCODE, max(0, over - _HEAD.size)) if over > 0 else b""
         try:
-            self._write_at(self._position, data + cover if cover else data)
+            write_at(self._disk, self._file, data + cover if cover else data, self._position)
             if cover:
-                os.ftruncate(self._file, self._position + len(data))
+                self._disk.ftruncate(self._file, self._position + len(data))
         except OSError:
-            os.ftruncate(self._file, self._position)
+            self._disk.ftruncate(self._file, self._position)
             raise
         finally:
             self._ahead = 0
@@ -98,19 +99,13 @@ class ReservedFile:
         """Append bytes that the next `write` replaces; returns whether there was room for them."""
         end = self._position + self._ahead
         try:
-            self._write_at(end, data)
+            write_at(self._disk, self._file, data, end)
         except OSError:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._file, end)
+                self._disk.ftruncate(self._file, end)
             return False
         self._ahead += len(data)
         return True
-
-    def _write_at(self, offset: int, data: bytes) -> None:
-        rest = memoryview(data)
-        while rest:
-            count = os.pwrite(self._file, rest, offset)
-            rest, offset = rest[count:], offset + count
 
     def flush(self) -> None:
         """Nothing is held back."""
@@ -141,7 +136,7 @@ class ReservedFile:
     def release(self) -> None:
         """Give back the room that was set aside."""
         if self._reserve >= 0:
-            os.close(self._reserve)
+            self._disk.close(self._reserve)
             self._reserve = -1
 
     def close(self) -> None:
@@ -150,7 +145,7 @@ class ReservedFile:
             self.closed = True
             unlock(self._file)
             with contextlib.suppress(OSError):
-                os.close(self._file)
+                self._disk.close(self._file)
             self.release()
 
 

@@ -3,7 +3,6 @@
 import contextlib
 import resource
 import signal
-import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
-_JOIN_S = 1.0
 
 
 class Faults(RunExtension):
@@ -41,9 +39,7 @@ class Faults(RunExtension):
         self._faults: list[FaultSpec] = []
         self._messages: list[FaultSpec] = []
         self._texts: list[str] = []
-        self._frozen: list[tuple[float, Process]] = []
-        self._over = threading.Event()
-        self._threads: list[threading.Thread] = []
+        self._held: list[_Held] = []
 
     def attach(self, run: "Run") -> None:
         """Take the faults of the run's scenario."""
@@ -81,7 +77,17 @@ class Faults(RunExtension):
             fault = self._faults.pop(0)
             self._inject(fault, participants[fault.participant].process)
             self._injected(fault)
-        self._thaw()
+
+    def turn(self) -> None:
+        """Stop and resume those that are frozen or slowed down."""
+        now = self.run.clock.monotonic()
+        self._held = [held for held in self._held if held.goes_on(now)]
+
+    def wait_s(self, released: int, longest_s: float) -> float | None:
+        """Return how long to wait until one is stopped or resumed [s]; None without any."""
+        now = self.run.clock.monotonic()
+        left = (held.changes_at - now for held in self._held)
+        return min((max(0.0, min(each, longest_s)) for each in left), default=None)
 
     def _injected(self, fault: FaultSpec) -> None:
         text = format_fault(fault)
@@ -99,46 +105,50 @@ class Faults(RunExtension):
 
     def _inject(self, fault: FaultSpec, process: Process) -> None:
         lasts_s = (fault.duration_ns or 0) * 1e-9
-        if fault.type == "freeze":
+        if fault.type == "freeze" and fault.duration_ns is None:
             process.signal(signal.SIGSTOP)
-            if fault.duration_ns is not None:
-                self._frozen.append((self.run.clock.monotonic() + lasts_s, process))
-        elif fault.type == "slow":
-            thread = threading.Thread(target=self._slow_down, args=(process, lasts_s), daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        elif fault.type in {"freeze", "slow"}:
+            hold_s = _SLOW_HOLD_S if fault.type == "slow" else lasts_s
+            self._held.append(_Held(process, self.run.clock.monotonic(), lasts_s, hold_s))
         else:
             _end(process, signal.SIGKILL if fault.type == "kill" else signal.SIGSEGV)
 
-    def _thaw(self) -> None:
-        now = self.run.clock.monotonic()
-        for until, process in self._frozen:
-            if now >= until:
-                process.signal(signal.SIGCONT)
-        self._frozen = [item for item in self._frozen if now < item[0]]
-
-    def _slow_down(self, process: Process, lasts_s: float) -> None:
-        """Let a process run for a fifth of the time."""
-        until = self.run.clock.monotonic() + lasts_s
-        while (
-            self.run.clock.monotonic() < until
-            and not self._over.is_set()
-            and process.exit_code() is None
-        ):
-            process.signal(signal.SIGSTOP)
-            self._over.wait(_SLOW_HOLD_S)
-            process.signal(signal.SIGCONT)
-            self._over.wait(_SLOW_RUN_S)
+    def stopping(self) -> None:
+        """Resume every process that is frozen or slowed down: each has to leave."""
+        for held in self._held:
+            held.process.signal(signal.SIGCONT)
+        self._held = []
 
     def close(self) -> None:
-        """Resume every process that is frozen or slowed down."""
+        """Report the faults on the last messages."""
         self._report_messages(self.run.state.steps)
-        self._over.set()
-        for thread in self._threads:
-            thread.join(_JOIN_S)
-        for _, process in self._frozen:
-            process.signal(signal.SIGCONT)
-        self._frozen = []
+        self.stopping()
+
+
+class _Held:
+    """A process that is stopped for a time, or again and again: slowed down, it runs a fifth of it.
+
+    now: when it begins [s]. lasts_s: how long in all. hold_s: how long at once.
+    """
+
+    def __init__(self, process: Process, now: float, lasts_s: float, hold_s: float) -> None:
+        self.process = process
+        self.changes_at = now + hold_s
+        self._until = now + lasts_s
+        self._hold_s = hold_s
+        self._is_stopped = True
+        process.signal(signal.SIGSTOP)
+
+    def goes_on(self, now: float) -> bool:
+        """Stop or resume the process, where it is time; return False once it is over."""
+        if now >= self._until or self.process.exit_code() is not None:
+            self.process.signal(signal.SIGCONT)
+            return False
+        if now >= self.changes_at:
+            self._is_stopped = not self._is_stopped
+            self.process.signal(signal.SIGSTOP if self._is_stopped else signal.SIGCONT)
+            self.changes_at = now + (self._hold_s if self._is_stopped else _SLOW_RUN_S)
+        return True
 
 
 def message_faults(scenario: Scenario, name: str) -> list[MessageFault]:

@@ -1,0 +1,100 @@
+"""What is written to the disk goes through a seam, so that a simulated one can take its place."""
+
+import contextlib
+import io
+import os
+from pathlib import Path
+from typing import Any, Protocol
+
+_FILE_MODE = 0o644
+
+
+class Disk(Protocol):
+    """Writes files; the module `os` is the real one. All methods raise OSError.
+
+    Files are read past it: what stands in one is what has been written.
+    """
+
+    def open(self, path: Path, flags: int, mode: int = 0o777) -> int:
+        """Return a descriptor."""
+
+    def pwrite(self, fd: int, data: bytes | memoryview, offset: int, /) -> int:
+        """Write at an offset; return how many bytes, which may be fewer."""
+
+    def ftruncate(self, fd: int, length: int, /) -> None:
+        """Cut a file [bytes]."""
+
+    def posix_fallocate(self, fd: int, offset: int, length: int, /) -> None:
+        """Set room aside [bytes]."""
+
+    def fsync(self, fd: int) -> None:
+        """Bring a file to the medium."""
+
+    def close(self, fd: int) -> None:
+        """Close a descriptor."""
+
+    def replace(self, src: Path, dst: Path) -> None:
+        """Rename a file, in place of what has the name."""
+
+    def unlink(self, path: Path) -> None:
+        """Remove a file."""
+
+
+def make_file(path: Path, mode: int = _FILE_MODE, disk: Disk = os) -> int:
+    """Return a descriptor of a new, empty file, to read and write; what had its name is removed.
+
+    A link is not followed. Raises OSError.
+    """
+    with contextlib.suppress(FileNotFoundError):
+        disk.unlink(path)
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    return disk.open(path, flags, mode)
+
+
+def write_at(disk: Disk, fd: int, data: bytes, offset: int) -> None:
+    """Write all of `data`; raises OSError."""
+    rest = memoryview(data)
+    while rest:
+        count = disk.pwrite(fd, rest, offset)
+        rest, offset = rest[count:], offset + count
+
+
+def write_file(path: Path, data: bytes, mode: int = _FILE_MODE, disk: Disk = os) -> None:
+    """Write a new file, in place of what had its name; raises OSError."""
+    fd = make_file(path, mode, disk)
+    try:
+        write_at(disk, fd, data, 0)
+    finally:
+        disk.close(fd)
+
+
+class NewFile(io.RawIOBase):
+    """A new file as a stream, in place of what had its name; put `io.BufferedWriter` around it."""
+
+    def __init__(self, path: Path, disk: Disk) -> None:
+        self._disk = disk
+        self._fd = make_file(path, disk=disk)
+        self._end = 0
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def tell(self) -> int:
+        """Return how much has been written [bytes]."""
+        return self._end
+
+    def write(self, data: Any) -> int:
+        """Append bytes; return how many."""
+        count = self._disk.pwrite(self._fd, data, self._end)
+        self._end += count
+        return count
+
+    def close(self) -> None:
+        """Bring the file to the medium and close it; harmless when repeated."""
+        if not self.closed:
+            super().close()
+            try:
+                self._disk.fsync(self._fd)
+            finally:
+                self._disk.close(self._fd)
